@@ -83,7 +83,9 @@ def pack(scene: Scene) -> Luggage:
     found = dict(native.files())
     absolute = next((name for name in found if os.path.isabs(name)), None)
     if absolute is not None:
-        raise RenderError(f"{path}: it names {absolute}, by an absolute path, which workers without it cannot follow; name it from the scene's folder")
+        raise RenderError(
+            f"{path}: it names {absolute}, by an absolute path, which workers without it cannot follow; name it from the scene's folder"
+        )
     depth = max((PurePath(os.path.normpath(name)).parts.count("..") for name in found), default=0)
     own = Path(*["above"] * depth, path.parent.name or "scene")
     files = {os.path.normpath(own / name): content for name, content in found.items()}

@@ -63,10 +63,11 @@ def scene_in(folder: Path) -> Path:
     from pysunstone import _native
 
     file = folder / "ball" / "scene.toml"
+    text = SCENE.replace('name = "ball"\nwavelengths', "wavelengths").replace("max_depth = 4", "max_depth = 4, tile = 8") + MORE
     for path, made in (
         (folder / "shapes" / "tile.ply", TILE),
         (file.parent / "images" / "paint.png", _native.encode_image(np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5)),
-        (file, (SCENE.replace('name = "ball"\nwavelengths', "wavelengths").replace("max_depth = 4", "max_depth = 4, tile = 8") + MORE).encode()),
+        (file, text.encode()),
     ):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(made)
