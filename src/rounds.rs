@@ -6,14 +6,13 @@
 //! on interruptions. In the end all are pooled into one store.
 
 use crate::render::{Part, Render, RenderError, SinkError, Target, Watch};
-use base::lock::Lock;
 use optics::sampling::mix::mix;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use store::merge::{MergeError, rounds};
 use store::place::is_address;
 use store::sink::is_finished;
-use store::zarr::{CreateError, TensorStore};
+use store::zarr::{CreateError, PlaceLock, RemoveError, TensorStore};
 use tensor::sink::Summary;
 pub use tensor::target::Goal;
 use tensor::target::{ATTRIBUTE, Next, ROUND, Survey};
@@ -47,12 +46,9 @@ pub enum RoundsError {
         /// What is in it.
         found: String,
     },
-    /// Rounds are pooled in a folder.
-    #[error("{path}: renders to an error are written into folders; render into a folder, and copy it there")]
-    Address {
-        /// Where the store was to be.
-        path: PathBuf,
-    },
+    /// The rounds cannot be removed.
+    #[error(transparent)]
+    Store(#[from] RemoveError),
     /// The folder of rounds cannot be removed.
     #[error("cannot remove {path}: {cause}")]
     Remove {
@@ -70,8 +66,9 @@ impl RoundsError {
         match self {
             Self::Render(e) => crate::render::is_of_system(e),
             Self::Merge(e) => e.is_of_system(),
+            Self::Store(e) => e.is_of_system(),
             Self::Remove { .. } => true,
-            Self::Goal(_) | Self::Rounds { .. } | Self::Other { .. } | Self::Address { .. } => false,
+            Self::Goal(_) | Self::Rounds { .. } | Self::Other { .. } => false,
         }
     }
 }
@@ -164,15 +161,10 @@ impl ToError<'_> {
     /// [`RoundsError`]; what was finished stays beside the target and can be resumed.
     pub fn render(&self, scene: &mut Scene, target: &Target) -> Result<Summary, RoundsError> {
         self.check_goal(scene)?;
-        if is_address(&target.path) {
-            let path = target.path.clone();
-            return Err(RoundsError::Address { path });
-        }
         let folder = folder_of(&target.path);
         // Of all rounds: who replaces them must not do so under the hands of another.
-        let lock = Lock::take(&folder);
-        let _lock =
-            lock.map_err(|e| RenderError::Sink(SinkError::Create(CreateError::locked(&target.path, e))))?;
+        let lock = PlaceLock::take(&folder);
+        let _lock = lock.map_err(|e| RenderError::Sink(SinkError::Create(e)))?;
         if target.resume && is_finished(&target.path) {
             self.check_result(scene, &target.path)?;
             remove(&folder)?;
@@ -183,10 +175,10 @@ impl ToError<'_> {
         }
         if target.replace {
             remove(&folder)?;
-        } else if target.path.exists() {
+        } else if is_there(&target.path) {
             let path = target.path.clone();
             return Err(RenderError::Sink(SinkError::Create(CreateError::Exists { path })).into());
-        } else if folder.exists() && !target.resume {
+        } else if !target.resume && has_rounds(&folder) {
             return Err(RoundsError::Rounds { path: folder });
         }
         let mut done = Summary::default();
@@ -414,8 +406,33 @@ fn is_of_rounds(name: &str) -> bool {
     rest.len() < name.len() && rest.starts_with(".zarr")
 }
 
+/// Whether anything has a store's place.
+fn is_there(path: &Path) -> bool {
+    if is_address(path) {
+        TensorStore::open(path).is_ok()
+    } else {
+        path.exists()
+    }
+}
+
+fn has_rounds(folder: &Path) -> bool {
+    if is_address(folder) {
+        is_there(&round_store(folder, 0))
+    } else {
+        folder.exists()
+    }
+}
+
 /// Removes the folder of rounds, if it is there and nothing else.
 fn remove(folder: &Path) -> Result<(), RoundsError> {
+    if is_address(folder) {
+        // The last first: what is left of a removal that was cut short are the first ones, which are found again.
+        let count = (0..).take_while(|n| is_there(&round_store(folder, *n))).count() as u32;
+        for n in (0..=count).rev() {
+            store::zarr::remove(&round_store(folder, n))?;
+        }
+        return Ok(());
+    }
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         if !is_of_rounds(&name) {

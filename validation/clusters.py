@@ -2,6 +2,8 @@
 """What renders by Dask cost: its scheduler's time for units that do nothing, and a render by two workers against one process of two threads.
 
 Rounds are interleaved, and every render is whole: its process or call from start to a finished store in memory. Workers start before.
+Processor time is told beside: of all commands, those of the workers too. It says the same on a machine that others use as well, but
+not how long anybody waits.
 
     python3 validation/clusters.py [--rounds 3] [--record]
 
@@ -9,6 +11,7 @@ Needs the package pysunstone in .venv (pip install ./python[dask]). With --recor
 """
 
 import argparse
+import resource
 import subprocess
 import sys
 import tempfile
@@ -35,35 +38,44 @@ class Nothing:
     place: str
 
     def __call__(self):
-        from pysunstone import distributed
+        from pysunstone import _units
 
-        return distributed._Made(0.0, 0)
+        return _units.Made(0.0, 0)
 
 
 def scheduler(client, rounds):
     """Milliseconds of a unit, from 10,000 that do nothing."""
-    from pysunstone import distributed
+    from pysunstone import _units
 
     each = []
     for n in range(rounds):
         units = [Nothing(f"{n}/{k}") for k in range(UNITS)]
         begun = time.perf_counter()
-        distributed._finish(client, units, None, distributed._Meter(client, "nothing", None))
+        _units.finish(client, units, None, _units.Meter(client, "nothing", None))
         each.append(1e3 * (time.perf_counter() - begun) / UNITS)
     return each
 
 
+def used():
+    """Processor seconds of the commands that this process has run."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return children.ru_utime + children.ru_stime
+
+
 def pair(client, integrator, spp, folder):
-    """Seconds of one process with two threads, and of two workers with one each."""
+    """Seconds of one process with two threads, and of two workers with one each; then the same of processor time."""
     from pysunstone import distributed
 
+    def everywhere():
+        return used() + sum(client.run(used).values())
+
     words = ["--spp", str(spp), "--integrator", integrator, "--no-figures", "--threads", "2"]
-    begun = time.perf_counter()
+    begun, before = time.perf_counter(), used()
     subprocess.run([environment.sunstone(), "render", SCENE, *words, "-o", f"{folder}/one"], check=True, capture_output=True)
-    one = time.perf_counter() - begun
-    begun = time.perf_counter()
+    one, one_used = time.perf_counter() - begun, used() - before
+    begun, before = time.perf_counter(), everywhere()
     distributed.render(SCENE, f"{folder}/two", spp=spp, parts=PARTS, client=client, integrator=integrator, command=str(environment.sunstone()))
-    return one, time.perf_counter() - begun
+    return one, time.perf_counter() - begun, one_used, everywhere() - before
 
 
 def main():
@@ -88,11 +100,13 @@ def main():
                 with tempfile.TemporaryDirectory(dir=environment.in_memory()) as folder:
                     found[name].append(pair(client, name, spp, folder))
         for name, pairs in found.items():
-            one, two = zip(*pairs, strict=True)
+            one, two, one_used, two_used = zip(*pairs, strict=True)
             numbers[f"one_{name}"] = result_file.rounds(one, "s")
             numbers[f"workers_{name}"] = result_file.rounds(two, "s")
             numbers[f"efficiency_{name}"] = result_file.ratio(one, two)
-            print(f"{name:14} efficiency {numbers[f'efficiency_{name}']['median']:.3f}; one process {one}, workers {two}", flush=True)
+            numbers[f"processor_{name}"] = result_file.ratio(one_used, two_used)
+            told = [numbers[f"{kind}_{name}"]["median"] for kind in ("efficiency", "processor")]
+            print(f"{name:14} efficiency {told[0]:.3f}, of processor time {told[1]:.3f}; one process {one}, workers {two}", flush=True)
     if options.record:
         measures = [*result_file.TRACER, "python", "src/cli", "scenes/mirror_room", "validation/clusters.py"]
         result_file.write("clusters", __file__, measures, numbers, {"dask": dask.__version__, "distributed": distributed.__version__})

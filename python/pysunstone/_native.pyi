@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
@@ -109,6 +110,11 @@ class Scene:
     def name(self) -> str: ...
     @property
     def text(self) -> str: ...
+    @property
+    def path(self) -> Path: ...
+    @property
+    def variant(self) -> int | None: ...
+    def files(self) -> list[tuple[str, bytes]]: ...
     @property
     def sha256(self) -> str: ...
     @property

@@ -1,10 +1,12 @@
 """Renders on many processes or machines, by Dask.
 
 A unit of work is a part of one render: some of its tiles (``sunstone render --part K/N``). It is a pure function of scene, options and
-part, is made in a fresh temporary store and then renamed into place, so that retries, workers that die and units that run twice
-change nothing. Walks from the light, of which every part may see some, all parts make together (``--light``). All parts together are joined by ``sunstone merge`` to the bytes of one render on one machine.
+part, so that retries, workers that die and units that run twice change nothing: in a folder it is made in a fresh temporary store
+and then renamed into place, below an address under the lock of its store. Walks from the light, of which every part may see some,
+all parts make together (``--light``). All parts together are joined by ``sunstone merge`` to the bytes of one render on one machine.
 
-All that workers need is the command ``sunstone`` and one file system in common, which holds the scene and takes the result.
+Workers need the command ``sunstone``, and one file system in common, which holds the scene and takes the result; or nothing in common,
+where the result goes to an object store: then the scene travels to them, with all its files.
 
 Examples
 --------
@@ -14,26 +16,28 @@ Examples
 >>> cluster = SLURMCluster(cores=1, memory="2GB", walltime="04:00:00")
 >>> cluster.scale(64)
 >>> distributed.render("scene.toml", "/shared/room.zarr", client=cluster.get_client())
+>>> distributed.render("scene.toml", "s3://renders/room.zarr", client=cluster.get_client())    # without /shared
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
-import re
 import shutil
-import time
 import uuid
 from collections.abc import Callable, Generator, Iterable, Sequence
-from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pysunstone._files import pack, sent, variant_of
 from pysunstone._native import RenderError
-from pysunstone.command import CommandError, find, run
+from pysunstone._units import TOPIC, Command, Meter, Metrics, Unit, finish, once, run_command
+from pysunstone.command import CommandError, find
+from pysunstone.scene import Scene
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -42,15 +46,6 @@ __all__ = ["TOPIC", "Job", "Metrics", "RenderError", "render", "render_many"]
 
 PARTS_PER_WORKER = 4
 """Parts for each thread of the workers, so that none waits long for the last one."""
-
-TOPIC = "sunstone"
-"""Topic of the events that the scheduler is told (``client.get_events(TOPIC)``): a :class:`Metrics` as a dictionary, with ``store``."""
-
-ATTEMPTS = 100
-"""How often a unit is tried whose workers die under it."""
-
-LOST_REPEATS = 10
-"""How often the scheduler itself lets workers die under a unit before it asks us."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +84,11 @@ class Job:
 
     def options(self) -> list[str]:
         """The words of ``sunstone render`` that say what is rendered."""
-        words = [str(Path(self.scene).resolve()), "--no-figures"]
+        return [str(Path(self.scene).resolve()), *self.choices()]
+
+    def choices(self) -> list[str]:
+        """The same without the scene."""
+        words = ["--no-figures"]
         for name in ("spp", "seed", "variant", "integrator"):
             value = getattr(self, name)
             if value is not None:
@@ -99,98 +98,8 @@ class Job:
         return words
 
 
-@dataclass(frozen=True)
-class _Unit:
-    """What one task makes: a part of a render, or all of it."""
-
-    command: str
-    words: tuple[str, ...]
-    place: str
-    threads: int
-
-    def __call__(self) -> _Made:
-        """Make it, if nobody has yet."""
-        begun = time.perf_counter()
-        if os.path.isdir(self.place):
-            return _Made(0.0, 0)
-        os.makedirs(os.path.dirname(self.place), exist_ok=True)
-        # Nobody else writes there, whoever else makes the same.
-        fresh = f"{self.place}.{uuid.uuid4().hex}.tmp"
-        try:
-            told = _run([self.command, "render", *self.words, "--threads", str(self.threads), "-o", fresh])
-            try:
-                os.rename(fresh, self.place)
-            except OSError:
-                # Another worker was first, with the same bytes.
-                if not os.path.isdir(self.place):
-                    raise
-        finally:
-            shutil.rmtree(fresh, ignore_errors=True)
-        samples = re.search(r" tiles, (\d+) samples", told)
-        return _Made(time.perf_counter() - begun, int(samples[1]) if samples else 0)
-
-
-@dataclass(frozen=True)
-class _Made:
-    """What making a unit took: nothing, if it was there."""
-
-    seconds: float
-    samples: int
-
-
-@dataclass(frozen=True)
-class Metrics:
-    """How far a render is.
-
-    Attributes
-    ----------
-    finished, units
-        Parts that are finished, and all (of the round, of a render to an error).
-    samples
-        Samples that this call has taken so far, of all pixels.
-    samples_per_s
-        The same for each second since the call began.
-    round
-        Number of the round, of a render to an error.
-    error
-        Relative error after the rounds before, once there is one.
-    target_error
-        What it is to become.
-    """
-
-    finished: int
-    units: int
-    samples: int
-    samples_per_s: float
-    round: int | None = None
-    error: float | None = None
-    target_error: float | None = None
-
-
-@dataclass
-class _Meter:
-    """Counts what units bring, and tells it to whoever asked and to the scheduler."""
-
-    client: Any
-    store: str
-    report: Callable[[Metrics], None] | None
-    target_error: float | None = None
-    round: int | None = None
-    error: float | None = None
-    samples: int = 0
-    begun: float = field(default_factory=time.perf_counter)
-
-    def made(self, finished: int, units: int, made: _Made) -> None:
-        self.samples += made.samples
-        rate = self.samples / max(time.perf_counter() - self.begun, 1e-9)
-        told = Metrics(finished, units, self.samples, rate, self.round, self.error, self.target_error)
-        self.client.log_event(TOPIC, {"store": self.store, **asdict(told)})
-        if self.report is not None:
-            self.report(told)
-
-
 def render(
-    scene: str | os.PathLike[str],
+    scene: str | os.PathLike[str] | Scene,
     path: str | os.PathLike[str],
     spp: int | None = None,
     seed: int | None = None,
@@ -209,21 +118,23 @@ def render(
     most_spp: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     report: Callable[[Metrics], None] | None = None,
-) -> Path:
+) -> Path | str:
     """Render a scene on all workers into one store, byte for byte that of ``sunstone render``.
 
     With ``target_error``, rounds of samples are rendered until a slice is known to that relative error, in the tiles that need them;
     the store is again that of ``sunstone render --target-error``.
 
-    Parts that are finished are kept beside ``path`` (``path.parts``) until all are, so that the same call goes on where an earlier one
-    was stopped.
+    Parts that are finished are kept beside ``path`` (below ``path.parts``) until all are, so that the same call goes on where an earlier
+    one was stopped.
 
     Parameters
     ----------
     scene
-        Scene file, at the same place for all workers.
+        Scene file, at the same place for all workers where ``path`` is a folder; or a `Scene`, which travels to them.
     path
-        Store to write, on a file system that all workers share.
+        Store to write, on a file system that all workers share, or an address (``s3://``, ``gs://``, ``az://``) that all workers write
+        to, each with the settings of its own environment (docs/object-stores.md). Below an address nothing is needed in common: the
+        scene travels.
     spp, seed, variant, integrator, slices
         As the options of ``sunstone render``.
     parts
@@ -233,7 +144,8 @@ def render(
     threads
         Threads of one part.
     command
-        The command ``sunstone`` on the workers; by default what SUNSTONE names, that of this Python's scripts, or that of the PATH.
+        The command ``sunstone`` on the workers; by default what SUNSTONE names, that of this Python's scripts, or that of the PATH: of
+        this process where a file system is shared, else of each worker.
     overwrite
         Replace a store at ``path``.
     target_error, target_slice, target_share, most_spp
@@ -245,79 +157,198 @@ def render(
 
     Returns
     -------
-    Path
-        The store.
+    Path or str
+        The store; a text of an address.
 
     Raises
     ------
     RenderError
-        If the command refuses, or a part is lost with its worker again and again.
+        If the command refuses, a part is lost with its worker again and again, or the scene names a file by an absolute path and
+        cannot travel.
     FileExistsError
         If there is something at ``path``.
     """
-    job = Job(scene, None, spp, seed, variant, integrator, tuple(slices))
-    whole = _local(path)
-    name = _command(command)
-    if whole.exists() and not overwrite:
-        raise FileExistsError(f"{whole} already exists: name another place, or pass overwrite=True")
-    with _client(client) as on:
+    goal = {"error": target_error, "slice": target_slice, "share": target_share}
+    words = [word for key, value in goal.items() if value is not None for word in (f"--target-{key}", str(value))]
+    words += [] if most_spp is None else ["--most-spp", str(most_spp)]
+    if isinstance(scene, Scene) and variant is None:
+        variant = variant_of(scene)
+    job = Job("" if isinstance(scene, Scene) else scene, None, spp, seed, variant, integrator, tuple(slices))
+    if parts is not None and parts < 1:
+        raise ValueError(f"parts is {parts}; give at least 1")
+    text = os.fspath(path)
+    place = _Address(text, command) if "://" in text else _Folder(Path(text).resolve(), _command(command))
+    if isinstance(place, _Folder) and place.path.exists() and not overwrite:
+        raise FileExistsError(_there(place.path))
+    with _client(client) as on, contextlib.ExitStack() as at_end:
         count = parts if parts is not None else PARTS_PER_WORKER * max(1, sum(on.nthreads().values()))
-        if count < 1:
-            raise ValueError(f"parts is {count}; give at least 1")
-        folder = whole.with_name(f"{whole.name}.parts")
-        goal = {"error": target_error, "slice": target_slice, "share": target_share}
-        words = [word for key, value in goal.items() if value is not None for word in (f"--target-{key}", str(value))]
-        words += [] if most_spp is None else ["--most-spp", str(most_spp)]
-        place = folder / _key(name, job, words)
-        meter = _Meter(on, str(whole), report, target_error)
+        if isinstance(place, _Folder) and not isinstance(scene, Scene):
+            content = Path(job.scene).read_bytes()
+            source, luggage = Command(place.command, ("render", *job.options())), ""
+        else:
+            packed = pack(scene if isinstance(scene, Scene) else Scene.load(scene, variant))
+            content = packed.key.encode()
+            luggage, back = sent(on, packed)
+            # Who is gone has nothing to give back.
+            at_end.callback(_quietly, back)
+            source = Command(place.command, ("render", "", *job.choices()), ((1, os.path.join(luggage, packed.file)),))
+        place.begin(on, overwrite)
+        name = place.run(on, "--version")
+        key = _key(name, content, [*job.choices(), *words])
+        meter = Meter(on, str(place.path), report, target_error)
 
-        def parts_of(options: Sequence[str], into: Path) -> list[str]:
-            units = [
-                _Unit(
-                    name,
-                    (*job.options(), *options, "--part", f"{number}/{count}", "--light", str(place / "light")),
-                    str(into / f"{number}of{count}"),
-                    threads,
-                )
-                for number in range(1, count + 1)
-            ]
-            _finish(on, units, progress, meter)
+        def parts_of(options: Sequence[str], into: str) -> list[str]:
+            """Renders all parts, and says where they are."""
+            units: list[Unit] = []
+            for number in range(1, count + 1):
+                own = [*source.words, *options, "--part", f"{number}/{count}", "--light"]
+                light = place.light(key, luggage)
+                below = source.below if light else (*source.below, (len(own), os.path.join(luggage, "light")))
+                units.append(Unit(Command(source.command, (*own, light), below), place.join(key, into, f"{number}of{count}"), threads))
+            finish(on, units, progress, meter)
             return [unit.place for unit in units]
 
-        force = ["--force"] if overwrite else []
         if not words:
-            _run([name, "merge", *parts_of((), place), "-o", str(whole), *force])
+            place.merge(on, parts_of((), ""), str(place.path), overwrite)
         else:
-            _to_error([name, "render", *job.options(), *words], words, place, parts_of, meter)
-            if overwrite and whole.exists():
-                shutil.rmtree(whole)
-            os.rename(place / "whole.zarr", whole)
-    shutil.rmtree(folder, ignore_errors=True)
-    return whole
+            asked = Command(source.command, (*source.words, *words), source.below)
+            _to_error(on, place, key, asked, words, parts_of, meter, overwrite)
+        place.end(on)
+    return place.path
+
+
+def _there(path: object) -> str:
+    return f"{path} already exists: name another place, or pass overwrite=True"
+
+
+def _quietly(work: Callable[[], Any]) -> None:
+    with contextlib.suppress(Exception):
+        work()
+
+
+class _Folder:
+    """A result on a file system that all share: what is done with it is done here."""
+
+    def __init__(self, path: Path, command: str) -> None:
+        self.path, self.command = path, command
+        self._parts = path.with_name(f"{path.name}.parts")
+
+    def begin(self, client: Any, overwrite: bool) -> None:
+        pass
+
+    def run(self, client: Any, *words: str) -> str:
+        return run_command([self.command, *words])
+
+    def ask(self, client: Any, asked: Command, *words: str) -> str:
+        """What the command says of the scene."""
+        return once(client, Command(asked.command, (*asked.words, *words), asked.below))
+
+    def join(self, key: str, *names: str) -> str:
+        return str(self._parts.joinpath(key, *names))
+
+    def light(self, key: str, luggage: str) -> str:
+        """Where parts make walks from the light together."""
+        return self.join(key, "light")
+
+    def rounds(self, key: str) -> tuple[str, str]:
+        """Where rounds are gathered, and the store that they become."""
+        return self.join(key, "whole.zarr.rounds"), self.join(key, "whole.zarr")
+
+    def merge(self, client: Any, parts: Sequence[str], whole: str, force: bool) -> None:
+        Path(whole).parent.mkdir(parents=True, exist_ok=True)
+        self.run(client, "merge", *parts, "-o", whole, *(["--force"] if force else []))
+
+    def remove(self, client: Any, places: Sequence[str]) -> None:
+        for place in places:
+            shutil.rmtree(place, ignore_errors=True)
+
+    def put(self, client: Any, whole: str, overwrite: bool) -> None:
+        """Gives the store of all rounds its name."""
+        if overwrite and self.path.exists():
+            shutil.rmtree(self.path)
+        os.rename(whole, self.path)
+
+    def end(self, client: Any) -> None:
+        shutil.rmtree(self._parts, ignore_errors=True)
+
+
+class _Address:
+    """A result below an address: all that is done with it a worker does, which may write there. This process need not."""
+
+    def __init__(self, path: str, command: str | None) -> None:
+        self.path, self.command, self._overwrite = path.rstrip("/"), command, False
+
+    def begin(self, client: Any, overwrite: bool) -> None:
+        self._overwrite = overwrite
+        # It refuses where nothing is there, or nothing finished; or it cannot ask, and the first part says why.
+        if once(client, Command(self.command, ("info", self.path), may_refuse=True)) and not overwrite:
+            raise FileExistsError(_there(self.path))
+
+    def run(self, client: Any, *words: str) -> str:
+        return once(client, Command(self.command, words))
+
+    def ask(self, client: Any, asked: Command, *words: str) -> str:
+        return once(client, Command(asked.command, (*asked.words, *words), asked.below))
+
+    def join(self, key: str, *names: str) -> str:
+        return "/".join([f"{self.path}.parts", key, *(name for name in names if name)])
+
+    def light(self, key: str, luggage: str) -> str:
+        # Each worker makes all walks, once for all of its parts.
+        return ""
+
+    def rounds(self, key: str) -> tuple[str, str]:
+        # Nothing is renamed there.
+        return f"{self.path}.rounds", self.path
+
+    def merge(self, client: Any, parts: Sequence[str], whole: str, force: bool) -> None:
+        if whole == self.path:
+            # Others had long to put something there.
+            self.begin(client, self._overwrite)
+        # A worker may die when it has joined them and not told: whoever joins them again finds the result there.
+        self.run(client, "merge", *parts, "-o", whole, "--force")
+        self.remove(client, parts)
+
+    def remove(self, client: Any, places: Sequence[str]) -> None:
+        if places:
+            self.run(client, "remove", *places)
+
+    def put(self, client: Any, whole: str, overwrite: bool) -> None:
+        pass
+
+    def end(self, client: Any) -> None:
+        pass
 
 
 def _to_error(
-    command: Sequence[str],
+    client: Any,
+    place: _Folder | _Address,
+    key: str,
+    asked: Command,
     words: Sequence[str],
-    place: Path,
-    parts_of: Callable[[Sequence[str], Path], list[str]],
-    meter: _Meter,
+    parts_of: Callable[[Sequence[str], str], list[str]],
+    meter: Meter,
+    overwrite: bool,
 ) -> None:
-    """Render rounds until none is needed any more, and pool them in ``whole.zarr``."""
-    rounds, whole = place / "whole.zarr.rounds", place / "whole.zarr"
-    while not whole.exists():
-        standing = json.loads(_run([*command, "--rounds", str(rounds)]))
+    """Render rounds until none is needed any more, and pool them."""
+    rounds, whole = place.rounds(key)
+    # One that was pooled, and not yet given its name.
+    pooled = isinstance(place, _Folder) and Path(whole).exists()
+    while not pooled:
+        standing = json.loads(place.ask(client, asked, "--rounds", rounds))
         meter.error = standing["error"]
         if standing["next"] != "round":
             break
         number = meter.round = standing["round"]
-        into = place / f"round{number}"
-        parts = parts_of([*words, "--rounds", str(rounds), "--round", str(number)], into)
-        rounds.mkdir(parents=True, exist_ok=True)
-        _run([command[0], "merge", *parts, "-o", str(rounds / f"{number}.zarr")])
-        shutil.rmtree(into, ignore_errors=True)
-        shutil.rmtree(place / "light", ignore_errors=True)
-    _run([*command, "--resume", "-o", str(whole)])
+        parts = parts_of([*words, "--rounds", rounds, "--round", str(number)], f"round{number}")
+        place.merge(client, parts, f"{rounds}/{number}.zarr", False)
+        place.remove(client, parts)
+        if isinstance(place, _Folder):
+            shutil.rmtree(place.light(key, ""), ignore_errors=True)
+    if overwrite and isinstance(place, _Address):
+        place.remove(client, [whole])
+    place.ask(client, asked, "--resume", "-o", whole)
+    place.put(client, whole, overwrite)
 
 
 def render_many(
@@ -364,13 +395,13 @@ def render_many(
     into = _local(folder)
     into.mkdir(parents=True, exist_ok=True)
     name = _command(command)
-    units = [_Unit(name, tuple(job.options()), str(into / job.store), threads) for job in jobs]
+    units = [Unit(Command(name, ("render", *job.options())), str(into / job.store), threads) for job in jobs]
     for unit in units:
         if os.path.isdir(unit.place):
             # The command refuses what is of another render, and says so.
-            _run([name, "render", *unit.words, "--resume", "-o", unit.place])
+            run_command([name, *unit.command.words, "--resume", "-o", unit.place])
     with _client(client) as on:
-        _finish(on, units, progress, _Meter(on, str(into), None))
+        finish(on, units, progress, Meter(on, str(into), None))
     entries: list[dict[str, Any]] = []
     for store in names:
         attributes = json.loads((into / store / "zarr.json").read_text())["attributes"]
@@ -402,33 +433,22 @@ def _checksum(store: Path) -> str:
 def _local(path: str | os.PathLike[str]) -> Path:
     text = os.fspath(path)
     if "://" in text:
-        raise ValueError(f"{text}: name a folder on a file system that all workers share; object stores are not written")
+        raise ValueError(f"{text}: name a folder on a file system that all workers share; only `render` writes to object stores")
     return Path(text).resolve()
 
 
 def _command(command: str | None) -> str:
-    """The command on the workers."""
+    """The command on the workers, where they share our file system."""
     try:
         return command or find()
     except CommandError as e:
         raise RenderError(str(e)) from None
 
 
-def _key(command: str, job: Job, words: Sequence[str] = ()) -> str:
+def _key(version: str, scene: bytes, words: Sequence[str]) -> str:
     """A name of all that a render depends on: what was made under another is not taken for it."""
-    version = _run([command, "--version"])
-    content = Path(job.scene).read_bytes()
-    text = json.dumps([version, hashlib.sha256(content).hexdigest(), job.options(), *words])
+    text = json.dumps([version, hashlib.sha256(scene).hexdigest(), *words])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _run(words: Sequence[str]) -> str:
-    """Run the command, which dies with this process where the system can see to that."""
-    name, *rest = words
-    try:
-        return run(*rest, command=name, tied=True)
-    except CommandError as e:
-        raise RenderError(str(e)) from None
 
 
 @contextmanager
@@ -440,49 +460,11 @@ def _client(given: Client | None) -> Generator[Any, None, None]:
     import distributed as dask
 
     made: Any = dask
+    count = os.cpu_count() or 1
     with (
-        made.LocalCluster(threads_per_worker=1, n_workers=os.cpu_count() or 1, dashboard_address=None) as cluster,
+        made.LocalCluster(threads_per_worker=1, n_workers=count, dashboard_address=None) as cluster,
         made.Client(cluster) as client,
     ):
+        # A worker that dies while it starts is given up by the process that watches it: without others all would wait for ever.
+        cluster.adapt(minimum=count, maximum=count)
         yield client
-
-
-def _submit(client: Any, unit: _Unit, attempt: int) -> Any:
-    # The key is that of the result's place, so that two calls for one result at once make it once.
-    name = hashlib.sha256(unit.place.encode()).hexdigest()[:16]
-    return client.submit(unit, key=f"sunstone-{name}-{attempt}", retries=LOST_REPEATS, pure=True)
-
-
-def _finish(client: Any, units: Sequence[_Unit], progress: Callable[[int, int], None] | None, meter: _Meter) -> None:
-    """Make all units, whichever workers die meanwhile."""
-    import distributed as dask
-
-    running: dict[str, tuple[_Unit, int]] = {}
-    futures: list[Any] = []
-    for unit in units:
-        future = _submit(client, unit, 0)
-        running[future.key] = (unit, 0)
-        futures.append(future)
-    finished = 0
-    completed: Any = dask.as_completed
-    pending = completed(futures)
-    for future in pending:
-        unit, attempt = running.pop(future.key)
-        error = future.exception() if future.status == "error" else None
-        if future.status == "finished":
-            finished += 1
-            meter.made(finished, len(units), future.result())
-            if progress is not None:
-                progress(finished, len(units))
-            continue
-        if not (error is None or isinstance(error, dask.KilledWorker | CancelledError)):
-            client.cancel([f for f in futures if not f.done()])
-            if isinstance(error, RenderError):
-                raise error
-            raise RenderError(f"{unit.place}: {error}") from error
-        if attempt + 1 >= ATTEMPTS:
-            raise RenderError(f"{unit.place}: its workers died {ATTEMPTS} times; they may have too little memory")
-        again = _submit(client, unit, attempt + 1)
-        running[again.key] = (unit, attempt + 1)
-        futures.append(again)
-        pending.add(again)

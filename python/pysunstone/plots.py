@@ -6,6 +6,7 @@ Matplotlib is imported when something is drawn.
 # pyright: basic
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,8 @@ _UNDEFINED = "#808080"
 _WHITE = 0.99
 #: More lines than this are not told apart.
 _LINES = 12
+#: Size of the label of values, and how wide its characters are on average, of their size.
+_LABEL_PT, _PER_CHARACTER = 7, 0.6
 
 
 def _at_wavelength(data: xr.DataArray, wavelength: float | None) -> xr.DataArray:
@@ -167,5 +170,10 @@ def plot_profile(
     if others:
         ax.legend(fontsize=7)
     ax.set_xlabel(f"travel time [{mean['t'].attrs.get('units', 'ps')}]")
-    ax.set_ylabel(f"{mean.attrs.get('long_name', 'value')} [{mean.attrs.get('units', '1')}]", fontsize=7)
+    # Names of quantities are longer than a small plot is high.
+    figure = ax.get_figure(root=True)
+    inches = ax.get_window_extent().height / figure.dpi if figure else 2.5
+    width = max(20, int(inches * 72 / (_LABEL_PT * _PER_CHARACTER)))
+    name = f"{mean.attrs.get('long_name', 'value')} [{mean.attrs.get('units', '1')}]"
+    ax.set_ylabel("\n".join(textwrap.wrap(name, width)), fontsize=_LABEL_PT)
     return ax

@@ -189,8 +189,8 @@ class Scene:
             Meshes in memory by the names under which objects know them (``{"ply": {"file": NAME}}``): ``(vertices, faces)``,
             ``(vertices, faces, normals, uvs)`` or a dict of these; (n, 3) metres, (m, 3) integers from 0.
         images
-            Images in memory by the names under which textures and slices know them: uint8, or real numbers (name it ``.exr``,
-            and say ``raw`` of a texture: linear), of shape (h, w) or (h, w, 3), or the bytes of a file.
+            Images in memory by the names under which textures and slices know them: uint8 (colours sRGB-encoded, unless the texture
+            says ``raw``) or real numbers (linear), of shape (h, w) or (h, w, 3); or the bytes of a file.
 
         Raises
         ------

@@ -6,6 +6,8 @@ use base::document;
 use base::locate::InputError;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use sunstone::figure::listed;
@@ -19,6 +21,10 @@ use sunstone::transport::geometry::mesh::Mesh;
 pub struct Scene {
     built: Mutex<sunstone::Scene>,
     pub figures: Vec<Figure>,
+    /// Where its file is, or would be if it had one.
+    path: PathBuf,
+    /// Files that it has in memory alone, by their names.
+    memory: BTreeMap<String, Vec<u8>>,
 }
 
 /// A scene and its figures, from the text of its file.
@@ -31,6 +37,8 @@ fn from_text(path: &Path, text: &str, variant: Option<u64>) -> Result<Scene, Inp
     Ok(Scene {
         built: Mutex::new(scene),
         figures,
+        path: path.to_owned(),
+        memory: BTreeMap::new(),
     })
 }
 
@@ -51,18 +59,22 @@ impl Scene {
         let file: SceneFile = document::parse(path, text, |_| {
             "`sunstone schema` describes every key of a scene".to_owned()
         })?;
-        let mut builder = SceneBuilder::from(file).folder(folder);
+        let mut builder = SceneBuilder::from(file).folder(&folder);
         for (name, mesh) in meshes {
             builder = builder.mesh(name.as_str(), mesh);
         }
         for (name, bytes) in files {
             builder = builder.file_in_memory(name, bytes);
         }
+        let memory = builder.files_in_memory().clone();
         let scene = builder.build()?;
         let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
         Ok(Self {
+            // Who has no name of its own is called so.
+            path: folder.join(format!("{}.toml", scene.name)),
             built: Mutex::new(scene),
             figures,
+            memory,
         })
     }
 
@@ -163,6 +175,35 @@ impl Scene {
     #[getter]
     fn text(&self, py: Python<'_>) -> String {
         self.look(py, |s| s.text.clone())
+    }
+
+    #[getter]
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Number of the variant that it is of its file.
+    #[getter]
+    fn variant(&self, py: Python<'_>) -> Option<u64> {
+        self.look(py, |s| s.variant.as_ref().map(|v| v.number))
+    }
+
+    /// The files that it is made of, by the names that they have in its text, which are paths from its own folder.
+    fn files(&self, py: Python<'_>) -> PyResult<Vec<(String, Cow<'_, [u8]>)>> {
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let names = self.look(py, |s| s.files.clone());
+        let read = |name: String| {
+            if let Some(bytes) = self.memory.get(&name) {
+                return Some(Ok((name, Cow::Borrowed(&bytes[..]))));
+            }
+            let path = folder.join(&name);
+            // What lies in another one of them has no file of its own.
+            path.exists().then(|| {
+                let bytes = std::fs::read(&path).map_err(|e| input(format!("{}: {e}", path.display())))?;
+                Ok((name, Cow::Owned(bytes)))
+            })
+        };
+        py.detach(|| names.into_iter().filter_map(read).collect())
     }
 
     #[getter]

@@ -270,3 +270,10 @@ def test_profiles_are_drawn_with_their_errors() -> None:
     assert ax.get_xlabel() == "travel time [ps]"
     assert len(timed["mean"].sunstone.plot_profile(wavelength=450).lines) == 1
     ax.figure.savefig(rendered.folder() / "profile.png")
+    # Names stay within the picture, that of a slice and longer ones.
+    long = timed["mean"].assign_attrs(long_name="light of one pixel of the camera and of all of the projector, over its irradiance at one metre")
+    for drawn in (ax, long.sunstone.plot_profile()):
+        drawn.figure.draw_without_rendering()
+        label, page = drawn.yaxis.label.get_window_extent(), drawn.figure.bbox
+        assert page.x0 <= label.x0 and page.y0 <= label.y0 and label.y1 <= page.y1
+        assert "".join(drawn.get_ylabel().split()).endswith(f"[{''.join(timed['mean'].attrs['units'].split())}]")

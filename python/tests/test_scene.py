@@ -113,6 +113,24 @@ def test_meshes_are_what_rectangles_are() -> None:
     assert difference < 5 * sigma
 
 
+def test_images_of_real_numbers_are_linear_and_those_of_bytes_are_not() -> None:
+    uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
+
+    def light(pixels: Any, **keys: Any) -> Any:
+        builder = ps.SceneBuilder("wall").camera([0, 0, 3], [0, 0, 0], fov_x_deg=45, resolution=[8, 8])
+        builder.projector([1, 1, 3], [0, 0, 0], fov_x_deg=50, resolution=[8, 8]).image("paint", pixels)
+        builder.material("wall", diffuse={"albedo": {"image": "paint", **keys}}).mesh("wall", *QUAD, uvs=uvs, material="wall")
+        return builder.slice("all").render(spp=4, max_depth=2).build().render()["all"]["mean"]
+
+    real = light(np.full((2, 2, 3), 0.5, np.float32))
+    assert real.mean() > 0
+    np.testing.assert_array_equal(real, light(np.full((2, 2, 3), 0.5, np.float32), raw=True))
+    whole = light(np.full((2, 2, 3), 128, np.uint8))
+    # IEC 61966-2-1.
+    assert whole.mean() / real.mean() == pytest.approx(((128 / 255 + 0.055) / 1.055) ** 2.4 / 0.5, rel=1e-5)
+    assert light(np.full((2, 2, 3), 128, np.uint8), raw=True).mean() / real.mean() == pytest.approx(2 * 128 / 255, rel=1e-5)
+
+
 @pytest.mark.parametrize("change", [np.asfortranarray, lambda a: a[::-1][::-1], lambda a: a.tolist(), lambda a: a.astype(">f8")])
 def test_layouts_of_meshes(change: Any) -> None:
     vertices = change(QUAD[0])

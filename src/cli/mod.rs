@@ -28,6 +28,7 @@ mod progress;
 mod project;
 mod ptu;
 mod reconstruct;
+mod remove;
 mod render;
 mod rig;
 mod scheme;
@@ -90,6 +91,7 @@ enum Command {
     Merge(merge::Arguments),
     Shard(shard::Arguments),
     Verify(verify::Arguments),
+    Remove(remove::Arguments),
     Decompose(decompose::Arguments),
     Denoise(denoise::Arguments),
     Scheme(scheme::Arguments),
@@ -139,6 +141,7 @@ pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Merge(a) => merge::run(&a),
         Command::Shard(a) => shard::run(&a),
         Command::Verify(a) => verify::run(&a),
+        Command::Remove(a) => remove::run(&a),
         Command::Decompose(a) => decompose::run(&a),
         Command::Denoise(a) => denoise::run(&a),
         Command::Scheme(a) => scheme::run(&a),

@@ -18,6 +18,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 use sunstone::figure::listed;
 use sunstone::render::{Choices, Render, Target, cores, is_of_system, most_threads};
+use sunstone::store::place::is_address;
 use sunstone::store::sink::{is_finished, is_finished_part};
 use sunstone::transport::render::coverage::missing;
 
@@ -48,6 +49,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         begun.elapsed()
     );
     check_threads(a.threads)?;
+    if let Some(light) = a.light.as_ref().filter(|light| is_address(light)) {
+        return Err(Failure::input(format!(
+            "--light is {}: files of the walks from the light go to a folder; name one that all parts share, or leave it out",
+            light.display()
+        )));
+    }
     let variant = a.variant.map_or(String::new(), |k| format!("_variant{k}"));
     let part = a.part.or(a.tiles);
     let of_part = part.map_or(String::new(), |part| format!("_{}", named(part)[1]));
@@ -104,7 +111,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     } else {
         super::output::print(&format!(
             "{store}: {}{} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded{}",
-            part.map_or(String::new(), |part| format!("{part}, {} tiles, ", summary.tiles)),
+            part.map_or(String::new(), |part| format!(
+                "{part}, {} tiles, {} samples, ",
+                summary.tiles, summary.samples
+            )),
             scene.slices.len(),
             scene.settings.spp,
             summary.wall_s,

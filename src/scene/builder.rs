@@ -187,6 +187,12 @@ impl SceneBuilder {
         self
     }
 
+    /// The files that are only in memory, by their names.
+    #[must_use]
+    pub fn files_in_memory(&self) -> &BTreeMap<String, Vec<u8>> {
+        &self.memory
+    }
+
     /// Where the relative paths of files begin; if nothing is said, in the current folder.
     #[must_use]
     pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {

@@ -38,7 +38,8 @@ pub enum ScalarFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageAlbedo {
-    /// PNG or JPEG file, relative to the scene file; colours are sRGB-encoded, numbers (roughness, weights) linear.
+    /// PNG, JPEG, OpenEXR or Radiance HDR file, relative to the scene file; colours of the first two are sRGB-encoded, those of the
+    /// others and numbers (roughness, weights) linear.
     pub image: Located<String>,
     /// Multiplies the image.
     #[serde(default = "one", skip_serializing_if = "is_one")]

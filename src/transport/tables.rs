@@ -55,6 +55,8 @@ pub struct SceneTables {
     pub variant: Option<Variant>,
     /// What the scene's files hold that is not used, and what was mended in them, a sentence each.
     pub notes: Vec<String>,
+    /// Files that it was made of, by the names that they have in its text: paths from its own folder, sorted.
+    pub files: Vec<String>,
 }
 
 /// Which variant of its file a scene is.

@@ -175,6 +175,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         text: ctx.text.to_string(),
         variant: None,
         notes: std::mem::take(&mut ctx.notes),
+        files: ctx.used(),
     });
     if let Some(gap) = narrowest(&scene) {
         let fault = too_narrow(ctx, file, &names, &gap);

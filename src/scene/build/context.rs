@@ -5,7 +5,8 @@ use base::locate::{InputError, Located};
 use base::spectral_table::SpectralTable;
 use optics::spectrum::{Spectral, Wavelengths};
 use sha2::{Digest, Sha256};
-use std::collections::BTreeMap;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::io::Read;
 use std::ops::{Range, RangeInclusive};
@@ -28,6 +29,8 @@ pub(crate) struct Context {
     pub hash: Sha256,
     /// What files hold that is not used, and what was mended, a sentence each.
     pub notes: Vec<String>,
+    /// Files that were read, by their names.
+    pub files: RefCell<BTreeSet<String>>,
 }
 
 impl Context {
@@ -42,6 +45,7 @@ impl Context {
             listed: Wavelengths::default(),
             hash: Sha256::new(),
             notes: vec![],
+            files: RefCell::default(),
         };
         ctx.listed = Wavelengths::new(wavelengths_nm.to_vec()).map_err(|e| {
             ctx.error(
@@ -96,6 +100,16 @@ impl Context {
         self.folder.join(name)
     }
 
+    /// Notes that the scene is made of a file.
+    pub fn uses(&self, name: impl Into<String>) {
+        self.files.borrow_mut().insert(name.into());
+    }
+
+    /// The files that the scene is made of, sorted.
+    pub fn used(&self) -> Vec<String> {
+        self.files.borrow().iter().cloned().collect()
+    }
+
     /// Reads a file that the scene names, up to `most` bytes, without counting it into the scene's hash.
     pub fn peek(&self, name: &str, most: u64) -> std::io::Result<Vec<u8>> {
         let mut bytes = vec![];
@@ -108,6 +122,7 @@ impl Context {
                     .read_to_end(&mut bytes)?;
             }
         }
+        self.uses(name);
         Ok(bytes)
     }
 
@@ -124,6 +139,7 @@ impl Context {
                 )
             })?,
         };
+        self.uses(name);
         self.hash.update((bytes.len() as u64).to_le_bytes());
         self.hash.update(&bytes);
         Ok(bytes)

@@ -268,6 +268,7 @@ impl<'a> Builder<'_, 'a> {
         };
         let table = Table::open(&path, &options).map_err(refused)?;
         let pieces = pieces(&path, &table).map_err(|e| refused(PbsdfError::Read(e)))?;
+        self.ctx.uses(m.file.as_str());
         self.ctx.hash.update((table.file_len() as u64).to_le_bytes());
         self.ctx.hash.update(&pieces);
         self.table.tables.push(table);

@@ -7,6 +7,7 @@ use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::path::Path;
 use syntax::shape::{MeshFile, ObjectFile, ShapeFile};
 use syntax::transform::TransformFile;
 use syntax::values::SpectrumFile;
@@ -207,6 +208,12 @@ pub(crate) fn place(
 fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import::MeshPart>, InputError> {
     let bytes = ctx.read(&m.file, m.file.span())?;
     let path = ctx.path(&m.file);
+    if let ShapeFile::Gltf(_) = shape {
+        let folder = Path::new(m.file.as_str()).parent().unwrap_or(Path::new(""));
+        for name in import::gltf_buffers(&bytes) {
+            ctx.uses(folder.join(name).to_string_lossy());
+        }
+    }
     let parsed = match shape {
         ShapeFile::Gltf(_) => import::parse_gltf(&bytes, path.parent()),
         ShapeFile::Ply(_) => import::parse_ply(&bytes),

@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use base::locate::{InputError, Located};
+use image::DynamicImage;
 use optics::spectrum::Spectral;
 use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
@@ -14,7 +15,7 @@ use transport::material::texture::{Filter, Image, SAME, Scalar, Spectrum, Textur
 /// What the three channels of an image mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Channels {
-    /// Red, green and blue, sRGB-encoded.
+    /// Red, green and blue, sRGB-encoded where the file holds whole numbers, as they are where it holds real ones.
     Colours,
     /// Red, green and blue as they are.
     LinearColours,
@@ -226,8 +227,8 @@ fn read(
     name: &Located<String>,
     channels: Channels,
 ) -> Result<([u32; 2], u32), InputError> {
-    let linear = |c: f32| {
-        if channels == Channels::LinearColours {
+    let linear = |c: f32, encoded: bool| {
+        if !encoded || channels == Channels::LinearColours {
             c
         } else if c <= 0.04045 {
             c / 12.92
@@ -248,12 +249,16 @@ fn read(
             "use a PNG, JPEG, OpenEXR or Radiance HDR file",
         )
     })?;
+    let encoded = !matches!(
+        image,
+        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
+    );
     let image = image.to_rgb32f();
     let first = textures.texels.len() as u32;
     let wavelengths = ctx.wavelengths.clone();
     textures.texels.extend(image.pixels().map(|p| match channels {
         Channels::Numbers => [p.0[0], p.0[1], p.0[2], 0.0],
-        _ => wavelengths.map(|nm| linear(p.0[channel(nm)])).to_array(),
+        _ => wavelengths.map(|nm| linear(p.0[channel(nm)], encoded)).to_array(),
     }));
     Ok(([image.width(), image.height()], first))
 }

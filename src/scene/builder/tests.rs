@@ -143,6 +143,101 @@ fn a_scene_in_code_is_the_scene_of_its_file() {
     assert!(a == b, "the renders differ");
 }
 
+/// A picture of one colour in the middle of the range, as a file.
+fn picture(image: impl Into<image::DynamicImage>, format: image::ImageFormat) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(vec![]);
+    image.into().write_to(&mut bytes, format).expect("a picture");
+    bytes.into_inner()
+}
+
+/// What a scene tells of the colour 0.5 of an image.
+fn texel(bytes: Vec<u8>, raw: bool) -> f32 {
+    let image = ImageAlbedo {
+        raw,
+        ..ImageAlbedo::new("picture")
+    };
+    let scene = SceneBuilder::new()
+        .camera(
+            Camera::look_at([0.0, 0.0, 4.0], [0.0; 3])
+                .fov_x_deg(40.0)
+                .resolution(4, 4),
+        )
+        .emitter(Emitter::environment(1.0))
+        .file_in_memory("picture", bytes)
+        .material("cloth", Material::diffuse(image))
+        .object(Object::sphere([0.0; 3], 0.5).material("cloth"))
+        .build()
+        .expect("a scene");
+    scene.materials.textures.texels[0][0]
+}
+
+/// By what a file holds, and not by its name: bytes are sRGB-encoded (IEC 61966-2-1), real numbers are linear.
+#[test]
+fn real_numbers_of_images_are_linear() {
+    use image::ImageFormat::{Hdr, OpenExr, Png};
+    let bytes = picture(image::RgbImage::from_pixel(2, 2, image::Rgb([128; 3])), Png);
+    let real = image::Rgb32FImage::from_pixel(2, 2, image::Rgb([0.5; 3]));
+    let encoded = ((128.0 / 255.0 + 0.055_f32) / 1.055).powf(2.4);
+    assert!((texel(bytes.clone(), false) - encoded).abs() < 1e-6);
+    assert!((texel(bytes, true) - 128.0 / 255.0).abs() < 1e-6);
+    for format in [OpenExr, Hdr] {
+        for raw in [false, true] {
+            assert!(
+                (texel(picture(real.clone(), format), raw) - 0.5).abs() < 0.003,
+                "{format:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_scene_knows_its_files() {
+    let code = in_code().build().expect("a scene");
+    assert_eq!(code.files, ["checks.png", "tent"]);
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).expect("writes");
+    std::fs::create_dir(folder.path().join("meshes")).expect("a folder");
+    // A document whose buffer is a file, and an object whose library names an image.
+    let positions: Vec<u8> = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+        .iter()
+        .flat_map(|v| v.to_le_bytes())
+        .collect();
+    write("meshes/a b.bin", &positions);
+    write(
+        "meshes/t.gltf",
+        br#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "buffers": [{"byteLength": 36, "uri": "a%20b.bin"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}]}"#,
+    );
+    write(
+        "meshes/o.obj",
+        b"mtllib o.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl red\nf 1/1 2/1 3/1\n",
+    );
+    write("meshes/o.mtl", b"newmtl red\nKd 1 0 0\nmap_Kd checks.png\n");
+    write("meshes/checks.png", &checks());
+    let text = r#"
+        camera = { resolution = [4, 4], fov_x_deg = 40, pose.look_at = { origin = [0, 0, 4], target = [0, 0, 0] } }
+        emitters = [{ environment = { radiance = 1 } }]
+        materials.wall.diffuse.albedo = 0.5
+        objects = [
+            { shape.gltf = { file = "meshes/t.gltf" }, material = "wall" },
+            { shape.obj = { file = "meshes/o.obj", materials = true }, material = "wall" },
+        ]
+    "#;
+    let scene = crate::from_text(&folder.path().join("s.toml"), text).expect("a scene");
+    assert_eq!(
+        scene.files,
+        [
+            "meshes/a b.bin",
+            "meshes/checks.png",
+            "meshes/o.mtl",
+            "meshes/o.obj",
+            "meshes/t.gltf"
+        ]
+    );
+}
+
 /// The place and the message of what is wrong with a scene.
 fn refusal(scene: SceneBuilder, words: &str) -> String {
     let error = scene

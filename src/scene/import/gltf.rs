@@ -13,7 +13,7 @@ use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, Value};
 
-use super::accessor::{Data, broken};
+use super::accessor::{Data, broken, percent_decoded};
 use super::error::{ImportError, ImportProblem};
 use super::part::{MeshPart, finish};
 use transport::geometry::mesh::Mesh;
@@ -67,6 +67,19 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Vec<MeshPart>
         return Err(broken("no node of the scene has a mesh"));
     }
     Ok(importer.parts)
+}
+
+/// Names of the files beside a document that hold its buffers, as far as it can be read.
+#[must_use]
+pub fn gltf_buffers(bytes: &[u8]) -> Vec<String> {
+    let root = container(bytes)
+        .ok()
+        .and_then(|(json, _)| Root::from_slice(&json).ok());
+    let buffers = root.map(|root| root.buffers).unwrap_or_default();
+    let uris = buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
+    uris.filter(|uri| !uri.contains(':'))
+        .filter_map(percent_decoded)
+        .collect()
 }
 
 /// Bytes of a file, or unpacked from it.

@@ -25,7 +25,7 @@ mod gltf_tests;
 use std::path::Path;
 
 pub use self::error::{ImportError, ImportProblem};
-pub use self::gltf::parse_gltf;
+pub use self::gltf::{gltf_buffers, parse_gltf};
 pub use self::gltf_materials::appearances as gltf_appearances;
 pub use self::obj::parse_obj;
 pub use self::part::MeshPart;

@@ -31,6 +31,7 @@ mod partial;
 pub(crate) mod progress;
 mod remote;
 mod remote_store;
+mod remove;
 mod samples;
 mod shard;
 mod shard_grid;
@@ -64,6 +65,7 @@ pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
 pub use self::layers::write_layers;
 pub(crate) use self::shard_shape::Limits;
+pub use self::remove::{PlaceLock, RemoveError, remove};
 pub use self::slice::StoredSlice;
 pub use self::verify::{Verified, verify};
 

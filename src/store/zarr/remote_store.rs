@@ -21,7 +21,7 @@ use std::path::Path;
 use zarrs::storage::Bytes;
 
 /// The last description that is put.
-const ROOT: &str = "zarr.json";
+pub(super) const ROOT: &str = "zarr.json";
 /// Folder of the objects that say what is finished; it begins with a dot, so that they are no part of the store.
 pub(super) const PROGRESS: &str = ".sunstone-progress/";
 
@@ -77,13 +77,7 @@ impl Making<'_> {
         if !self.replace && self.get(ROOT)?.is_some() && self.get(ORIGIN)?.is_none() {
             return Err(self.exists());
         }
-        let lock = take(&self.objects).map_err(|e| match e {
-            NoLock::Held(holder) => CreateError::Locked {
-                path: self.path.to_owned(),
-                holder,
-            },
-            NoLock::Refused(refusal) => self.refused(refusal),
-        })?;
+        let lock = locked(self.path, &self.objects)?;
         let known = found(&self.objects).map_err(|e| self.refused(e))?;
         if self.goes_on(&known)? {
             return Ok(opened(self.path, &self.objects, lock, known));
@@ -193,8 +187,17 @@ fn take(objects: &Objects) -> Result<ObjectLock, NoLock> {
     ObjectLock::take(objects, lock::lease())
 }
 
+/// The lock of a place where something is made or removed.
+pub(super) fn locked(path: &Path, objects: &Objects) -> Result<ObjectLock, CreateError> {
+    let path = path.to_owned();
+    take(objects).map_err(|e| match e {
+        NoLock::Held(holder) => CreateError::Locked { path, holder },
+        NoLock::Refused(refusal) => CreateError::Remote { path, refusal },
+    })
+}
+
 /// All that lies there but the lock.
-fn found(objects: &Objects) -> Result<BTreeMap<String, Known>, Refusal> {
+pub(super) fn found(objects: &Objects) -> Result<BTreeMap<String, Known>, Refusal> {
     let all = objects.list()?.into_iter();
     let others = all.filter(|(name, _)| name != lock::FILE);
     Ok(others.map(|(name, size)| (name, Known::Found(size))).collect())

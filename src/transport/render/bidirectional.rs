@@ -138,7 +138,9 @@ impl Plan {
         };
         // Beside all light.
         if scene.settings.strategy.is_none() {
-            plan.setup.roulette = plan.pilot(scene);
+            let pilot = || plan.pilot(scene).threshold();
+            let threshold = light.map_or_else(pilot, |light| light.number("roulette", pilot));
+            plan.setup.roulette = Roulette::of(threshold);
         }
         plan.setup.redirected = redirected;
         if let Some(light) = light.filter(|_| plan.has_splats(scene)) {

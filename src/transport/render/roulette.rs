@@ -76,6 +76,16 @@ impl Roulette {
         Self((share * second / first).clamp(LEAST * typical, most * typical))
     }
 
+    /// Of a threshold τ.
+    pub fn of(threshold: f32) -> Self {
+        Self(threshold)
+    }
+
+    /// τ.
+    pub fn threshold(self) -> f32 {
+        self.0
+    }
+
     /// The factor for a connection that brings at most about `expected`; `None` if it is not made.
     #[inline]
     pub fn spin(self, expected: f32, stream: &mut Stream) -> Option<f32> {

@@ -4,7 +4,7 @@
 //! share of the *walks*, sorts the points by the part that sees them, and reads its own from everybody's files. What nobody has
 //! made yet, or began and did not finish, any part makes: a file is a pure function of scene, seed and share, and appears whole
 //! or not at all, so who dies, comes late or makes a share twice changes nothing. There is nothing to schedule and nobody waits
-//! for one that is no more.
+//! for one that is no more. What all parts work out beforehand from the scene alone is kept there in the same way.
 
 use super::spill::{self, Extent, Parts};
 use super::splats::{Counts, Splat, Splats, WalkNumber};
@@ -53,6 +53,30 @@ impl SharedLight {
             "the points of walks from the light cannot be {what} {}: {e}; all walks are made here",
             self.folder.display()
         );
+    }
+
+    /// A number that follows from scene and seed: as another part has made it, or made here and kept for others.
+    pub(super) fn number(&self, name: &str, make: impl FnOnce() -> f32) -> f32 {
+        let path = self.folder.join(format!("{}.{name}", self.key));
+        let kept = fs::read(&path).ok().and_then(|bytes| {
+            let (value, check) = bytes.split_first_chunk()?;
+            (crc32c::crc32c(value).to_le_bytes() == check).then(|| f32::from_le_bytes(*value))
+        });
+        kept.unwrap_or_else(|| {
+            let made = make();
+            // Where it cannot be kept, others make it too.
+            let _ = self.keep(&path, made.to_le_bytes());
+            made
+        })
+    }
+
+    fn keep(&self, path: &Path, value: [u8; 4]) -> io::Result<()> {
+        fs::create_dir_all(&self.folder)?;
+        let mut temporary = tempfile::NamedTempFile::new_in(&self.folder)?;
+        temporary.write_all(&value)?;
+        temporary.write_all(&crc32c::crc32c(&value).to_le_bytes())?;
+        temporary.persist(path).map_err(|e| e.error)?;
+        Ok(())
     }
 
     /// Sees to it that all shares are there, beginning with this part's own. `None` once `stop` says so.
@@ -191,4 +215,26 @@ fn extents(file: &mut File, part: u32) -> io::Result<Vec<Extent>> {
         rest = after;
     }
     Err(wrong())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_made_once_and_again_where_they_are_spoilt() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let of = |part| SharedLight::new(&folder.path().join("light"), "key".into(), part, 2);
+        assert_eq!(of(1).number("threshold", || 0.25).to_bits(), 0.25_f32.to_bits());
+        let kept = of(2).number("threshold", || panic!("it is there"));
+        assert_eq!(kept.to_bits(), 0.25_f32.to_bits());
+        let file = folder.path().join("light/key.threshold");
+        for spoilt in [&b""[..], b"\0\0\0\0\0\0\0\x01", b"long enough to be more"] {
+            fs::write(&file, spoilt).expect("writes");
+            assert_eq!(of(2).number("threshold", || 0.5).to_bits(), 0.5_f32.to_bits());
+        }
+        // Another render's are not taken.
+        let other = SharedLight::new(&folder.path().join("light"), "other".into(), 1, 2);
+        assert_eq!(other.number("threshold", || 1.0).to_bits(), 1.0_f32.to_bits());
+    }
 }

@@ -128,6 +128,7 @@ fn scene(integrator: Integrator, plain: bool) -> Scene {
         sha256: String::new(),
         variant: None,
         notes: vec![],
+        files: vec![],
     })
 }
 

@@ -1,0 +1,26 @@
+//! `sunstone remove`.
+
+use super::failure::Failure;
+use std::path::PathBuf;
+use sunstone::store::zarr::{RemoveError, remove};
+
+/// Remove stores, such as the parts of a render that have been joined.
+///
+/// Finished, unfinished or parts, in folders or below addresses; nothing that is not a store is touched. One that is not there is no
+/// error.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Stores, folders or addresses (s3://, gs://, az://).
+    #[arg(required = true, num_args = 1..)]
+    stores: Vec<PathBuf>,
+}
+
+pub fn run(a: &Arguments) -> Result<(), Failure> {
+    let failed = |e: RemoveError| Failure::of_system(e.is_of_system(), e);
+    for store in &a.stores {
+        let was_there = remove(store).map_err(failed)?;
+        let told = if was_there { "removed" } else { "was not there" };
+        super::output::print(&format!("{}: {told}", store.display()))?;
+    }
+    Ok(())
+}

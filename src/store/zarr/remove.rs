@@ -1,0 +1,210 @@
+//! Stores that are removed, and the locks of places that hold several.
+
+use super::build::ORIGIN;
+use super::describe::slice_names_of;
+use super::error::{CreateError, OpenError};
+use super::manifest;
+use super::remote_store::{self, Held, ROOT};
+use super::{description, is_store};
+use crate::place::Objects;
+use crate::refusal::Refusal;
+use base::lock::Lock;
+use base::staging;
+use std::path::{Path, PathBuf};
+
+/// A store could not be removed.
+#[derive(Debug, thiserror::Error)]
+pub enum RemoveError {
+    /// Something that is not a store is there.
+    #[error("{path} is not a Sunstone store, so it is not removed")]
+    NotAStore {
+        /// What was named.
+        path: PathBuf,
+    },
+    /// Another process writes there, or it cannot be asked.
+    #[error(transparent)]
+    Locked(#[from] CreateError),
+    /// An object store refused.
+    #[error("cannot remove {path}: {refusal}")]
+    Remote {
+        /// The store.
+        path: PathBuf,
+        /// The refusal, with its mend.
+        refusal: Refusal,
+    },
+    /// The file system refused.
+    #[error("cannot remove {path}: {cause}")]
+    Io {
+        /// The store.
+        path: PathBuf,
+        /// The refusal.
+        cause: std::io::Error,
+    },
+}
+
+impl RemoveError {
+    /// Whether the system refused.
+    #[must_use]
+    pub fn is_of_system(&self) -> bool {
+        matches!(self, Self::Io { .. })
+    }
+}
+
+/// The lock of a place, a folder or an address, below which several stores are made; held until it is dropped.
+#[derive(Debug)]
+pub struct PlaceLock {
+    _held: Held,
+}
+
+impl PlaceLock {
+    /// Takes it.
+    ///
+    /// # Errors
+    /// If another process holds it, or it cannot be taken.
+    pub fn take(path: &Path) -> Result<Self, CreateError> {
+        let refused = |refusal| CreateError::Remote {
+            path: path.to_owned(),
+            refusal,
+        };
+        let held = match remote_store::objects_of(path).map_err(refused)? {
+            Some(objects) => {
+                objects.may_be_written().map_err(refused)?;
+                Held::Objects {
+                    _lock: remote_store::locked(path, &objects)?,
+                }
+            }
+            None => Held::File {
+                _lock: Lock::take(path).map_err(|e| CreateError::locked(path, e))?,
+            },
+        };
+        Ok(Self { _held: held })
+    }
+}
+
+/// Removes a store, finished or not, or a part of one, from a folder or an object store; false if there is none. What is left of a
+/// removal that was cut short is no finished store.
+///
+/// # Errors
+/// [`RemoveError`]: something else is there, another process writes it, or it cannot be removed.
+pub fn remove(path: &Path) -> Result<bool, RemoveError> {
+    let refused = |refusal| RemoveError::Remote {
+        path: path.to_owned(),
+        refusal,
+    };
+    if let Some(objects) = remote_store::objects_of(path).map_err(refused)? {
+        objects.may_be_written().map_err(refused)?;
+        if objects.list().map_err(refused)?.is_empty() {
+            return Ok(false);
+        }
+        let _lock = remote_store::locked(path, &objects)?;
+        return remove_objects(path, &objects).map_err(refused)?;
+    }
+    if std::fs::symlink_metadata(path).is_err() {
+        return Ok(false);
+    }
+    if !is_store(path) {
+        return Err(not_a_store(path));
+    }
+    let _lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
+    let io = |cause| RemoveError::Io {
+        path: path.to_owned(),
+        cause,
+    };
+    // What is left when the process dies is a leftover of the store that is made there next.
+    let part = staging::part_of(path);
+    staging::remove(&part).map_err(io)?;
+    std::fs::rename(path, &part).map_err(io)?;
+    staging::remove(&part).map_err(io)?;
+    Ok(true)
+}
+
+fn not_a_store(path: &Path) -> RemoveError {
+    RemoveError::NotAStore {
+        path: path.to_owned(),
+    }
+}
+
+/// Removes what lies below an address whose lock is held.
+fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveError>, Refusal> {
+    let names: Vec<String> = remote_store::found(objects)?.into_keys().collect();
+    if names.is_empty() {
+        return Ok(Ok(false));
+    }
+    let is_begun = names.iter().any(|name| name == ORIGIN);
+    let is_store = |json: Result<_, OpenError>| json.is_ok_and(|json| slice_names_of(&json).is_some());
+    let root = objects.get(ROOT)?;
+    if !is_begun && !root.is_some_and(|bytes| is_store(description::parse_json(path, &bytes))) {
+        return Ok(Err(not_a_store(path)));
+    }
+    // As one that was only begun, it is known for a store until all of it is gone.
+    objects.put(ORIGIN, vec![].into())?;
+    let heads = [manifest::FILE, manifest::OF_PART, ROOT];
+    let (heads, rest) = names
+        .into_iter()
+        .filter(|name| name != ORIGIN)
+        .partition(|name| heads.contains(&name.as_str()));
+    objects.delete(heads)?;
+    objects.delete(rest)?;
+    objects.delete(vec![ORIGIN.to_owned()])?;
+    Ok(Ok(true))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::zarr::TensorStore;
+
+    fn store(path: &Path) {
+        let made = TensorStore::create(path, &[], &serde_json::Map::new(), None, false);
+        drop(made.expect("a store"));
+    }
+
+    #[test]
+    fn what_is_no_store_stays() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a");
+        assert!(!remove(&path).expect("nothing there"));
+        std::fs::create_dir(&path).expect("a folder");
+        std::fs::write(path.join("letter.txt"), "dear").expect("writes");
+        assert!(matches!(remove(&path), Err(RemoveError::NotAStore { .. })));
+        assert!(path.join("letter.txt").is_file());
+    }
+
+    #[test]
+    fn stores_go_whole_and_may_be_made_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.zarr");
+        for _ in 0..2 {
+            store(&path);
+            assert!(remove(&path).expect("removes"));
+            assert!(!remove(&path).expect("nothing there"));
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+    }
+
+    #[cfg(feature = "object-stores")]
+    #[test]
+    fn below_an_address_it_is_the_same() {
+        let path = Path::new("memory://remove/a.zarr");
+        let objects = || {
+            let found = remote_store::objects_of(path).expect("a place");
+            found.expect("an address")
+        };
+        assert!(!remove(path).expect("nothing there"));
+        objects()
+            .put("letter.txt", b"dear".to_vec().into())
+            .expect("puts");
+        assert!(matches!(remove(path), Err(RemoveError::NotAStore { .. })));
+        assert_eq!(objects().list().expect("lists").len(), 1);
+        objects().delete(vec!["letter.txt".into()]).expect("deletes");
+        for _ in 0..2 {
+            store(path);
+            // A removal that was cut short: what says that it is a store was the first to go.
+            objects().put(ORIGIN, vec![].into()).expect("puts");
+            objects().delete(vec![ROOT.into()]).expect("deletes");
+            assert!(remove(path).expect("removes"));
+            assert!(!remove(path).expect("nothing there"));
+            assert!(objects().list().expect("lists").is_empty());
+        }
+    }
+}
