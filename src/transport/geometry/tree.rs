@@ -1,29 +1,19 @@
 //! A bounding volume hierarchy whose nodes hold eight boxes, tested against a ray at once.
 //!
-//! A binary tree (PLOC, Meister & Bittner 2018, with reinsertion; crate obvhs) is collapsed to width eight by opening the
-//! child with the largest surface (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes stay in full
-//! precision: scenes of a rig are small enough that decoding compressed boxes costs more than reading them.
+//! A binary tree ([`super::binary`]) is collapsed to width eight by opening the child with the largest surface (Wald, Benthin &
+//! Boulos 2008, "Getting rid of packets"). Boxes stay in full precision: scenes of a rig are small enough that decoding compressed boxes costs more than reading them.
 
+use super::binary::{Binary, Part};
 use super::eight::Eight;
 use super::ray::Ray;
 use arrayvec::ArrayVec;
 use glam::Vec3A;
-use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::node::Bvh2Node;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
-use obvhs::ploc::PlocBuilder;
-use rayon::prelude::*;
 
 /// Set in a child that is a leaf; the rest is the leaf's number.
 const LEAF: u32 = 1 << 31;
 /// A place without a child. Its box is inside out, so that no ray meets it.
 const NONE: u32 = u32::MAX;
-/// Primitives up to which all that obvhs wants to insert anew into its tree are.
-const REINSERTED: f32 = 2e6;
-/// Neighbours in either direction of which PLOC chooses a partner.
-const SEARCH: usize = 14;
 /// Boxes that can be waiting during a traversal.
 const STACK: usize = 192;
 /// Widens the far side of boxes by more than the rounding of their distances (Ize 2013).
@@ -95,16 +85,30 @@ pub enum Child {
     Branch(u32),
 }
 
+/// Most primitives of a leaf.
+pub(super) const LEAF_SIZE: usize = 8;
+
 /// The tree over leaves that the caller numbers.
 #[derive(Default)]
 pub struct Tree {
     nodes: Vec<Node>,
 }
 
-/// A run of primitives that fit in one leaf, or a branch.
-enum Part<'a> {
-    Leaf(&'a [u32]),
-    Branch,
+/// A node of a binary tree that becomes a child, for now.
+struct Member<'a> {
+    node: u32,
+    part: Part<'a>,
+    area: f32,
+}
+
+impl<'a> Member<'a> {
+    fn new(binary: &'a Binary, node: u32, fits: &impl Fn(&[u32]) -> bool) -> Self {
+        Self {
+            node,
+            part: binary.part(node, fits),
+            area: binary.nodes[node as usize].aabb().half_area(),
+        }
+    }
 }
 
 impl Tree {
@@ -113,19 +117,68 @@ impl Tree {
     pub fn build(
         count: usize,
         bounds: impl Fn(usize) -> Aabb + Sync,
-        fits: impl Fn(&[u32]) -> bool,
-        mut leaf: impl FnMut(&[u32]) -> u32,
+        fits: impl Fn(&[u32]) -> bool + Sync,
+        leaf: impl FnMut(&[u32]) -> u32,
     ) -> Self {
         if count == 0 {
             return Self::default();
         }
-        let binary = Binary::new(clustered(count, &bounds));
-        let tree = binary.collapse(&fits, &mut leaf);
+        Self::of(Binary::of(count, &bounds, &fits), bounds, fits, leaf)
+    }
+
+    /// The tree that a binary one becomes.
+    fn of(
+        binary: Binary,
+        bounds: impl Fn(usize) -> Aabb,
+        fits: impl Fn(&[u32]) -> bool,
+        mut leaf: impl FnMut(&[u32]) -> u32,
+    ) -> Self {
+        let tree = Self::collapsed(&binary, &fits, &mut leaf);
         // A traversal leaves up to seven boxes waiting a level. Trees that deep come of thousands of equal boxes only;
         // halving them in order is as good there.
         tree.filter(|t| 7 * t.depth() + 8 <= STACK)
-            .or_else(|| binary.halved(&bounds).collapse(&fits, &mut leaf))
+            .or_else(|| Self::collapsed(&binary.halved(&bounds), &fits, &mut leaf))
             .unwrap_or_default()
+    }
+
+    /// The tree of width eight; `None` if there is nothing.
+    fn collapsed(
+        binary: &Binary,
+        fits: &impl Fn(&[u32]) -> bool,
+        leaf: &mut impl FnMut(&[u32]) -> u32,
+    ) -> Option<Self> {
+        binary.nodes.first()?;
+        let mut tree = Self {
+            nodes: vec![Node::EMPTY],
+        };
+        // The root is a branch even if one leaf holds all.
+        let mut todo = vec![(0_u32, 0_usize)];
+        while let Some((from, into)) = todo.pop() {
+            let mut members: ArrayVec<Member, 8> = ArrayVec::new();
+            members.push(Member::new(binary, from, fits));
+            while members.len() < 8 {
+                let branches = members.iter().enumerate();
+                let open = branches.filter(|(_, m)| matches!(m.part, Part::Branch));
+                let Some((at, _)) = open.max_by(|a, b| a.1.area.total_cmp(&b.1.area)) else {
+                    break;
+                };
+                let child = binary.nodes[members[at].node as usize].first_index;
+                members[at] = Member::new(binary, child, fits);
+                members.push(Member::new(binary, child + 1, fits));
+            }
+            for (lane, member) in members.iter().enumerate() {
+                let child = match member.part {
+                    Part::Leaf(run) => LEAF | leaf(run),
+                    Part::Branch => {
+                        tree.nodes.push(Node::EMPTY);
+                        todo.push((member.node, tree.nodes.len() - 1));
+                        tree.nodes.len() as u32 - 1
+                    }
+                };
+                tree.nodes[into].set(lane, binary.nodes[member.node as usize].aabb(), child);
+            }
+        }
+        Some(tree)
     }
 
     /// Boxes and contents of a node's children; node 0 is the root. Nothing of a tree over nothing.
@@ -142,6 +195,12 @@ impl Tree {
                 (Aabb::new(corner(0), corner(3)), what)
             })
         })
+    }
+
+    /// Bounds of all.
+    pub fn extent(&self) -> Aabb {
+        let all = self.children(0).map(|(aabb, _)| aabb);
+        all.fold(Aabb::empty(), |a, b| a.union(&b))
     }
 
     /// Memory that the nodes take, bytes.
@@ -234,137 +293,6 @@ impl Tree {
     }
 }
 
-/// The nodes of a binary tree over boxes; the children of a branch stand together, and leaves hold one primitive each.
-/// In obvhs's parts, because its own whole wants the boxes as a table beside its own.
-fn clustered(count: usize, bounds: &(impl Fn(usize) -> Aabb + Sync)) -> Vec<Bvh2Node> {
-    let params = BvhBuildParams::medium_build();
-    let mut tree = Bvh2::zeroed(count);
-    let mut ploc = PlocBuilder::new();
-    let node = |i| Bvh2Node::new(bounds(i), 1, i as u32);
-    (0..count)
-        .into_par_iter()
-        .map(node)
-        .collect_into_vec(&mut ploc.current_nodes);
-    let nodes = ploc.current_nodes.par_iter();
-    let all = nodes.map(|n| *n.aabb()).reduce(Aabb::empty, |a, b| a.union(&b));
-    ploc.build_ploc_from_leaves::<SEARCH, false>(
-        &mut tree,
-        all,
-        params.sort_precision,
-        params.search_depth_threshold,
-    );
-    drop(ploc);
-    // Its time grows faster than the tree, its worth does not: of more primitives, as many are inserted anew.
-    let ratio = params.reinsertion_batch_ratio * (REINSERTED / count as f32).min(1.0);
-    let mut reinsertion = ReinsertionOptimizer::default();
-    for times in [1.0, params.post_collapse_reinsertion_batch_ratio_multiplier] {
-        reinsertion.run(&mut tree, ratio * times, None);
-    }
-    tree.nodes
-}
-
-/// A binary tree, with primitives in the order of its leaves, and for every node the run of them that it covers.
-struct Binary {
-    nodes: Vec<Bvh2Node>,
-    order: Vec<u32>,
-    /// First primitive in `order`, and one past the last.
-    runs: Vec<[u32; 2]>,
-}
-
-impl Binary {
-    fn new(nodes: Vec<Bvh2Node>) -> Self {
-        let mut order = Vec::with_capacity(nodes.len() / 2 + 1);
-        let mut runs = vec![[0; 2]; nodes.len()];
-        // Depth first, so that a node covers a run of `order`; a node comes up again behind its children.
-        let mut todo = vec![(0_u32, false)];
-        while let Some((at, done)) = todo.pop() {
-            let (node, run) = (&nodes[at as usize], &mut runs[at as usize]);
-            if done {
-                run[1] = order.len() as u32;
-                continue;
-            }
-            run[0] = order.len() as u32;
-            if node.is_leaf() {
-                order.push(node.first_index);
-                run[1] = order.len() as u32;
-            } else {
-                todo.extend([
-                    (at, true),
-                    (node.first_index + 1, false),
-                    (node.first_index, false),
-                ]);
-            }
-        }
-        Self { nodes, order, runs }
-    }
-
-    /// The same primitives in the same order, halved again and again.
-    fn halved(&self, bounds: &impl Fn(usize) -> Aabb) -> Self {
-        let mut nodes = vec![Bvh2Node::default()];
-        let mut todo = vec![(0_u32, self.order.len() as u32, 0)];
-        while let Some((first, last, here)) = todo.pop() {
-            let run = &self.order[first as usize..last as usize];
-            let boxes = run.iter().map(|i| bounds(*i as usize));
-            let aabb = boxes.fold(Aabb::empty(), |all, b| all.union(&b));
-            nodes[here] = if let [only] = run {
-                Bvh2Node::new(aabb, 1, *only)
-            } else {
-                let (middle, child) = (first.midpoint(last), nodes.len());
-                nodes.resize(child + 2, Bvh2Node::default());
-                todo.extend([(middle, last, child + 1), (first, middle, child)]);
-                Bvh2Node::new(aabb, 0, child as u32)
-            };
-        }
-        Self::new(nodes)
-    }
-
-    fn part(&self, node: u32, fits: &impl Fn(&[u32]) -> bool) -> Part<'_> {
-        let [first, last] = self.runs[node as usize];
-        let run = &self.order[first as usize..last as usize];
-        if self.nodes[node as usize].is_leaf() || (run.len() <= 8 && fits(run)) {
-            Part::Leaf(run)
-        } else {
-            Part::Branch
-        }
-    }
-
-    /// The tree of width eight; `None` if there is nothing.
-    fn collapse(&self, fits: &impl Fn(&[u32]) -> bool, leaf: &mut impl FnMut(&[u32]) -> u32) -> Option<Tree> {
-        self.nodes.first()?;
-        let mut tree = Tree {
-            nodes: vec![Node::EMPTY],
-        };
-        // The root is a branch even if one leaf holds all.
-        let mut todo = vec![(0_u32, 0_usize)];
-        while let Some((from, into)) = todo.pop() {
-            let mut members = vec![from];
-            while members.len() < 8 {
-                let area = |n: &u32| self.nodes[*n as usize].aabb().half_area();
-                let branches = members.iter().enumerate();
-                let open = branches.filter(|(_, n)| matches!(self.part(**n, fits), Part::Branch));
-                let Some((at, _)) = open.max_by(|a, b| area(a.1).total_cmp(&area(b.1))) else {
-                    break;
-                };
-                let child = self.nodes[members[at] as usize].first_index;
-                members[at] = child;
-                members.push(child + 1);
-            }
-            for (lane, member) in members.iter().enumerate() {
-                let child = match self.part(*member, fits) {
-                    Part::Leaf(run) => LEAF | leaf(run),
-                    Part::Branch => {
-                        tree.nodes.push(Node::EMPTY);
-                        todo.push((*member, tree.nodes.len() - 1));
-                        tree.nodes.len() as u32 - 1
-                    }
-                };
-                tree.nodes[into].set(lane, self.nodes[*member as usize].aabb(), child);
-            }
-        }
-        Some(tree)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -398,33 +326,55 @@ mod tests {
             .collect()
     }
 
-    /// Every primitive is in one leaf, leaves hold what they may, and a ray visits every leaf whose box it meets.
-    fn check(bounds: &[Aabb]) {
-        let mut leaves: Vec<Vec<u32>> = vec![];
-        let tree = Tree::build(
-            bounds.len(),
-            |i| bounds[i],
-            |run| run.iter().all(|i| i % 5 != 0),
-            |run| {
+    /// Which primitives may share a leaf.
+    fn fits(run: &[u32]) -> bool {
+        run.iter().all(|i| i % 5 != 0)
+    }
+
+    /// Both kinds of trees over boxes, and their leaves.
+    fn both(bounds: &[Aabb]) -> [(Tree, Vec<Vec<u32>>); 2] {
+        let at = |i: usize| bounds[i];
+        let clustered = Binary::clustered(bounds.len(), &at);
+        let split = Binary::split(bounds.len(), &at, &fits);
+        [clustered, split].map(|binary| {
+            let mut leaves: Vec<Vec<u32>> = vec![];
+            let tree = Tree::of(binary, at, fits, |run| {
                 leaves.push(run.to_vec());
                 leaves.len() as u32 - 1
-            },
-        );
+            });
+            (tree, leaves)
+        })
+    }
+
+    fn union(boxes: impl Iterator<Item = Aabb>) -> Aabb {
+        boxes.fold(Aabb::empty(), |all, b| all.union(&b))
+    }
+
+    /// Every primitive is in one leaf, leaves hold what they may, every box is that of what it holds, and a ray visits every leaf
+    /// whose box it meets.
+    fn check(bounds: &[Aabb]) {
+        for (tree, leaves) in both(bounds) {
+            check_one(bounds, &tree, &leaves);
+        }
+    }
+
+    fn check_one(bounds: &[Aabb], tree: &Tree, leaves: &[Vec<u32>]) {
         assert!(7 * tree.depth() + 8 <= STACK);
+        assert_eq!(tree.extent(), union(bounds.iter().copied()));
         // A tree that was given up has made leaves as well.
         let mut used = vec![false; leaves.len()];
         let mut seen = vec![0; bounds.len()];
-        for child in tree
-            .nodes
-            .iter()
-            .flat_map(|n| n.child)
-            .filter(|c| *c != NONE && c & LEAF != 0)
-        {
-            let leaf = (child ^ LEAF) as usize;
-            used[leaf] = true;
-            let run = &leaves[leaf];
-            assert!(run.len() == 1 || (run.len() <= 8 && run.iter().all(|i| i % 5 != 0)));
-            run.iter().for_each(|i| seen[*i as usize] += 1);
+        for (aabb, child) in (0..tree.nodes.len()).flat_map(|n| tree.children(n as u32)) {
+            match child {
+                Child::Branch(node) => assert_eq!(aabb, union(tree.children(node).map(|c| c.0))),
+                Child::Leaf(leaf) => {
+                    used[leaf as usize] = true;
+                    let run = &leaves[leaf as usize];
+                    assert!(run.len() == 1 || (run.len() <= LEAF_SIZE && fits(run)));
+                    assert_eq!(aabb, union(run.iter().map(|i| bounds[*i as usize])));
+                    run.iter().for_each(|i| seen[*i as usize] += 1);
+                }
+            }
         }
         assert!(seen.iter().all(|n| *n == 1));
         let mut stream = Stream::new(1, 1, 1);
@@ -452,7 +402,7 @@ mod tests {
 
     #[test]
     fn trees_cover_everything() {
-        for n in [1, 2, 3, 4, 5, 9, 1000] {
+        for n in [1, 2, 3, 4, 5, 8, 9, 17, 1000, 20_000] {
             check(&boxes(n, n as u64));
         }
     }
@@ -460,10 +410,102 @@ mod tests {
     #[test]
     fn equal_boxes_make_no_deep_tree() {
         check(&vec![Aabb::new(Vec3A::ZERO, Vec3A::ONE); 3000]);
-        let line: Vec<Aabb> = (0..3000)
-            .map(|i| Aabb::new(Vec3A::ZERO, Vec3A::splat(1.0 + i as f32)))
+        check(&vec![Aabb::new(Vec3A::ZERO, Vec3A::ONE); 20_000]);
+        let row = |f: &dyn Fn(f32) -> [Vec3A; 2]| -> Vec<Aabb> {
+            let ends = (0..3000).map(|i| f(i as f32));
+            ends.map(|[a, b]| Aabb::new(a, b)).collect()
+        };
+        // From one corner, about one middle, without height, without size, long and thin across each other, and ever farther away.
+        check(&row(&|i| [Vec3A::ZERO, Vec3A::splat(1.0 + i)]));
+        check(&row(&|i| [Vec3A::splat(-1.0 - i), Vec3A::splat(1.0 + i)]));
+        check(&row(&|i| {
+            [Vec3A::new(i, -i, 0.0), Vec3A::new(i + 2.0, 1.0 - i, 0.0)]
+        }));
+        check(&row(&|i| [Vec3A::new(0.01 * i, 0.0, 1.0); 2]));
+        check(&row(&|i| {
+            let along = Vec3A::AXES[i as usize % 3];
+            let at = Vec3A::splat(0.001 * i);
+            [at - along * 1e4, at + along * 1e4]
+        }));
+        check(&row(&|i| {
+            let at = Vec3A::new((0.01 * i).exp2(), 0.0, 0.0);
+            [at, at * 1.001]
+        }));
+    }
+
+    /// Where the nearest of triangles is hit.
+    struct Nearest<'a> {
+        triangles: &'a [[Vec3A; 3]],
+        leaves: &'a [Vec<u32>],
+        ray: &'a Ray,
+        t: f32,
+    }
+
+    impl Visit for Nearest<'_> {
+        fn leaf(&mut self, leaf: u32, end: f32) -> f32 {
+            let hits = self.leaves[leaf as usize].iter().map(|i| {
+                let [a, b, c] = self.triangles[*i as usize];
+                let (e1, e2, s) = (b - a, c - a, self.ray.origin - a);
+                let (p, q) = (self.ray.dir.cross(e2), s.cross(e1));
+                let scale = 1.0 / e1.dot(p);
+                let (t, u, v) = (e2.dot(q) * scale, s.dot(p) * scale, self.ray.dir.dot(q) * scale);
+                let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0;
+                if inside { t } else { f32::INFINITY }
+            });
+            self.t = hits.fold(end, f32::min);
+            self.t
+        }
+
+        fn expect(&self, _: u32) {}
+    }
+
+    #[test]
+    fn both_trees_give_the_same_hits() {
+        let mut stream = Stream::new(5, 0, 0);
+        let triangles: Vec<[Vec3A; 3]> = (0..30_000)
+            .map(|_| {
+                let at = warp::sphere(stream.uniform2()) * (1.0 + stream.uniform());
+                [0, 1, 2].map(|_| at + warp::sphere(stream.uniform2()) * 0.03)
+            })
             .collect();
-        check(&line);
+        let bounds: Vec<Aabb> = triangles.iter().map(|t| Aabb::from_points(t)).collect();
+        let trees = both(&bounds);
+        let mut hits = 0;
+        for _ in 0..5000 {
+            let origin = warp::sphere(stream.uniform2()) * 4.0;
+            let dir = (warp::sphere(stream.uniform2()) - origin).normalize();
+            let ray = Ray { origin, dir };
+            let [clustered, split] = trees.each_ref().map(|(tree, leaves)| {
+                let mut nearest = Nearest {
+                    triangles: &triangles,
+                    leaves,
+                    ray: &ray,
+                    t: f32::INFINITY,
+                };
+                tree.traverse::<true>(&ray, f32::INFINITY, &mut nearest);
+                nearest.t
+            });
+            assert_eq!(clustered.to_bits(), split.to_bits());
+            hits += u32::from(clustered < f32::INFINITY);
+        }
+        assert!(hits > 2500, "{hits}");
+    }
+
+    #[test]
+    fn split_trees_are_the_same_on_any_number_of_threads() {
+        let boxes = boxes(40_000, 7);
+        let built = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let [_, (tree, leaves)] = pool.expect("threads").install(|| both(&boxes));
+            let nodes: Vec<_> = tree
+                .nodes
+                .iter()
+                .map(|n| (n.bounds.map(|b| b.0), n.child))
+                .collect();
+            (nodes, leaves)
+        };
+        let one = built(1);
+        assert!(one == built(2) && one == built(5));
     }
 
     #[test]
