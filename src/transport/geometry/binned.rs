@@ -188,11 +188,11 @@ impl Bins {
             self.counts[axis][..grid.bins].fill(0);
         }
         for entry in entries {
-            let bins = grid.bin(entry);
-            for axis in 0..3 {
-                let bin = bins[axis] as usize & (BINS - 1);
-                self.boxes[axis][bin].add(entry.lo, entry.hi);
-                self.counts[axis][bin] += 1;
+            let axes = self.boxes.iter_mut().zip(&mut self.counts);
+            for ((boxes, counts), bin) in axes.zip(grid.bin(entry)) {
+                let bin = bin as usize & (BINS - 1);
+                boxes[bin].add(entry.lo, entry.hi);
+                counts[bin] += 1;
             }
         }
     }
