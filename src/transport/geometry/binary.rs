@@ -4,8 +4,7 @@
 //! either is made better by reinsertion (Meister & Bittner 2018, "Parallel reinsertion for bounding volume hierarchy optimization").
 //! Clustering and reinsertion are those of the crate obvhs.
 
-use super::binned::{self, Grown};
-use super::tree::LEAF_SIZE;
+use super::binned::{self, Grown, LEAF_SIZE};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;

@@ -7,7 +7,6 @@
 //! How sets are cut into tasks depends on their sizes alone, and what tasks find is put together in the order of the sets, so that
 //! the tree is the same on any number of threads.
 
-use super::tree::LEAF_SIZE;
 use arrayvec::ArrayVec;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
@@ -15,6 +14,8 @@ use obvhs::bvh2::node::Bvh2Node;
 use rayon::prelude::*;
 use wide::f32x4;
 
+/// Most primitives of a leaf.
+pub(super) const LEAF_SIZE: usize = 8;
 /// Most places at which a set may be split on an axis, and one.
 const BINS: usize = 16;
 /// Sets up to this size are one task.
