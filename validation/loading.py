@@ -2,7 +2,8 @@
 """How long a mesh takes until its first ray, and how much memory: binary PLY files of 1 and 10 million triangles, in Sunstone and in Mitsuba.
 
 Sunstone renders 8 x 8 pixels of one sample, a whole process with its files written; Mitsuba (llvm, whose tree is Embree's) loads the same file
-into a scene and traces one ray; its seconds are those of that alone, without its import. Rounds are interleaved; each is a
+into a scene and traces one ray; its seconds are those of that alone, without its import. Processor time, user's and system's of all threads, tells on a machine
+that others use too what wall time does not. Rounds are interleaved; each is a
 process of its own, whose greatest resident memory is what the system says (Mitsuba's less that of the same process with a mesh of two triangles).
 
     python3 validation/loading.py [--rounds 5] [--record]
@@ -53,17 +54,18 @@ material = "wall"
 [[slices]]
 name = "photo"
 """
+SHOWN = ["sunstone_", "mitsuba_", "over_mitsuba_", "sunstone_processor_", "mitsuba_processor_", "processor_over_mitsuba_"]
 # Loads a mesh, traces a ray, and says how long that took and how much memory the process had.
 MITSUBA = """
 import sys, time, resource
 import mitsuba as mi
 mi.set_variant("llvm_ad_mono_polarized")
 float((mi.Float(1) + 1)[0])
-begun = time.perf_counter()
+begun, spent = time.perf_counter(), time.process_time()
 scene = mi.load_dict({"type": "scene", "mesh": {"type": "ply", "filename": sys.argv[1], "face_normals": True}})
 hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0.5, 0.4, 3), mi.Vector3f(0, 0, -1)))
 assert abs(float(hit.t[0]) - 3) < 0.2
-print(time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+print(time.perf_counter() - begun, time.process_time() - spent, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 
 
@@ -80,7 +82,7 @@ def hills(triangles):
 
 
 def ours(folder):
-    """Seconds and bytes of one render."""
+    """Seconds, seconds of processor time and bytes of one render."""
     program = [environment.sunstone(), "render", folder / "scene.toml", "-o", folder / "out.zarr", "--force", "--no-figures"]
     begun = time.perf_counter()
     process = subprocess.Popen([*map(str, program)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -88,14 +90,14 @@ def ours(folder):
     took = time.perf_counter() - begun
     if status:
         sys.exit("the render failed")
-    return took, used.ru_maxrss * 1024
+    return took, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024
 
 
 def theirs(file):
-    """Seconds and bytes of Mitsuba."""
+    """Seconds, seconds of processor time and bytes of Mitsuba."""
     text = subprocess.run([sys.executable, "-c", MITSUBA, str(file)], check=True, capture_output=True, text=True).stdout
-    took, used = text.split()
-    return float(took), int(used) * 1024
+    took, spent, used = text.split()
+    return float(took), float(spent), int(used) * 1024
 
 
 def main():
@@ -107,7 +109,7 @@ def main():
     with tempfile.TemporaryDirectory(dir=environment.in_memory()) as temporary:
         few = Path(temporary) / "few.ply"
         rays.write_ply(few, *hills(2))
-        bare = theirs(few)[1]
+        bare = theirs(few)[2]
         for name, count in (("1m", 1_000_000), ("10m", 10_000_000)):
             folder = Path(temporary) / name
             folder.mkdir()
@@ -119,12 +121,16 @@ def main():
             numbers[f"sunstone_{name}"] = result_file.rounds(mine, "s", "lower")
             numbers[f"mitsuba_{name}"] = result_file.rounds(other, "s", "lower")
             numbers[f"over_mitsuba_{name}"] = result_file.ratio(mine, other, "lower")
-            most = [max(pair[k][1] for pair in found) for k in range(2)]
+            mine, other = ([pair[k][1] for pair in found] for k in range(2))
+            numbers[f"sunstone_processor_{name}"] = result_file.rounds(mine, "s", "lower")
+            numbers[f"mitsuba_processor_{name}"] = result_file.rounds(other, "s", "lower")
+            numbers[f"processor_over_mitsuba_{name}"] = result_file.ratio(mine, other, "lower")
+            most = [max(pair[k][2] for pair in found) for k in range(2)]
             each = most[0] / len(triangles), (most[1] - bare) / len(triangles)
             numbers[f"bytes_{name}"] = result_file.once(each[0], "bytes a triangle", "the greatest of all rounds")
             numbers[f"mitsuba_bytes_{name}"] = result_file.once(each[1], "bytes a triangle", "the greatest of all rounds")
-            for key in (f"sunstone_{name}", f"mitsuba_{name}", f"over_mitsuba_{name}"):
-                print(f"{key:20} median {numbers[key]['median']:.3f}, best {numbers[key]['best']:.3f}", flush=True)
+            for key in (f"{start}{name}" for start in SHOWN):
+                print(f"{key:26} median {numbers[key]['median']:.3f}, best {numbers[key]['best']:.3f}", flush=True)
             print(f"{len(triangles)} triangles: {each[0]:.0f} and {each[1]:.0f} bytes each", flush=True)
     if options.record:
         import mitsuba as mi

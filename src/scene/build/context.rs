@@ -128,6 +128,19 @@ impl Context {
 
     /// Reads a file that the scene names, and counts it into the scene's hash.
     pub fn read(&mut self, name: &str, span: Range<usize>) -> Result<Vec<u8>, InputError> {
+        let bytes = self.bytes(name, span)?;
+        self.count(&bytes);
+        Ok(bytes)
+    }
+
+    /// Counts what a file holds into the scene's hash.
+    pub fn count(&mut self, bytes: &[u8]) {
+        self.hash.update((bytes.len() as u64).to_le_bytes());
+        self.hash.update(bytes);
+    }
+
+    /// Reads a file that the scene names, for [`Self::count`] to count.
+    pub fn bytes(&self, name: &str, span: Range<usize>) -> Result<Vec<u8>, InputError> {
         let path = self.path(name);
         let bytes = match self.memory.get(name) {
             Some(bytes) => bytes.clone(),
@@ -140,8 +153,6 @@ impl Context {
             })?,
         };
         self.uses(name);
-        self.hash.update((bytes.len() as u64).to_le_bytes());
-        self.hash.update(&bytes);
         Ok(bytes)
     }
 

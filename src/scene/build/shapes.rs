@@ -5,6 +5,7 @@ use super::devices::vector;
 use crate::import;
 use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
@@ -58,7 +59,7 @@ impl Solid {
     pub(crate) fn add(self, material: u32, geometry: &mut GeometryBuilder) {
         match self {
             Self::Quadric(quadric) => geometry.quadric(quadric),
-            Self::Mesh(mesh) => geometry.mesh(&mesh, material),
+            Self::Mesh(mesh) => geometry.own_mesh(mesh, material),
         }
     }
 }
@@ -206,7 +207,7 @@ pub(crate) fn place(
 
 /// Reads a mesh file in the format that the shape names.
 fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import::MeshPart>, InputError> {
-    let bytes = ctx.read(&m.file, m.file.span())?;
+    let bytes = ctx.bytes(&m.file, m.file.span())?;
     let path = ctx.path(&m.file);
     if let ShapeFile::Gltf(_) = shape {
         let folder = Path::new(m.file.as_str()).parent().unwrap_or(Path::new(""));
@@ -214,11 +215,13 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import
             ctx.uses(folder.join(name).to_string_lossy());
         }
     }
-    let parsed = match shape {
+    let parse = || match shape {
         ShapeFile::Gltf(_) => import::parse_gltf(&bytes, path.parent()),
         ShapeFile::Ply(_) => import::parse_ply(&bytes),
         _ => import::parse_obj(&bytes),
     };
+    let (parsed, ()) = rayon::join(parse, || ctx.count(&bytes));
+    drop(bytes);
     parsed.map_err(|e| {
         ctx.error(
             m.file.span(),
@@ -244,7 +247,7 @@ pub(crate) fn moved(
     }
     mesh.transform(&affine(place));
     let sane = |p: &glam::Vec3| p.is_finite() && f64::from(p.abs().max_element()) < HUGE;
-    if !mesh.positions.iter().all(sane) {
+    if !mesh.positions.par_iter().with_min_len(1 << 14).all(sane) {
         return Err(ctx.error(
             object.shape.span(),
             "the shape reaches to infinity",

@@ -2,6 +2,7 @@
 
 use super::error::{ImportError, ImportProblem};
 use glam::Vec3;
+use rayon::prelude::*;
 use transport::geometry::mesh::{Mesh, MeshError};
 
 /// One mesh of a file with what the file says about it.
@@ -23,12 +24,12 @@ pub(super) fn finish(
     mut mesh: Mesh,
 ) -> Result<MeshPart, ImportError> {
     if mesh.normals.iter().all(|n| n.is_finite()) {
-        for n in &mut mesh.normals {
+        mesh.normals.par_iter_mut().with_min_len(1 << 14).for_each(|n| {
             *n = n
                 .as_dvec3()
                 .try_normalize()
                 .map_or(Vec3::ZERO, glam::DVec3::as_vec3);
-        }
+        });
         if mesh.normals.contains(&Vec3::ZERO) {
             mesh.normals.clear();
         }

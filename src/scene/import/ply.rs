@@ -338,8 +338,16 @@ mod tests {
     /// The two readers give the same mesh, bit for bit, and what the one in place cannot read is told by the other.
     #[test]
     fn in_place_as_row_by_row() {
+        let fans: &[&[u32]] = &[&[0, 1, 2], &[1, 2, 4, 5], &[5, 3, 0, 1, 2]];
+        let triangles: &[&[u32]] = &[&[0, 1, 2], &[1, 2, 4], &[5, 3, 0]];
         for big in [false, true] {
-            for (list, normals) in [("uchar int", true), ("uchar uint", false), ("char int", true)] {
+            for (list, normals, faces) in [
+                ("uchar int", true, fans),
+                ("uchar uint", false, fans),
+                ("char int", true, fans),
+                ("uchar int", false, triangles),
+                ("uchar uint", true, triangles),
+            ] {
                 let mut b = format!(
                     "ply\nformat binary_{}_endian 1.0\nelement vertex 6\nproperty float x\nproperty double y\n\
                      property float z\nproperty uchar red\n{}property short s\nproperty int t\nelement face 3\n\
@@ -369,16 +377,31 @@ mod tests {
                     put(&mut b, &(i16::from(i) - 3).to_le_bytes());
                     put(&mut b, &(7 * i32::from(i)).to_le_bytes());
                 }
-                for face in [&[0_u32, 1, 2][..], &[1, 2, 4, 5], &[5, 3, 0, 1, 2]] {
+                for face in faces {
                     b.push(face.len() as u8);
                     face.iter().for_each(|i| put(&mut b, &i.to_le_bytes()));
                 }
                 let mesh = in_place(&b).expect("of the kind that is read in place");
-                assert_eq!(mesh.indices.len(), 6);
+                assert_eq!(
+                    mesh.indices.len(),
+                    faces.iter().map(|f| f.len() - 2).sum::<usize>()
+                );
                 let (vertices, faces) = read(&mut Cursor::new(&b), &mut false).ok().expect("rows");
                 assert_eq!(mesh, assemble(&vertices, &faces).expect("a mesh"));
                 assert!(in_place(&b[..b.len() - 1]).is_none());
                 fails(&b[..b.len() - 1], None, "ends too early");
+                // The last corner is no vertex, or below zero.
+                let last = b.len() - 4;
+                b[last..].fill(0xff);
+                fails(
+                    &b,
+                    None,
+                    if list.ends_with("uint") {
+                        "4294967295"
+                    } else {
+                        "-1"
+                    },
+                );
             }
         }
     }

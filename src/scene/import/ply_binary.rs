@@ -5,8 +5,14 @@
 //! bytes. Anything else, and anything that is wrong, is left to `serde_ply`, which says what it is.
 
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 use serde_ply::{ElementDef, PlyFormat, PropertyType, ScalarType};
 use transport::geometry::mesh::Mesh;
+
+/// Bytes of a triangle: how many corners it has, and these.
+const TRIANGLE: usize = 13;
+/// Rows that are worth a task of their own.
+const SHARE: usize = 1 << 14;
 
 /// Where a number stands in a row.
 type Place = (usize, ScalarType);
@@ -47,7 +53,7 @@ pub(super) fn decode(format: &PlyFormat, elements: &[ElementDef], body: &[u8]) -
             number(bytes, at[2], big),
         )
     };
-    let rows = || table.chunks_exact(row);
+    let rows = || table.par_chunks_exact(row).with_min_len(SHARE);
     let indices = triangles(faces, lists, big)?;
     Some(Mesh {
         positions: rows().map(|r| vector(r, &position)).collect(),
@@ -116,6 +122,15 @@ fn triangles(faces: &ElementDef, bytes: &[u8], big: bool) -> Option<Vec<[u32; 3]
         };
         (!(signed && i > i32::MAX as u32)).then_some(i)
     };
+    // Of triangles alone every row has the same length.
+    let (rows, rest) = bytes.as_chunks::<TRIANGLE>();
+    if known && rest.is_empty() && rows.len() == faces.count && rows.par_iter().all(|row| row[0] == 3) {
+        let corners = |row: &[u8; TRIANGLE]| {
+            let (corners, _) = row[1..].as_chunks::<4>();
+            Some([index(&corners[0])?, index(&corners[1])?, index(&corners[2])?])
+        };
+        return rows.par_iter().with_min_len(SHARE).map(corners).collect();
+    }
     let mut out = Vec::with_capacity(faces.count);
     let mut rest = bytes;
     for _ in 0..faces.count {

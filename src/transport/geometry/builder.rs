@@ -25,9 +25,8 @@ pub struct GeometryBuilder {
     /// Groups, and their places.
     instances: Vec<(u32, DAffine3)>,
     meshes: Vec<Part>,
-    positions: Vec<Vec3>,
-    /// Corners of all triangles, as the meshes count their vertices.
-    corners: Vec<[u32; 3]>,
+    /// How many triangles they have.
+    triangle_count: usize,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     quadrics: Vec<Quadric>,
@@ -42,15 +41,17 @@ pub struct GeometryBuilder {
 /// What has a tree of its own.
 #[derive(Default)]
 struct Set {
-    /// Index into the builder's `corners`, with [`PARALLELOGRAM`] where it and the next one are one, or `QUADRIC | index` into
-    /// `boxes`.
+    /// Number of a triangle among those of all meshes, with [`PARALLELOGRAM`] where it and the next one are one, or `QUADRIC | index`
+    /// into `boxes`.
     primitives: Vec<u32>,
 }
 
-/// Where a mesh begins in the builder's tables.
+/// A mesh, and where it begins in the builder's tables.
 struct Part {
+    positions: Vec<Vec3>,
+    corners: Vec<[u32; 3]>,
+    /// Number of its first triangle.
     triangle: u32,
-    vertex: usize,
     /// [`NONE`] where it has none.
     normal: u32,
     uv: u32,
@@ -140,32 +141,42 @@ impl GeometryBuilder {
 
     /// Adds a mesh in world space.
     pub fn mesh(&mut self, mesh: &Mesh, material: u32) {
+        self.own_mesh(mesh.clone(), material);
+    }
+
+    /// [`Self::mesh`] of a mesh that nobody else needs: large ones are not copied.
+    pub fn own_mesh(&mut self, mesh: Mesh, material: u32) {
         let begin = |empty: bool, first: usize| if empty { NONE } else { first as u32 };
-        let first = self.corners.len() as u32;
-        self.meshes.push(Part {
-            triangle: first,
-            vertex: self.positions.len(),
-            normal: begin(mesh.normals.is_empty(), self.normals.len()),
-            uv: begin(mesh.uvs.is_empty(), self.uvs.len()),
-            material,
-            object: self.object,
-            group: begin(!self.in_group, self.groups.len().saturating_sub(1)),
-            origin: Vec3A::ZERO,
-        });
-        self.positions.extend_from_slice(&mesh.positions);
-        self.corners.extend_from_slice(&mesh.indices);
-        self.normals.extend(mesh.normals.iter().map(Vec3::to_array));
-        self.uvs.extend(mesh.uvs.iter().map(glam::Vec2::to_array));
+        let first = self.triangle_count as u32;
+        self.triangle_count += mesh.indices.len();
+        let (normal, uv) = (
+            begin(mesh.normals.is_empty(), self.normals.len()),
+            begin(mesh.uvs.is_empty(), self.uvs.len()),
+        );
+        let group = begin(!self.in_group, self.groups.len().saturating_sub(1));
         let set = self.set();
         set.primitives.reserve(mesh.indices.len());
         let mut at = 0;
         while let Some(corners) = mesh.indices.get(at) {
             let next = mesh.indices.get(at + 1);
-            let whole = next.is_some_and(|next| is_parallelogram(mesh, corners, next));
+            let whole = next.is_some_and(|next| is_parallelogram(&mesh, corners, next));
             let flag = if whole { PARALLELOGRAM } else { 0 };
             set.primitives.push((first + at as u32) | flag);
             at += 1 + usize::from(whole);
         }
+        self.normals.extend(mesh.normals.iter().map(Vec3::to_array));
+        self.uvs.extend(mesh.uvs.iter().map(Vec2::to_array));
+        self.meshes.push(Part {
+            positions: mesh.positions,
+            corners: mesh.indices,
+            triangle: first,
+            normal,
+            uv,
+            material,
+            object: self.object,
+            group,
+            origin: Vec3A::ZERO,
+        });
     }
 
     /// Adds a quadric.
@@ -191,10 +202,10 @@ impl GeometryBuilder {
         let mut skins = vec![];
         let mut groups = vec![];
         for set in &sets {
-            let all = self.extent(set);
+            let tree = self.tree(set, &mut leaves);
+            let all = tree.extent();
             let skin = (all.max - all.min).max_element().max(0.0) * SKIN;
             let reach = all.min.abs().max(all.max.abs()).length() + skin;
-            let tree = self.tree(set, &mut leaves);
             skins.push((leaves.firsts.len(), skin));
             groups.push(Group { tree, reach, skin });
         }
@@ -211,31 +222,27 @@ impl GeometryBuilder {
             self.boxes.push(instance.bounds(group));
             instances.push(instance);
         }
-        let bounds = self.extent(&world);
+        let tree = self.tree(&world, &mut leaves);
+        let bounds = tree.extent();
         let any = !world.primitives.is_empty();
         let extent = if any {
             (bounds.max - bounds.min).max_element()
         } else {
             1.0
         };
-        let tree = self.tree(&world, &mut leaves);
         skins.push((leaves.firsts.len(), extent * SKIN));
         // What was needed for the trees alone goes before the large tables come, and the meshes go between these.
         drop((world, sets, std::mem::take(&mut self.boxes)));
         let triangles: Vec<Triangle> = leaves.order.par_iter().map(|p| self.triangle(*p)).collect();
         let triangle_objects = leaves.order.par_iter().map(|p| self.part(*p).object).collect();
-        let triangle_count = self.corners.len();
-        drop((
-            std::mem::take(&mut self.positions),
-            std::mem::take(&mut self.corners),
-        ));
+        drop(std::mem::take(&mut self.meshes));
         let packs = leaves.packs(&triangles, &skins);
         Geometry {
             tree,
             packs,
             triangles,
             firsts: leaves.firsts,
-            triangle_count,
+            triangle_count: self.triangle_count,
             normals: self.normals,
             uvs: self.uvs,
             quadrics: self.quadrics,
@@ -276,27 +283,34 @@ impl GeometryBuilder {
     }
 
     /// The mesh of a triangle.
+    #[inline]
     fn part(&self, primitive: u32) -> &Part {
         let (id, _) = index(primitive);
-        &self.meshes[self.meshes.partition_point(|m| m.triangle <= id) - 1]
+        match &self.meshes[..] {
+            [only] => only,
+            all => &all[all.partition_point(|m| m.triangle <= id) - 1],
+        }
     }
 
     /// The mesh of a triangle, and the triangle's corners, its parallelogram's fourth one last.
+    #[inline]
     fn corners(&self, primitive: u32) -> (&Part, [u32; 3], [Vec3A; 4]) {
         let (id, whole) = index(primitive);
         let part = self.part(primitive);
-        let at = |i: u32| Vec3A::from(self.positions[part.vertex + i as usize]);
-        let corners = self.corners[id as usize];
-        let [a, b, c] = corners.map(at);
+        let at = |i: u32| Vec3A::from(part.positions[i as usize]);
+        let id = (id - part.triangle) as usize;
+        let [i, j, k] = part.corners[id];
+        let [a, b, c] = [at(i), at(j), at(k)];
         if !whole {
-            return (part, corners, [a, b, c, a]);
+            return (part, [i, j, k], [a, b, c, a]);
         }
         // From the corner opposite to the diagonal both sides are edges, turned as before.
-        let far = at(self.corners[id as usize + 1][2]);
-        (part, [corners[1], corners[2], corners[0]], [b, c, a, far])
+        let far = at(part.corners[id + 1][2]);
+        (part, [j, k, i], [b, c, a, far])
     }
 
     /// Bounds of a primitive of a set.
+    #[inline]
     fn bounds(&self, primitive: u32) -> Aabb {
         if primitive & QUADRIC != 0 {
             return self.boxes[(primitive ^ QUADRIC) as usize];
@@ -316,10 +330,11 @@ impl GeometryBuilder {
     fn triangle(&self, primitive: u32) -> Triangle {
         let (part, corners, [a, b, c, _]) = self.corners(primitive);
         let indices = |first: u32| {
+            let [i, j, k] = corners;
             if first == NONE {
                 [NONE; 3]
             } else {
-                corners.map(|i| first + i)
+                [first + i, first + j, first + k]
             }
         };
         let uv_indices = indices(part.uv);

@@ -5,6 +5,10 @@
 //! cofactor matrix (Turkowski, "Properties of surface-normal transformations", Graphics Gems, 1990).
 
 use glam::{Affine3A, DMat3, DVec3, Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Vertices or triangles that are worth a task of their own.
+const SHARE: usize = 1 << 14;
 
 /// A triangle mesh. The fields are open; call [`Mesh::validate`] after filling them by hand.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -91,31 +95,29 @@ impl Mesh {
             Some(vertex) => Err(MeshError::NonFinite { what, vertex }),
             None => Ok(()),
         };
-        finite("position", self.positions.iter().position(|p| !p.is_finite()))?;
-        finite("normal", self.normals.iter().position(|n| !n.is_finite()))?;
-        finite("uv", self.uvs.iter().position(|t| !t.is_finite()))?;
-        if let Some(vertex) = self.normals.iter().position(|&n| n == Vec3::ZERO) {
+        finite("position", first(&self.positions, |p| !p.is_finite()))?;
+        finite("normal", first(&self.normals, |n| !n.is_finite()))?;
+        finite("uv", first(&self.uvs, |t| !t.is_finite()))?;
+        if let Some(vertex) = first(&self.normals, |&n| n == Vec3::ZERO) {
             return Err(MeshError::ZeroNormal { vertex });
         }
-        for (triangle, corners) in self.indices.iter().enumerate() {
-            if let Some(&index) = corners.iter().find(|&&i| i as usize >= vertices) {
-                return Err(MeshError::Index {
-                    triangle,
-                    index,
-                    vertices,
-                });
-            }
+        let beyond = |&i: &u32| i as usize >= vertices;
+        match first(&self.indices, |corners| corners.iter().any(beyond)) {
+            Some(triangle) => Err(MeshError::Index {
+                triangle,
+                index: self.indices[triangle].into_iter().find(beyond).unwrap_or(0),
+                vertices,
+            }),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     /// Moves the mesh by an affine map (metres to metres). Normals turn by the inverse transpose and are renormalized;
     /// a reflection also flips the winding, so that geometric and shading normals still agree and an outward-facing
     /// mesh stays outward-facing. A map that flattens space and leaves a normal without direction drops the normals.
     pub fn transform(&mut self, map: &Affine3A) {
-        for p in &mut self.positions {
-            *p = map.transform_point3(*p);
-        }
+        let positions = self.positions.par_iter_mut().with_min_len(SHARE);
+        positions.for_each(|p| *p = map.transform_point3(*p));
         let m = DMat3::from_cols(
             map.matrix3.x_axis.as_dvec3(),
             map.matrix3.y_axis.as_dvec3(),
@@ -128,10 +130,10 @@ impl Mesh {
         );
         let reflects = m.determinant() < 0.0;
         let sign = if reflects { -1.0 } else { 1.0 };
-        for n in &mut self.normals {
+        self.normals.par_iter_mut().with_min_len(SHARE).for_each(|n| {
             let turned = sign * (cofactors * n.as_dvec3());
             *n = turned.try_normalize().map_or(Vec3::ZERO, glam::DVec3::as_vec3);
-        }
+        });
         if self.normals.contains(&Vec3::ZERO) {
             self.normals.clear();
         }
@@ -148,11 +150,14 @@ impl Mesh {
         let before = self.indices.len();
         let positions = &self.positions;
         let corner = |i: u32| positions.get(i as usize).map(|p| p.as_dvec3());
-        self.indices
-            .retain(|&[a, b, c]| match (corner(a), corner(b), corner(c)) {
-                (Some(a), Some(b), Some(c)) => !without_area(a, b, c),
-                _ => true,
-            });
+        let flat = |&[a, b, c]: &[u32; 3]| match (corner(a), corner(b), corner(c)) {
+            (Some(a), Some(b), Some(c)) => without_area(a, b, c),
+            _ => false,
+        };
+        // Most meshes have none.
+        if first(&self.indices, flat).is_some() {
+            self.indices.retain(|corners| !flat(corners));
+        }
         before - self.indices.len()
     }
 
@@ -234,6 +239,11 @@ fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
         .max(ac.length_squared())
         .max(bc.length_squared());
     twice_area <= (1e-12 * longest_squared).max(f64::from(f32::MIN_POSITIVE))
+}
+
+/// The first entry of which `is` is true.
+fn first<T: Sync>(table: &[T], is: impl Fn(&T) -> bool + Sync + Send) -> Option<usize> {
+    table.par_iter().with_min_len(SHARE).position_first(is)
 }
 
 fn keep_used<T>(table: &mut Vec<T>, used: &[bool]) {

@@ -3,6 +3,8 @@
 //!
 //! Knows nothing of materials beyond their names and numbers.
 
+mod binary;
+mod binned;
 pub mod builder;
 pub mod bvh;
 mod crossings;

@@ -77,25 +77,23 @@ fn dot(a: &[Eight; 3], b: &[Eight; 3]) -> Eight {
 
 impl Pack {
     pub(super) fn new(primitives: &[Primitive], width: f32) -> Self {
-        let lanes = |f: &dyn Fn(&Primitive) -> f32| {
-            let mut out = Eight::splat(0.0);
-            for (lane, p) in out.0.iter_mut().zip(primitives) {
-                *lane = f(p);
-            }
-            out
+        let mut pack = Self {
+            v0: [Eight::splat(0.0); 3],
+            e1: [Eight::splat(0.0); 3],
+            e2: [Eight::splat(0.0); 3],
+            skin: Eight::splat(0.0),
+            parallelogram: Mask([0; 8]),
         };
-        let mut parallelogram = Mask([0; 8]);
-        for (lane, p) in parallelogram.0.iter_mut().zip(primitives) {
-            *lane = if p.parallelogram { u32::MAX } else { 0 };
+        for (lane, p) in primitives.iter().enumerate().take(8) {
+            for k in 0..3 {
+                pack.v0[k].0[lane] = p.v0[k];
+                pack.e1[k].0[lane] = p.e1[k];
+                pack.e2[k].0[lane] = p.e2[k];
+            }
+            pack.skin.0[lane] = p.skin(width);
+            pack.parallelogram.0[lane] = if p.parallelogram { u32::MAX } else { 0 };
         }
-        let vector = |f: fn(&Primitive) -> Vec3A| [0, 1, 2].map(|k| lanes(&|p: &Primitive| f(p)[k]));
-        Self {
-            v0: vector(|p| p.v0),
-            e1: vector(|p| p.e1),
-            e2: vector(|p| p.e2),
-            skin: lanes(&|p: &Primitive| p.skin(width)),
-            parallelogram,
-        }
+        pack
     }
 
     /// Möller & Trumbore (1997): bits of the lanes that are hit before `end`; distances and barycentric coordinates of

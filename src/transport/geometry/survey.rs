@@ -1,11 +1,12 @@
 //! What stands in every small pyramid of directions from a point: bounds on the depths of what is nearest, of all else, and of
 //! what hides everything behind it. All are conservative.
 
-use super::bvh::{Geometry, Outline};
+use super::bvh::{Geometry, Outline, QUADRIC};
 use super::instance::Instance;
 use super::tree::Child;
 use arrayvec::ArrayVec;
 use glam::{Mat3A, Vec2, Vec3A};
+use obvhs::aabb::Aabb;
 
 /// Pyramids are taken this much larger than they are, in their own width, against rounding.
 const MARGIN: f32 = 0.02;
@@ -26,6 +27,10 @@ const ROUND_MARGIN: f32 = 1e-3;
 const ANGLE_MARGIN: f32 = 1e-4;
 /// Boxes of an instance are taken this much larger than they are, in units of its group's size.
 const BOX_MARGIN: f32 = 1e-5;
+/// Triangles from which on they are entered by the boxes of the tree where these are small.
+const MANY: usize = 1 << 16;
+/// A box that is no wider than this many pyramids is small.
+const SMALL: f32 = 0.5;
 /// A direction this share of a ball's rim off its middle still hits it for certain.
 const WELL_INSIDE: f32 = 0.99;
 /// Beyond this angle off the axis a tangent is as good as infinite: just below π/2, where single precision changes its sign.
@@ -103,25 +108,68 @@ impl Survey {
             bounds: vec![Bounds::NOTHING; (grid.size[0] * grid.size[1]) as usize],
         };
         let near = NEAR * geometry.extent();
-        for (leaf, outline) in geometry.outlines() {
-            match outline {
-                Outline::Flat { corners } => {
-                    let corners = corners.map(|p| to_local * (p - origin));
-                    survey.flat(Some(leaf), corners, near, geometry.skin())?;
-                }
-                Outline::Ball { centre, radius } => {
-                    survey.round(leaf, to_local * (centre - origin), radius, true)?;
-                }
-                Outline::Inside { centre, radius } => {
-                    survey.round(leaf, to_local * (centre - origin), radius, false)?;
-                }
+        let place = |p| to_local * (p - origin);
+        if geometry.counts().0 < MANY {
+            for (leaf, outline) in geometry.outlines() {
+                survey.outline(geometry, leaf, outline, place, near)?;
             }
+        } else {
+            survey.world(geometry, place, near)?;
         }
         for instance in &geometry.instances {
             let place = |p| to_local * (instance.place(p) - origin);
             survey.boxes(geometry, instance, place, near)?;
         }
         Some(survey)
+    }
+
+    /// Enters a primitive of the world.
+    fn outline(
+        &mut self,
+        geometry: &Geometry,
+        leaf: u32,
+        outline: Outline,
+        place: impl Fn(Vec3A) -> Vec3A,
+        near: f32,
+    ) -> Option<()> {
+        match outline {
+            Outline::Flat { corners } => self.flat(Some(leaf), corners.map(place), near, geometry.skin()),
+            Outline::Ball { centre, radius } => self.round(leaf, place(centre), radius, true),
+            Outline::Inside { centre, radius } => self.round(leaf, place(centre), radius, false),
+        }
+    }
+
+    /// Enters the world by its tree. What is in a box that is smaller than a pyramid hides none, and is entered as the box.
+    fn world(&mut self, geometry: &Geometry, place: impl Fn(Vec3A) -> Vec3A, near: f32) -> Option<()> {
+        let pad = Vec3A::splat(BOX_MARGIN * geometry.extent());
+        let mut todo = vec![0];
+        while let Some(node) = todo.pop() {
+            for (aabb, child) in geometry.tree.children(node) {
+                if self.cuboid(corners(&aabb, pad).map(&place), near, SMALL) {
+                    continue;
+                }
+                match child {
+                    Child::Branch(node) => todo.push(node),
+                    // Instances are entered by their own boxes.
+                    Child::Leaf(leaf) if leaf & 1 == 1 && (leaf >> 1) as usize >= geometry.quadrics.len() => {
+                    }
+                    Child::Leaf(leaf) if leaf & 1 == 1 => {
+                        let number = QUADRIC | leaf >> 1;
+                        if let Some(outline) = geometry.outline(number) {
+                            self.outline(geometry, number, outline, &place, near)?;
+                        }
+                    }
+                    Child::Leaf(leaf) => {
+                        for number in 8 * (leaf >> 1)..8 * (leaf >> 1) + 8 {
+                            if let Some(outline) = geometry.outline(number) {
+                                self.outline(geometry, number, outline, &place, near)?;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Some(())
     }
 
     /// Enters the boxes of an instance's tree, the first ones that are not too close; what `place` does to the group's points
@@ -138,9 +186,7 @@ impl Survey {
         while let Some(node) = todo.pop() {
             for (aabb, child) in group.tree.children(node) {
                 let pad = Vec3A::splat(BOX_MARGIN * group.reach);
-                let (lo, hi) = (aabb.min - pad, aabb.max + pad);
-                let corner = |i: usize| Vec3A::from_array([0, 1, 2].map(|k| [lo, hi][i >> k & 1][k]));
-                if self.cuboid([0, 1, 2, 3, 4, 5, 6, 7].map(|i| place(corner(i))), near) {
+                if self.cuboid(corners(&aabb, pad).map(&place), near, f32::INFINITY) {
                     continue;
                 }
                 match child {
@@ -162,8 +208,9 @@ impl Survey {
         Some(())
     }
 
-    /// Enters something of unknown shape inside the hull of corners; false, and nothing is entered, where that is too close.
-    fn cuboid(&mut self, corners: [Vec3A; 8], near: f32) -> bool {
+    /// Enters something of unknown shape inside the hull of corners; false, and nothing is entered, where that is too close, or wider
+    /// than `most` pyramids.
+    fn cuboid(&mut self, corners: [Vec3A; 8], near: f32, most: f32) -> bool {
         let all = |f: &dyn Fn(&Vec3A) -> f32| corners.iter().all(|c| f(c) > 0.0);
         let whole = self.whole();
         let outside = all(&|c| -c.z)
@@ -179,7 +226,11 @@ impl Survey {
             return false;
         }
         let points = corners.map(|c| Vec2::new(c.x, c.y) / c.z);
-        let [columns, rows] = self.touched(Window::about(&points), 0.0);
+        let window = Window::about(&points);
+        if ((window.hi - window.lo) * self.grid.density).max_element() > most {
+            return false;
+        }
+        let [columns, rows] = self.touched(window, 0.0);
         for row in rows {
             for column in columns.clone() {
                 self.enter(column, row, NOTHING, least * (1.0 - DEPTH_MARGIN), f32::INFINITY);
@@ -378,6 +429,12 @@ fn shadow(x: f32, z: f32, radius: f32) -> [f32; 2] {
         }
     };
     [end(middle - half), end(middle + half)]
+}
+
+/// The corners of a box that is padded on all sides.
+fn corners(aabb: &Aabb, pad: Vec3A) -> [Vec3A; 8] {
+    let (lo, hi) = (aabb.min - pad, aabb.max + pad);
+    [0, 1, 2, 3, 4, 5, 6, 7].map(|i| Vec3A::from_array([0, 1, 2].map(|k| [lo, hi][i >> k & 1][k])))
 }
 
 /// The angle between two directions.

@@ -208,13 +208,73 @@ mod tests {
         builder.build()
     }
 
+    /// Waves of so many triangles that views take them by the boxes of the tree, before a wall and a ball.
+    fn waves() -> Geometry {
+        let n = 190_u32;
+        let point = |i: u32| {
+            let [x, y] = [i % (n + 1), i / (n + 1)].map(|k| k as f32 / n as f32 * 3.6 - 1.8);
+            Vec3::new(x, y, 0.3 * (5.0 * x).sin() * (4.0 * y).cos())
+        };
+        let corner = |i: u32| i / n * (n + 1) + i % n;
+        let mut builder = GeometryBuilder::default();
+        let squares = (0..n * n).map(corner);
+        builder.own_mesh(
+            Mesh {
+                positions: (0..(n + 1) * (n + 1)).map(point).collect(),
+                indices: squares
+                    .flat_map(|c| [[c, c + 1, c + n + 2], [c, c + n + 2, c + n + 1]])
+                    .collect(),
+                ..Mesh::default()
+            },
+            0,
+        );
+        let mut wall = Mesh::rectangle();
+        let back = Affine3A::from_scale_rotation_translation(
+            Vec3::splat(1.9),
+            Quat::IDENTITY,
+            Vec3::new(0.0, 0.0, -1.5),
+        );
+        wall.transform(&back);
+        builder.own_mesh(wall, 1);
+        let place = Affine3A::from_scale_rotation_translation(
+            Vec3::splat(0.4),
+            Quat::IDENTITY,
+            Vec3::new(0.5, 0.5, 1.2),
+        );
+        builder.quadric(Quadric::new(QuadricKind::Sphere, place, 2));
+        builder.build()
+    }
+
     /// Whatever a view says of a point, a ray says too; and it speaks of most.
     #[test]
     fn views_agree_with_rays() {
         let mut stream = Stream::new(11, 0, 0);
         let g = room(&mut stream);
+        let [asked, spoken, free, firsts] = agree(&g, &mut stream);
+        assert!(
+            spoken > asked / 2 && free > spoken / 4 && free < spoken,
+            "{free} {spoken} {asked}"
+        );
+        assert!(firsts > 90_000, "{firsts}");
+    }
+
+    /// Of what stands beside or before a large mesh it speaks as well.
+    #[test]
+    fn views_of_large_meshes_agree_with_rays() {
+        let mut stream = Stream::new(13, 0, 0);
+        let g = waves();
+        assert!(g.counts().0 > 1 << 16);
+        let [asked, spoken, free, firsts] = agree(&g, &mut stream);
+        assert!(
+            spoken > asked / 100 && free > 0 && firsts > 1000,
+            "{free} {spoken} {asked} {firsts}"
+        );
+    }
+
+    /// Asks a view and rays; how many questions there were, answers, those that nothing is between, and first hits.
+    fn agree(g: &Geometry, stream: &mut Stream) -> [u32; 4] {
         let (lo, hi) = (Vec2::new(-0.9, -0.8), Vec2::new(0.8, 0.7));
-        let [mut asked, mut spoken, mut free, mut firsts] = [0; 4];
+        let [mut asked, mut spoken, mut free, mut firsts] = [0_u32; 4];
         for origin in [
             Vec3A::new(0.1, 0.2, 3.9),
             Vec3A::new(-1.5, 1.2, 2.5),
@@ -222,7 +282,7 @@ mod tests {
         ] {
             let axes = Mat3A::from_quat(Quat::from_rotation_y(0.1 * origin.x))
                 * Mat3A::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
-            let view = View::new(&g, origin, axes, [lo, hi], [256, 200]).expect("a view");
+            let view = View::new(g, origin, axes, [lo, hi], [256, 200]).expect("a view");
             for _ in 0..100_000 {
                 // From anywhere in the room to any surface.
                 let at = Vec3A::new(stream.uniform(), stream.uniform(), stream.uniform()) * 3.8 - 1.9;
@@ -264,18 +324,14 @@ mod tests {
                     dir: (axes * Vec3A::from(d.extend(1.0))).normalize(),
                 };
                 let [cell] = view.cells_toward(&ray.dir.to_array().map(|v| [v]));
-                if let Some(hit) = view.first_hit(cell, &g, &ray) {
+                if let Some(hit) = view.first_hit(cell, g, &ray) {
                     firsts += 1;
                     let found = g.intersect(&ray, f32::INFINITY).expect("a hit");
                     assert_eq!((hit.leaf, hit.t), (found.leaf, found.t));
                 }
             }
         }
-        assert!(
-            spoken > asked / 2 && free > spoken / 4 && free < spoken,
-            "{free} {spoken} {asked}"
-        );
-        assert!(firsts > 90_000, "{firsts}");
+        [asked, spoken, free, firsts]
     }
 
     /// A pinhole in a ball, or just before a wall, has no view.

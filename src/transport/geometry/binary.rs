@@ -1,0 +1,153 @@
+//! Binary trees over boxes, from which those of width eight are made.
+//!
+//! Few boxes are clustered from the bottom (PLOC, Meister & Bittner 2018), many split from the top ([`super::binned`]); what comes of
+//! either is made better by reinsertion (Meister & Bittner 2018, "Parallel reinsertion for bounding volume hierarchy optimization").
+//! Clustering and reinsertion are those of the crate obvhs.
+
+use super::binned::{self, Grown, LEAF_SIZE};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::node::Bvh2Node;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::PlocBuilder;
+use rayon::prelude::*;
+
+/// Boxes from which on they are split from the top. Of the mesh of `validation/rays.py` such a tree takes a ninth of the time of one that
+/// is clustered and answers more rays a second, at a tenth of its triangles as well; smaller ones keep the trees that they have.
+const MANY: usize = 1 << 16;
+/// Neighbours in either direction of which PLOC chooses a partner.
+const SEARCH: usize = 14;
+
+/// A run of primitives that fit in one leaf, or a branch.
+pub(super) enum Part<'a> {
+    Leaf(&'a [u32]),
+    Branch,
+}
+
+/// A binary tree, with primitives in the order of its leaves, and for every node the run of them that it covers.
+pub(super) struct Binary {
+    pub(super) nodes: Vec<Bvh2Node>,
+    order: Vec<u32>,
+    /// First primitive in `order`, and one past the last.
+    runs: Vec<[u32; 2]>,
+}
+
+impl Binary {
+    /// The tree over `count` boxes; leaves of more than one primitive hold what `fits`.
+    pub(super) fn of(
+        count: usize,
+        bounds: &(impl Fn(usize) -> Aabb + Sync),
+        fits: &(impl Fn(&[u32]) -> bool + Sync),
+    ) -> Self {
+        if count < MANY {
+            Self::clustered(count, bounds)
+        } else {
+            Self::split(count, bounds, fits)
+        }
+    }
+
+    /// Clusters boxes from the bottom; leaves hold one primitive each. In obvhs's parts, because its own whole wants the boxes as a
+    /// table beside its own.
+    pub(super) fn clustered(count: usize, bounds: &(impl Fn(usize) -> Aabb + Sync)) -> Self {
+        let params = BvhBuildParams::medium_build();
+        let mut tree = Bvh2::zeroed(count);
+        let mut ploc = PlocBuilder::new();
+        let node = |i| Bvh2Node::new(bounds(i), 1, i as u32);
+        (0..count)
+            .into_par_iter()
+            .map(node)
+            .collect_into_vec(&mut ploc.current_nodes);
+        let nodes = ploc.current_nodes.par_iter();
+        let all = nodes.map(|n| *n.aabb()).reduce(Aabb::empty, |a, b| a.union(&b));
+        ploc.build_ploc_from_leaves::<SEARCH, false>(
+            &mut tree,
+            all,
+            params.sort_precision,
+            params.search_depth_threshold,
+        );
+        drop(ploc);
+        tree.primitive_indices = (0..count as u32).collect();
+        Self::better(tree)
+    }
+
+    /// Splits boxes from the top.
+    pub(super) fn split(
+        count: usize,
+        bounds: &(impl Fn(usize) -> Aabb + Sync),
+        fits: &(impl Fn(&[u32]) -> bool + Sync),
+    ) -> Self {
+        let Grown { nodes, order } = binned::grow(count, bounds, fits);
+        let mut tree = Bvh2::zeroed(0);
+        (tree.nodes, tree.primitive_indices) = (nodes, order);
+        Self::better(tree)
+    }
+
+    /// Inserts nodes anew where they make a tree better.
+    fn better(mut tree: Bvh2) -> Self {
+        let params = BvhBuildParams::medium_build();
+        let mut reinsertion = ReinsertionOptimizer::default();
+        for times in [1.0, params.post_collapse_reinsertion_batch_ratio_multiplier] {
+            reinsertion.run(&mut tree, params.reinsertion_batch_ratio * times, None);
+        }
+        Self::new(tree.nodes, &tree.primitive_indices)
+    }
+
+    /// Of nodes whose leaves hold runs of `indices`.
+    fn new(nodes: Vec<Bvh2Node>, indices: &[u32]) -> Self {
+        let mut order = Vec::with_capacity(indices.len());
+        let mut runs = vec![[0; 2]; nodes.len()];
+        // Depth first, so that a node covers a run of `order`; a node comes up again behind its children.
+        let mut todo = vec![(0_u32, false)];
+        while let Some((at, done)) = todo.pop() {
+            let (node, run) = (&nodes[at as usize], &mut runs[at as usize]);
+            if done {
+                run[1] = order.len() as u32;
+                continue;
+            }
+            run[0] = order.len() as u32;
+            if node.is_leaf() {
+                let first = node.first_index as usize;
+                order.extend(&indices[first..first + node.prim_count as usize]);
+                run[1] = order.len() as u32;
+            } else {
+                todo.extend([
+                    (at, true),
+                    (node.first_index + 1, false),
+                    (node.first_index, false),
+                ]);
+            }
+        }
+        Self { nodes, order, runs }
+    }
+
+    /// The same primitives in the same order, halved again and again.
+    pub(super) fn halved(&self, bounds: &impl Fn(usize) -> Aabb) -> Self {
+        let mut nodes = vec![Bvh2Node::default()];
+        let mut todo = vec![(0_u32, self.order.len() as u32, 0)];
+        while let Some((first, last, here)) = todo.pop() {
+            let run = &self.order[first as usize..last as usize];
+            let boxes = run.iter().map(|i| bounds(*i as usize));
+            let aabb = boxes.fold(Aabb::empty(), |all, b| all.union(&b));
+            nodes[here] = if run.len() == 1 {
+                Bvh2Node::new(aabb, 1, first)
+            } else {
+                let (middle, child) = (first.midpoint(last), nodes.len());
+                nodes.resize(child + 2, Bvh2Node::default());
+                todo.extend([(middle, last, child + 1), (first, middle, child)]);
+                Bvh2Node::new(aabb, 0, child as u32)
+            };
+        }
+        Self::new(nodes, &self.order)
+    }
+
+    pub(super) fn part(&self, node: u32, fits: &impl Fn(&[u32]) -> bool) -> Part<'_> {
+        let [first, last] = self.runs[node as usize];
+        let run = &self.order[first as usize..last as usize];
+        if self.nodes[node as usize].is_leaf() || (run.len() <= LEAF_SIZE && fits(run)) {
+            Part::Leaf(run)
+        } else {
+            Part::Branch
+        }
+    }
+}

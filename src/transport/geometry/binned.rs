@@ -1,0 +1,416 @@
+//! Binary trees of large meshes, built from the top (Wald 2007, "On fast construction of SAH-based bounding volume hierarchies").
+//!
+//! A set of boxes is split where that makes rays cheapest, by the surface area heuristic over a few places on each axis, until what
+//! is left fits in a leaf. A leaf costs a ray the same whether it is full or not, so that costs count leaves, not boxes. That takes
+//! a fraction of the time of clustering from the bottom; the tree is made better afterwards, leaf by leaf, which are few.
+//!
+//! How sets are cut into tasks depends on their sizes alone, and what tasks find is put together in the order of the sets, so that
+//! the tree is the same on any number of threads.
+
+use arrayvec::ArrayVec;
+use glam::Vec3A;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::node::Bvh2Node;
+use rayon::prelude::*;
+use wide::f32x4;
+
+/// Most primitives of a leaf.
+pub(super) const LEAF_SIZE: usize = 8;
+/// Most places at which a set may be split on an axis, and one.
+const BINS: usize = 16;
+/// Sets up to this size are one task.
+const GRAIN: usize = 1 << 13;
+/// Entries that are binned at once.
+const CHUNK: usize = 1 << 15;
+/// From this depth on sets are halved in order, which ends.
+const DEEP: usize = 48;
+/// Bits that are turned in a number beside a corner: small ones would be denormal numbers, which are slow to reckon with.
+const NUMBER: u32 = 0x4000_0000;
+/// Sets whose middles reach no farther than this cannot be told apart, metres.
+const LEAST: f32 = 1e-30;
+
+/// A binary tree; the children of a branch stand together, at an odd place and the next, and after it. A leaf holds the run of `order` that
+/// begins at its `first_index`.
+pub(super) struct Grown {
+    pub(super) nodes: Vec<Bvh2Node>,
+    pub(super) order: Vec<u32>,
+}
+
+/// A box. The fourth lane is nothing.
+#[derive(Clone, Copy)]
+struct Extent {
+    lo: f32x4,
+    hi: f32x4,
+}
+
+impl Extent {
+    const EMPTY: Self = Self {
+        lo: f32x4::new([f32::INFINITY; 4]),
+        hi: f32x4::new([f32::NEG_INFINITY; 4]),
+    };
+
+    #[inline(always)]
+    fn add(&mut self, lo: f32x4, hi: f32x4) {
+        self.lo = self.lo.fast_min(lo);
+        self.hi = self.hi.fast_max(hi);
+    }
+
+    fn and(mut self, other: Self) -> Self {
+        self.add(other.lo, other.hi);
+        self
+    }
+
+    #[inline(always)]
+    fn half_area(&self) -> f32 {
+        let [x, y, z, _] = (self.hi - self.lo).to_array();
+        x * y + y * z + z * x
+    }
+
+    fn aabb(&self) -> Aabb {
+        let corner = |v: f32x4| {
+            let [x, y, z, _] = v.to_array();
+            Vec3A::new(x, y, z)
+        };
+        Aabb::new(corner(self.lo), corner(self.hi))
+    }
+}
+
+/// A primitive: its box, and its number in the fourth lane of `lo`.
+#[derive(Clone, Copy)]
+struct Entry {
+    lo: f32x4,
+    hi: f32x4,
+}
+
+impl Entry {
+    fn new(aabb: &Aabb, number: u32) -> Self {
+        let lane = |v: Vec3A, last: f32| f32x4::new([v.x, v.y, v.z, last]);
+        Self {
+            lo: lane(aabb.min, f32::from_bits(number ^ NUMBER)),
+            hi: lane(aabb.max, 0.0),
+        }
+    }
+
+    fn number(&self) -> u32 {
+        self.lo.to_array()[3].to_bits() ^ NUMBER
+    }
+
+    /// Twice the middle.
+    #[inline(always)]
+    fn middle(&self) -> f32x4 {
+        self.lo + self.hi
+    }
+}
+
+/// Bounds of boxes.
+fn boxes(entries: &[Entry]) -> Extent {
+    let mut all = Extent::EMPTY;
+    entries.iter().for_each(|e| all.add(e.lo, e.hi));
+    all
+}
+
+/// Bounds of twice the middles.
+fn middles(entries: &[Entry]) -> Extent {
+    let mut all = Extent::EMPTY;
+    for entry in entries {
+        let middle = entry.middle();
+        all.add(middle, middle);
+    }
+    all
+}
+
+/// The same of many entries.
+fn together(entries: &[Entry], of: fn(&[Entry]) -> Extent) -> Extent {
+    let extents = entries.par_chunks(CHUNK).map(of);
+    extents.reduce(|| Extent::EMPTY, Extent::and)
+}
+
+/// How middles are counted into bins.
+#[derive(Clone, Copy)]
+struct Grid {
+    bins: usize,
+    first: f32x4,
+    scale: f32x4,
+    last: f32x4,
+}
+
+impl Grid {
+    /// Of entries by the bounds of twice their middles, and by their number.
+    fn new(middles: &Extent, count: usize) -> Self {
+        // Small sets are many, and have few places to be split at.
+        let bins = (4 + count / 4).min(BINS);
+        let scale = |length: f32| if length > LEAST { bins as f32 / length } else { 0.0 };
+        Self {
+            bins,
+            first: middles.lo,
+            scale: f32x4::new((middles.hi - middles.lo).to_array().map(scale)),
+            last: f32x4::splat((bins - 1) as f32),
+        }
+    }
+
+    /// The bins of an entry on the axes.
+    #[inline(always)]
+    fn bin(&self, entry: &Entry) -> [i32; 4] {
+        let at = (entry.middle() - self.first) * self.scale;
+        at.fast_min(self.last).fast_trunc_int().to_array()
+    }
+}
+
+/// What lies in the bins of the axes.
+struct Bins {
+    boxes: [[Extent; BINS]; 3],
+    counts: [[u32; BINS]; 3],
+}
+
+/// Between which bins of which axis a set is split.
+#[derive(Clone, Copy)]
+struct Cut {
+    axis: usize,
+    bin: usize,
+}
+
+impl Cut {
+    #[inline(always)]
+    fn is_near(self, grid: &Grid, entry: &Entry) -> bool {
+        (grid.bin(entry)[self.axis & 3] as usize) < self.bin
+    }
+}
+
+impl Bins {
+    const EMPTY: Self = Self {
+        boxes: [[Extent::EMPTY; BINS]; 3],
+        counts: [[0; BINS]; 3],
+    };
+
+    /// Holds what lies in the bins of entries from now on.
+    fn fill(&mut self, grid: &Grid, entries: &[Entry]) {
+        for axis in 0..3 {
+            self.boxes[axis][..grid.bins].fill(Extent::EMPTY);
+            self.counts[axis][..grid.bins].fill(0);
+        }
+        for entry in entries {
+            let axes = self.boxes.iter_mut().zip(&mut self.counts);
+            for ((boxes, counts), bin) in axes.zip(grid.bin(entry)) {
+                let bin = bin as usize & (BINS - 1);
+                boxes[bin].add(entry.lo, entry.hi);
+                counts[bin] += 1;
+            }
+        }
+    }
+
+    fn and(mut self, other: &Self) -> Self {
+        for axis in 0..3 {
+            for (mine, theirs) in self.boxes[axis].iter_mut().zip(&other.boxes[axis]) {
+                mine.add(theirs.lo, theirs.hi);
+            }
+            for (mine, theirs) in self.counts[axis].iter_mut().zip(&other.counts[axis]) {
+                *mine += theirs;
+            }
+        }
+        self
+    }
+
+    /// The boxes on both sides of a cut.
+    fn sides(&self, grid: &Grid, cut: Cut) -> [Extent; 2] {
+        let (below, above) = self.boxes[cut.axis][..grid.bins].split_at(cut.bin);
+        [below, above].map(|side| side.iter().fold(Extent::EMPTY, |all, e| all.and(*e)))
+    }
+
+    /// The best of all cuts, where there is any.
+    fn cut(&self, grid: &Grid) -> Option<Cut> {
+        let cost = |count: u32, extent: &Extent| count.div_ceil(LEAF_SIZE as u32) as f32 * extent.half_area();
+        let mut best = (f32::INFINITY, None);
+        for axis in 0..3 {
+            let (boxes, counts) = (&self.boxes[axis], &self.counts[axis]);
+            // The costs of what is beyond each cut, and infinity where that is nothing.
+            let mut beyond = [f32::INFINITY; BINS];
+            let (mut extent, mut count) = (Extent::EMPTY, 0);
+            for bin in (1..grid.bins).rev() {
+                extent.add(boxes[bin].lo, boxes[bin].hi);
+                count += counts[bin];
+                if count > 0 {
+                    beyond[bin] = cost(count, &extent);
+                }
+            }
+            let (mut extent, mut count) = (Extent::EMPTY, 0);
+            for bin in 1..grid.bins {
+                extent.add(boxes[bin - 1].lo, boxes[bin - 1].hi);
+                count += counts[bin - 1];
+                if count > 0 {
+                    let both = cost(count, &extent) + beyond[bin];
+                    if both < best.0 {
+                        best = (both, Some(Cut { axis, bin }));
+                    }
+                }
+            }
+        }
+        best.1
+    }
+}
+
+/// A part of the tree: the nodes of one task, or a branch whose children are others'.
+enum Part {
+    Whole(Vec<Bvh2Node>),
+    Branch(Aabb, Box<[Self; 2]>),
+}
+
+/// Builds the tree over `count` boxes; `fits` says which primitives may share a leaf.
+pub(super) fn grow(
+    count: usize,
+    bounds: &(impl Fn(usize) -> Aabb + Sync),
+    fits: &(impl Fn(&[u32]) -> bool + Sync),
+) -> Grown {
+    let all = (0..count).into_par_iter().with_min_len(1024);
+    let mut entries: Vec<Entry> = all.map(|i| Entry::new(&bounds(i), i as u32)).collect();
+    let whole = together(&entries, boxes);
+    let part = part(&mut entries, 0, &whole, 0, fits);
+    Grown {
+        nodes: by_levels(&part),
+        order: entries.par_iter().map(Entry::number).collect(),
+    }
+}
+
+/// The tree over entries with these bounds, the first of which is number `first` of all.
+fn part(
+    entries: &mut [Entry],
+    first: usize,
+    extent: &Extent,
+    depth: usize,
+    fits: &(impl Fn(&[u32]) -> bool + Sync),
+) -> Part {
+    if entries.len() <= GRAIN {
+        let mut task = Task {
+            nodes: vec![Bvh2Node::default()],
+            bins: Bins::EMPTY,
+            aside: entries.to_vec(),
+            fits,
+        };
+        task.fill(0, entries, first, extent, depth);
+        return Part::Whole(task.nodes);
+    }
+    let grid = Grid::new(&together(entries, middles), entries.len());
+    let bins = entries.par_chunks(CHUNK).map(|chunk| {
+        let mut bins = Bins::EMPTY;
+        bins.fill(&grid, chunk);
+        bins
+    });
+    let bins = bins.reduce(|| Bins::EMPTY, |a, b| a.and(&b));
+    let (middle, [near, far]) = match cut(&bins, &grid, depth) {
+        Some(cut) => (divide(entries, &grid, cut), bins.sides(&grid, cut)),
+        None => halves(entries),
+    };
+    let (below, above) = entries.split_at_mut(middle);
+    let (below, above) = rayon::join(
+        || part(below, first, &near, depth + 1, fits),
+        || part(above, first + middle, &far, depth + 1, fits),
+    );
+    Part::Branch(extent.aabb(), Box::new([below, above]))
+}
+
+/// Where a set is split; `None` where no place is better than another, or where it must come to an end.
+fn cut(bins: &Bins, grid: &Grid, depth: usize) -> Option<Cut> {
+    if depth < DEEP { bins.cut(grid) } else { None }
+}
+
+/// The middle of entries in their order, and the boxes of both halves.
+fn halves(entries: &[Entry]) -> (usize, [Extent; 2]) {
+    let middle = entries.len() / 2;
+    let (below, above) = entries.split_at(middle);
+    (middle, [boxes(below), boxes(above)])
+}
+
+/// Puts the entries on the near side of a cut before the others; returns how many they are.
+fn divide(entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
+    let (mut at, mut end) = (0, entries.len());
+    while at < end {
+        if cut.is_near(grid, &entries[at]) {
+            at += 1;
+        } else {
+            end -= 1;
+            entries.swap(at, end);
+        }
+    }
+    at
+}
+
+/// One task: the nodes so far, and what is used again and again.
+struct Task<'a, F> {
+    nodes: Vec<Bvh2Node>,
+    bins: Bins,
+    /// As many entries as the task has.
+    aside: Vec<Entry>,
+    fits: &'a F,
+}
+
+impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
+    /// The tree over entries becomes node number `node`.
+    fn fill(&mut self, node: usize, entries: &mut [Entry], first: usize, extent: &Extent, depth: usize) {
+        let count = entries.len();
+        if count <= LEAF_SIZE {
+            let run: ArrayVec<u32, LEAF_SIZE> = entries.iter().map(Entry::number).collect();
+            if count == 1 || (self.fits)(&run) {
+                self.nodes[node] = Bvh2Node::new(extent.aabb(), count as u32, first as u32);
+                return;
+            }
+        }
+        let grid = Grid::new(&middles(entries), count);
+        self.bins.fill(&grid, entries);
+        let (middle, [near, far]) = match cut(&self.bins, &grid, depth) {
+            Some(cut) => (self.divide(entries, &grid, cut), self.bins.sides(&grid, cut)),
+            None => halves(entries),
+        };
+        let child = self.nodes.len();
+        self.nodes[node] = Bvh2Node::new(extent.aabb(), 0, child as u32);
+        self.nodes.extend([Bvh2Node::default(); 2]);
+        let (below, above) = entries.split_at_mut(middle);
+        self.fill(child, below, first, &near, depth + 1);
+        self.fill(child + 1, above, first + middle, &far, depth + 1);
+    }
+
+    /// As [`divide`], without a branch an entry, which a processor would guess wrongly every other time.
+    fn divide(&mut self, entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
+        let (mut near, mut far) = (0, 0);
+        for at in 0..entries.len() {
+            let entry = entries[at];
+            let is_near = usize::from(cut.is_near(grid, &entry));
+            entries[near] = entry;
+            self.aside[far] = entry;
+            near += is_near;
+            far += 1 - is_near;
+        }
+        entries[near..].copy_from_slice(&self.aside[..far]);
+        near
+    }
+}
+
+/// The nodes of all parts, level by level: the largest come first, which is what making the tree better begins with.
+fn by_levels(part: &Part) -> Vec<Bvh2Node> {
+    let mut nodes = vec![Bvh2Node::default()];
+    // Where the nodes that are there come from: a part, and a number in it.
+    let mut from = vec![(part, 0_u32)];
+    let mut at = 0;
+    while let Some((part, number)) = from.get(at).copied() {
+        let child = nodes.len() as u32;
+        let (node, below) = match part {
+            Part::Branch(aabb, parts) => {
+                let [a, b] = &**parts;
+                (Bvh2Node::new(*aabb, 0, child), Some([(a, 0), (b, 0)]))
+            }
+            Part::Whole(all) => match all[number as usize] {
+                leaf if leaf.is_leaf() => (leaf, None),
+                branch => {
+                    let first = branch.first_index;
+                    let below = [(part, first), (part, first + 1)];
+                    (Bvh2Node::new(*branch.aabb(), 0, child), Some(below))
+                }
+            },
+        };
+        nodes[at] = node;
+        if let Some(below) = below {
+            nodes.extend([Bvh2Node::default(); 2]);
+            from.extend(below);
+        }
+        at += 1;
+    }
+    nodes
+}
