@@ -5,7 +5,7 @@ use super::places;
 use super::progress::Progress;
 use std::path::{Path, PathBuf};
 use sunstone::figure::{Format, save};
-use sunstone::figure_file::{FigureFileError, Settings, Source, prepare};
+use sunstone::figure_file::{FigureFileError, Settings, Source, prepare, program};
 
 /// Formats of a figure.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -105,6 +105,7 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
             .unwrap_or_else(|| PathBuf::from("out").join("apply").join("renders")),
         scenes: o.scenes.clone(),
         preview: o.preview,
+        program: program(),
     };
     let scenes = settings.scenes.iter();
     places::folders(inputs.iter().chain(scenes).map(Some), [Some(&settings.renders)])?;

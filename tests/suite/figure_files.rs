@@ -213,6 +213,7 @@ fn a_render_that_was_stopped_goes_on() {
         renders: folder.path().join(renders),
         scenes: None,
         preview: true,
+        program: None,
     };
     let (cut, whole) = (settings("cut"), settings("whole"));
     let impatient = Impatient(AtomicUsize::new(0));
