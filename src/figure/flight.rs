@@ -6,7 +6,7 @@
 use super::colour::{self, percentile, rgb_weights};
 use super::drawing::Drawing;
 use super::error::FigureError;
-use super::layout::{Page, Panels, growth};
+use super::layout::{Page, Panels, growth, white_words};
 use super::panel::Panel;
 use super::photo::{self, channels};
 use super::raster::{Factor, Raster};
@@ -115,7 +115,7 @@ pub(super) fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames
         "{} frames{bin}. {}. One exposure for all: white {}.",
         shown.len(),
         channels(source.wavelengths()),
-        white.words(" (99.5th percentile of what is above zero)"),
+        white_words(white, " (99.5th percentile of what is above zero)"),
     );
     Ok(Frames {
         xs,

@@ -8,7 +8,7 @@ use image::Rgb;
 use super::colour::{UNDEFINED, exposure, percentile, signed, srgb};
 use super::drawing::{Drawing, Rect};
 use super::error::FigureError;
-use super::layout::{Bar, CAMERA_UNIT, Panels, growth};
+use super::layout::{Bar, CAMERA_UNIT, Panels, growth, white_words};
 use super::panel::Panel;
 use super::photo;
 use super::raster::{Factor, Raster};
@@ -116,7 +116,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
     if view.normalized {
         notes.push(format!(
             "M00 is shown as intensity, white {}; grey: not defined (M00 is not positive).",
-            white.words(" (99th percentile)")
+            white_words(white, " (99th percentile)")
         ));
     }
     let mut page = grid.page(16, title, Some(bar), notes);

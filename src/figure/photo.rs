@@ -3,7 +3,7 @@
 use super::colour::{exposure, photo, rgb_weights};
 use super::drawing::Drawing;
 use super::error::FigureError;
-use super::layout::{Axis, Page};
+use super::layout::{Axis, Page, white_words};
 use super::panel::Panel;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
@@ -74,11 +74,14 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, Fig
         notes: vec![format!(
             "{}. White: {}.",
             channels(source.wavelengths()),
-            white.words(if view.white.is_none() {
-                " (99th percentile)"
-            } else {
-                ""
-            }),
+            white_words(
+                white,
+                if view.white.is_none() {
+                    " (99th percentile)"
+                } else {
+                    ""
+                }
+            ),
         )],
         ..Page::default()
     };

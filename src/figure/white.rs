@@ -1,8 +1,5 @@
 //! What is shown as white.
 
-use super::layout::CAMERA_UNIT;
-use super::ticks::brief;
-
 /// The value that is shown as white, or at the ends of a signed scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum White {
@@ -19,14 +16,6 @@ impl White {
         match self {
             Self::Value(v) => v,
             Self::Nothing => 1.0,
-        }
-    }
-
-    /// The value in the camera's unit, and where it came from; or that there is none.
-    pub(crate) fn words(self, origin: &str) -> String {
-        match self {
-            Self::Value(v) => format!("{} {CAMERA_UNIT}{origin}", brief(f64::from(v))),
-            Self::Nothing => "at no value (nothing is positive)".into(),
         }
     }
 }
