@@ -345,7 +345,7 @@ impl Observer<'_> {
         self.plan
             .truth
             .iter()
-            .flat_map(move |t| self.of_slice(variant, t))
+            .filter_map(move |t| self.of_slice(variant, t))
     }
 
     fn of_slice(&self, variant: u64, truth: &Truth) -> Option<Wanted> {

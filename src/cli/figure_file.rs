@@ -111,20 +111,19 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
     places::folders(inputs.iter().chain(scenes).map(Some), [Some(&settings.renders)])?;
     places::outside_stores(outputs.iter().chain([&settings.renders]))?;
     let progress = Progress::start();
+    let mut all = vec![];
     for source in &sources {
-        prepare(source, &settings, &progress)?;
+        all.push(prepare(source, &settings, &progress)?);
     }
     std::fs::create_dir_all(&settings.renders).map_err(|e| {
         let shown = settings.renders.display();
         Failure::failed(format!("cannot make {shown}: {e}; name another by --renders"))
     })?;
-    for (source, path) in sources.iter().zip(&outputs) {
-        let made = prepare(source, &settings, &progress)?
-            .draw()
-            .map_err(|e| match e {
-                FigureFileError::Figure(e) => Failure::input(format!("{}: {e}", source.path.display())),
-                e => e.into(),
-            })?;
+    for ((source, prepared), path) in sources.iter().zip(all).zip(&outputs) {
+        let made = prepared.draw().map_err(|e| match e {
+            FigureFileError::Figure(e) => Failure::input(format!("{}: {e}", source.path.display())),
+            e => e.into(),
+        })?;
         save(&made.drawing, path)?;
         super::output::print(&format!(
             "{} ({} renders made now)",
