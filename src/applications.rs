@@ -97,39 +97,129 @@ pub fn run(
     settings: &Settings,
     watch: &dyn Watch,
 ) -> Result<Report, ApplicationError> {
-    if !(1..=MOST_SEEDS).contains(&settings.seeds) {
-        return Err(ApplicationError::Seeds(settings.seeds));
+    Run::new(application, settings, watch)?.report()
+}
+
+/// An application with what it is run on.
+pub struct Run<'a> {
+    application: &'a dyn Application,
+    settings: &'a Settings,
+    watch: &'a dyn Watch,
+    observer: Observer<'a>,
+}
+
+impl<'a> Run<'a> {
+    /// Renders nothing yet.
+    ///
+    /// # Errors
+    /// [`ApplicationError::Seeds`]; [`ApplicationError::Studio`] if the scene file cannot be read.
+    pub fn new(
+        application: &'a dyn Application,
+        settings: &'a Settings,
+        watch: &'a dyn Watch,
+    ) -> Result<Self, ApplicationError> {
+        if !(1..=MOST_SEEDS).contains(&settings.seeds) {
+            return Err(ApplicationError::Seeds(settings.seeds));
+        }
+        let plan = application.plan();
+        let size = if settings.preview { plan.preview } else { plan.full };
+        let path = settings.scenes.join(plan.scene);
+        Ok(Self {
+            application,
+            settings,
+            watch,
+            observer: Observer {
+                studio: Studio::open(&path, &settings.renders, watch)?,
+                plan,
+                size,
+                truths: BTreeMap::new(),
+                stores: BTreeMap::new(),
+            },
+        })
     }
-    let plan = application.plan();
-    let size = if settings.preview { plan.preview } else { plan.full };
-    let path = settings.scenes.join(plan.scene);
-    let mut observer = Observer {
-        studio: Studio::open(&path, &settings.renders, watch)?,
-        plan: &plan,
-        size,
-        truths: BTreeMap::new(),
-    };
-    let (mut scores, mut first) = (vec![], None);
-    let mut through = vec![];
-    for seed in 1..=settings.seeds {
-        let mut all = |variants: &[u64]| -> Result<Vec<Observation>, ApplicationError> {
-            variants.iter().map(|v| observer.observe(*v, seed)).collect()
-        };
-        let (train, test) = (all(&plan.train)?, all(&plan.test)?);
-        let outcome = application.run(&train, &test)?;
-        links::capture(application, &settings.links, &train, &test, watch, &mut through)?;
-        scores.extend(outcome.scores.iter().map(|s| (seed, s.clone())));
-        first.get_or_insert(outcome);
+
+    /// Renders what is not rendered yet, and says what all methods are given, but for the links: another text as soon as a scene, a render
+    /// or the size is another one. What methods make of it is the program's.
+    ///
+    /// # Errors
+    /// [`ApplicationError`].
+    pub fn inputs(&mut self) -> Result<String, ApplicationError> {
+        let Self {
+            application,
+            settings,
+            observer,
+            ..
+        } = self;
+        let Size { pixels, spp } = observer.size;
+        let (name, seeds) = (application.name(), settings.seeds);
+        let mut out = format!("{name}, {pixels} pixels, {spp} samples, seeds 1 to {seeds}\n");
+        let variants = [&observer.plan.train[..], &observer.plan.test].concat();
+        for number in variants {
+            let variant = observer.studio.variant(Some(number))?;
+            out += &format!("variant {number} {:?}\n", variant.values);
+            let wanted = (1..=seeds).map(|seed| observer.of_seed(number, seed));
+            let wanted: Vec<Wanted> = wanted.chain(observer.of_truth(number)).collect();
+            let wanted = wanted.into_iter().filter(|w| !w.slices.is_empty());
+            let wanted: Vec<Wanted> = wanted.collect();
+            // Names of its renders have the hash of all that its layers are of.
+            if wanted.iter().all(|w| w.variant != number) {
+                let scene = observer.studio.scene(&variant, pixels, &[])?;
+                out += &format!("scene {}\n", scene.sha256);
+            }
+            for wanted in wanted {
+                if !observer.stores.contains_key(&wanted) {
+                    let store = observer.store(&wanted)?;
+                    observer.stores.insert(wanted, store);
+                }
+            }
+        }
+        for (wanted, store) in &observer.stores {
+            let name = store.path().file_name().unwrap_or_default().to_string_lossy();
+            out += &format!("{wanted:?} {name} {}\n", store.fingerprint());
+        }
+        Ok(out)
     }
-    Ok(Report {
-        rows: compare(application, &scores),
-        scores,
-        first: first.unwrap_or_default(),
-        through: through.into_iter().map(|t| t.compared(application)).collect(),
-        size,
-        seeds: settings.seeds,
-        rendered: observer.studio.rendered(),
-    })
+
+    /// Renders what is not rendered yet, and runs the application once for each seed.
+    ///
+    /// # Errors
+    /// [`ApplicationError`].
+    pub fn report(self) -> Result<Report, ApplicationError> {
+        let Self {
+            application,
+            settings,
+            watch,
+            mut observer,
+        } = self;
+        let (train, test) = (observer.plan.train.clone(), observer.plan.test.clone());
+        let (mut scores, mut first) = (vec![], None);
+        let mut through = vec![];
+        for seed in 1..=settings.seeds {
+            let mut all = |variants: &[u64]| -> Result<Vec<Observation>, ApplicationError> {
+                variants.iter().map(|v| observer.observe(*v, seed)).collect()
+            };
+            let (train, test) = (all(&train)?, all(&test)?);
+            let outcome = application.run(&train, &test)?;
+            links::capture(application, &settings.links, &train, &test, watch, &mut through)?;
+            scores.extend(outcome.scores.iter().map(|s| (seed, s.clone())));
+            first.get_or_insert(outcome);
+        }
+        Ok(Report {
+            rows: compare(application, &scores),
+            scores,
+            first: first.unwrap_or_default(),
+            through: through.into_iter().map(|t| t.compared(application)).collect(),
+            size: observer.size,
+            seeds: settings.seeds,
+            rendered: observer.studio.rendered(),
+        })
+    }
+
+    /// Renders that were made now, not taken from the folder.
+    #[must_use]
+    pub fn rendered(&self) -> usize {
+        self.observer.studio.rendered()
+    }
 }
 
 /// What no method may see of a variant but to learn from it and to be judged by it.
@@ -140,13 +230,24 @@ struct Known {
     slices: BTreeMap<String, Slice>,
 }
 
+/// A render.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Wanted {
+    variant: u64,
+    seed: u64,
+    spp: u32,
+    slices: Vec<&'static str>,
+}
+
 /// Observes variants of one scene file.
 struct Observer<'a> {
     studio: Studio<'a>,
-    plan: &'a Plan,
+    plan: Plan,
     size: Size,
     /// What is known by variant: it is the same for all seeds.
     truths: BTreeMap<u64, Known>,
+    /// Finished stores that nothing was read of yet.
+    stores: BTreeMap<Wanted, TensorStore>,
 }
 
 impl Observer<'_> {
@@ -160,7 +261,6 @@ impl Observer<'_> {
         let words = variant.values.iter();
         let words = words.filter_map(|(name, v)| Some((name.clone(), v.as_str()?.to_owned())));
         let words = words.collect();
-        let slices = self.plan.slices.clone();
         let known = self.truth(number, &variant)?;
         let mut observation = Observation {
             variant: number,
@@ -171,9 +271,10 @@ impl Observer<'_> {
             slices: known.slices,
             truth: known.maps,
         };
-        if !slices.is_empty() {
-            let store = self.render(number, &variant, seed, self.size.spp, &slices)?;
-            for name in slices {
+        let wanted = self.of_seed(number, seed);
+        if !wanted.slices.is_empty() {
+            let store = self.store(&wanted)?;
+            for name in wanted.slices {
                 observation.slices.insert(name.to_owned(), read(&store, name)?);
             }
         }
@@ -192,19 +293,13 @@ impl Observer<'_> {
         };
         // Of first surfaces, and of what stands behind glass.
         let mut sets: [Option<LayerSet>; 2] = [None, None];
-        for truth in &self.plan.truth {
-            let (name, map) = match *truth {
-                Truth::Slice {
-                    name,
-                    slice,
-                    of,
-                    samples,
-                } => {
-                    let number = of(number);
-                    let variant = self.studio.variant(Some(number))?;
-                    let spp = self.size.spp.saturating_mul(samples);
-                    let store = self.render(number, &variant, TRUTH_SEED, spp, &[slice])?;
-                    known.slices.insert(name.to_owned(), read(&store, slice)?);
+        for truth in self.plan.truth.clone() {
+            let (name, map) = match truth {
+                Truth::Slice { name, slice, .. } => {
+                    if let Some(wanted) = self.of_slice(number, &truth) {
+                        let store = self.store(&wanted)?;
+                        known.slices.insert(name.to_owned(), read(&store, slice)?);
+                    }
                     continue;
                 }
                 Truth::Layer { name, layer, through } => {
@@ -235,17 +330,53 @@ impl Observer<'_> {
         Ok(known)
     }
 
-    /// A finished store of a variant.
-    fn render(
-        &mut self,
-        number: u64,
-        variant: &Variant,
-        seed: u64,
-        spp: u32,
-        slices: &[&str],
-    ) -> Result<TensorStore, ApplicationError> {
+    /// What methods see of a variant.
+    fn of_seed(&self, variant: u64, seed: u64) -> Wanted {
+        Wanted {
+            variant,
+            seed,
+            spp: self.size.spp,
+            slices: self.plan.slices.clone(),
+        }
+    }
+
+    /// What a variant's truth is rendered of.
+    fn of_truth(&self, variant: u64) -> impl Iterator<Item = Wanted> {
+        self.plan
+            .truth
+            .iter()
+            .filter_map(move |t| self.of_slice(variant, t))
+    }
+
+    fn of_slice(&self, variant: u64, truth: &Truth) -> Option<Wanted> {
+        let Truth::Slice {
+            slice, of, samples, ..
+        } = truth
+        else {
+            return None;
+        };
+        Some(Wanted {
+            variant: of(variant),
+            seed: TRUTH_SEED,
+            spp: self.size.spp.saturating_mul(*samples),
+            slices: vec![slice],
+        })
+    }
+
+    /// A finished store.
+    fn store(&mut self, wanted: &Wanted) -> Result<TensorStore, ApplicationError> {
+        if let Some(store) = self.stores.remove(wanted) {
+            return Ok(store);
+        }
+        let Wanted {
+            variant: number,
+            seed,
+            spp,
+            ref slices,
+        } = *wanted;
+        let variant = self.studio.variant(Some(number))?;
         let size = Size { spp, ..self.size };
-        Ok(self.studio.render(Some(number), variant, seed, size, slices)?)
+        Ok(self.studio.render(Some(number), &variant, seed, size, slices)?)
     }
 
     fn lacks(&self, what: String) -> ApplicationError {

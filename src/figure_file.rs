@@ -1,22 +1,25 @@
 //! Figures from files alone: a figure file lists scenes, what is shown of them, applications and a layout.
 //!
 //! [`Source::read`] reads one, [`prepare`] checks it against its scenes and applications, before anything is rendered, and
-//! [`Prepared::draw`] makes the drawing. Renders are kept ([`crate::studio`]): what is finished is not rendered again.
+//! [`Prepared::draw`] makes the drawing. Renders are kept ([`crate::studio`]), and what
+//! applications made of them: what is finished is not made again.
 
 mod application;
 mod caption;
 pub mod file;
+mod kept;
 mod source;
 mod stage;
 mod view;
 
+pub use kept::program;
 pub use source::Source;
 pub use stage::{FigureFileError, Settings};
 
 use apply::application::Size;
 use base::locate::Located;
 use figure::composite::{self, Composite, Part};
-use figure::{Drawing, FigureError};
+use figure::{Drawing, FigureError, White};
 use std::collections::{BTreeMap, BTreeSet};
 use transport::render::schedule::Watch;
 
@@ -168,7 +171,11 @@ impl Prepared<'_> {
             (_, None) => return Err(fault("this view is of no scene".into()).into()),
         };
         if let Some(white) = tile.white() {
-            values.push(("white".into(), Value::Number(white.into())));
+            let shown = match white {
+                White::Value(v) => Value::Number(v.into()),
+                White::Nothing => Value::Text("– (nothing is positive)".into()),
+            };
+            values.push(("white".into(), shown));
         }
         let caption = caption::fill(&panel.caption, &values)
             .map_err(|e| source.error(&panel.caption, e.message, e.help))?;

@@ -5,7 +5,7 @@ use super::places;
 use super::progress::Progress;
 use std::path::{Path, PathBuf};
 use sunstone::figure::{Format, save};
-use sunstone::figure_file::{FigureFileError, Settings, Source, prepare};
+use sunstone::figure_file::{FigureFileError, Settings, Source, prepare, program};
 
 /// Formats of a figure.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -105,25 +105,25 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
             .unwrap_or_else(|| PathBuf::from("out").join("apply").join("renders")),
         scenes: o.scenes.clone(),
         preview: o.preview,
+        program: program(),
     };
     let scenes = settings.scenes.iter();
     places::folders(inputs.iter().chain(scenes).map(Some), [Some(&settings.renders)])?;
     places::outside_stores(outputs.iter().chain([&settings.renders]))?;
     let progress = Progress::start();
+    let mut all = vec![];
     for source in &sources {
-        prepare(source, &settings, &progress)?;
+        all.push(prepare(source, &settings, &progress)?);
     }
     std::fs::create_dir_all(&settings.renders).map_err(|e| {
         let shown = settings.renders.display();
         Failure::failed(format!("cannot make {shown}: {e}; name another by --renders"))
     })?;
-    for (source, path) in sources.iter().zip(&outputs) {
-        let made = prepare(source, &settings, &progress)?
-            .draw()
-            .map_err(|e| match e {
-                FigureFileError::Figure(e) => Failure::input(format!("{}: {e}", source.path.display())),
-                e => e.into(),
-            })?;
+    for ((source, prepared), path) in sources.iter().zip(all).zip(&outputs) {
+        let made = prepared.draw().map_err(|e| match e {
+            FigureFileError::Figure(e) => Failure::input(format!("{}: {e}", source.path.display())),
+            e => e.into(),
+        })?;
         save(&made.drawing, path)?;
         super::output::print(&format!(
             "{} ({} renders made now)",

@@ -5,6 +5,7 @@
 //! it. Three wavelengths are shown in their order instead (lowest blue, middle green, highest red), and one is shown
 //! grey. Every rule's weights sum to 1 per primary, so a spectrally flat picture is grey.
 
+use super::white::White;
 use base::spectral_table;
 use image::Rgb;
 
@@ -96,14 +97,14 @@ pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
     Some(*finite.select_nth_unstable_by(rank, f32::total_cmp).1)
 }
 
-/// The white level of a picture: the 99th percentile of its values, their largest if that is not positive, else 1.
+/// The white level of a picture: the 99th percentile of its values, their largest if that is not positive; nothing if no value is.
 #[must_use]
-pub fn exposure(values: impl Iterator<Item = f32> + Clone) -> f32 {
+pub fn exposure(values: impl Iterator<Item = f32> + Clone) -> White {
     let positive = |v: &f32| *v > 0.0;
     percentile(values.clone(), 0.99)
         .filter(positive)
-        .or_else(|| percentile(values, 1.0).filter(positive))
-        .unwrap_or(1.0)
+        .or_else(|| percentile(values, 1.0))
+        .into()
 }
 
 /// sRGB transfer function of a linear value; 0 and below is black, 1 and above white.
@@ -227,11 +228,12 @@ mod tests {
     #[test]
     fn exposure_survives_what_is_not_a_number() {
         let v = [f32::NAN, 0.0, f32::INFINITY, 2.0];
-        assert_eq!(exposure(v.iter().copied()), 2.0);
-        assert_eq!(exposure([0.0; 4].iter().copied()), 1.0);
-        assert_eq!(exposure([].iter().copied()), 1.0);
+        assert_eq!(exposure(v.iter().copied()), White::Value(2.0));
+        assert_eq!(exposure([0.0; 4].iter().copied()), White::Nothing);
+        assert_eq!(exposure([-2.0, f32::NAN].iter().copied()), White::Nothing);
+        assert_eq!(exposure([].iter().copied()), White::Nothing);
         let sparse = (0..1000).map(|i| if i == 7 { 3.0 } else { 0.0 });
-        assert_eq!(exposure(sparse), 3.0);
+        assert_eq!(exposure(sparse), White::Value(3.0));
     }
 
     #[test]

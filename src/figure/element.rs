@@ -11,6 +11,7 @@ use super::photo::white;
 use super::raster::Raster;
 use super::reduce::Source;
 use super::tile::{Ramp, Tile};
+use super::white::White;
 use serde::Deserialize;
 use std::str::FromStr;
 use tensor::axes::AxisKind;
@@ -136,7 +137,12 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
         let white = white("limit", view.limit, || {
             exposure(raster.data.iter().flatten().copied())
         })?;
-        let image = raster.image(|rgb| photo(rgb.map(|v| if v.is_nan() { v } else { v.max(0.0) }), white));
+        let image = raster.image(|rgb| {
+            photo(
+                rgb.map(|v| if v.is_nan() { v } else { v.max(0.0) }),
+                white.value(),
+            )
+        });
         return Ok(Tile::image(image).with_white(white));
     }
     let lane = source.wavelength(view.wavelength_nm)?;
@@ -151,21 +157,22 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     )?;
     let limit = white("limit", view.limit, || {
         if view.normalized {
-            return 1.0;
+            return White::Value(1.0);
         }
         let sizes = || raster.data.iter().map(|v| v[0].abs());
         percentile(sizes(), 0.99)
             .filter(|l| *l > 0.0)
-            .unwrap_or_else(|| exposure(sizes()))
+            .map_or_else(|| exposure(sizes()), White::Value)
     })?;
+    let end = limit.value();
     let image = raster.image(|[m, m00]| match view.normalized {
-        false => signed(m / limit),
-        true if m00 > 0.0 && m00.is_finite() => signed(m / m00 / limit),
+        false => signed(m / end),
+        true if m00 > 0.0 && m00.is_finite() => signed(m / m00 / end),
         true => UNDEFINED,
     });
     let [i, j] = view.element.at;
     let name = format!("{}M{i}{j}", if sign < 0.0 { "−" } else { "" });
-    let bar = Bar::signed(limit.into(), |ticks| {
+    let bar = Bar::signed(end.into(), |ticks| {
         if view.normalized {
             format!("{name} / M00")
         } else {

@@ -6,13 +6,14 @@
 use super::colour::{self, percentile, rgb_weights};
 use super::drawing::Drawing;
 use super::error::FigureError;
-use super::layout::{CAMERA_UNIT, Page, Panels, growth};
+use super::layout::{Page, Panels, growth, white_words};
 use super::panel::Panel;
 use super::photo::{self, channels};
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::text::{INK, TICK, width};
 use super::ticks::brief;
+use super::white::White;
 use crate::spec::FlightView;
 use tensor::axes::AxisKind;
 
@@ -71,8 +72,8 @@ pub(super) struct Frames<'a> {
     ys: &'a [f64],
     /// What every frame shows, in words.
     note: String,
-    /// Value shown as white.
-    pub white: f32,
+    /// What is shown as white.
+    pub white: White,
     /// Time of every frame with its picture, not yet brought to size.
     pub shown: Vec<(String, Raster<3>)>,
 }
@@ -102,7 +103,7 @@ pub(super) fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames
     let bins = chosen_bins(&light, view.frames);
     let shown: Vec<(String, Raster<3>)> = bins.into_iter().map(frame).collect();
     let channel = shown.iter().flat_map(|f| f.1.data.iter().flatten().copied());
-    let white = percentile(channel.filter(|v| *v > 0.0), 0.995).unwrap_or(1.0);
+    let white = White::from(percentile(channel.filter(|v| *v > 0.0), 0.995));
     let bin = match times {
         [first, .., last] => {
             let ps = (last - first) / (times.len() - 1) as f64;
@@ -111,10 +112,10 @@ pub(super) fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames
         _ => String::new(),
     };
     let note = format!(
-        "{} frames{bin}. {}. One exposure for all: white {} {CAMERA_UNIT} (99.5th percentile of what is above zero).",
+        "{} frames{bin}. {}. One exposure for all: white {}.",
         shown.len(),
         channels(source.wavelengths()),
-        brief(f64::from(white)),
+        white_words(white, " (99.5th percentile of what is above zero)"),
     );
     Ok(Frames {
         xs,
@@ -148,7 +149,7 @@ pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<Drawing, Fi
     for (i, (time, raster)) in frames.shown.into_iter().enumerate() {
         panels.name(&mut page, i, &[(&time, style)]);
         let raster = raster.shrink(factors);
-        let white = frames.white;
+        let white = frames.white.value();
         raster.paint(&mut page, panels.corner(i), factors, |rgb| {
             colour::photo(rgb, white)
         });
@@ -176,7 +177,7 @@ pub fn animate(view: &FlightView, title: &str, panel: &Panel) -> Result<Vec<Draw
         let mut page = page.draw(factors.0.length(w), factors.1.length(h));
         let raster = raster.shrink(factors);
         raster.paint(&mut page, (0.0, 0.0), factors, |rgb| {
-            colour::photo(rgb, frames.white)
+            colour::photo(rgb, frames.white.value())
         });
         page
     };

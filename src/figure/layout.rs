@@ -5,7 +5,8 @@ use image::{Rgb, RgbImage};
 use super::colour::signed;
 use super::drawing::{Drawing, Point, Rect};
 use super::text::{Align, INK, LABEL, NOTE, Style, TICK, TITLE, fit, width, wrap};
-use super::ticks::Ticks;
+use super::ticks::{Ticks, brief};
+use super::white::White;
 
 /// Unit of every camera value.
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
@@ -25,6 +26,14 @@ const BAR_STEPS: u32 = 256;
 #[must_use]
 pub fn growth(plot_width: f64) -> f64 {
     (plot_width / NOMINAL).clamp(1.0, LARGEST)
+}
+
+/// What is shown as white, in the camera's unit, and where it came from; or that there is nothing.
+pub fn white_words(white: White, origin: &str) -> String {
+    match white {
+        White::Value(v) => format!("{} {CAMERA_UNIT}{origin}", brief(f64::from(v))),
+        White::Nothing => "at no value (nothing is positive)".into(),
+    }
 }
 
 /// An axis with its label.

@@ -19,6 +19,7 @@ pub use drawing::{Drawing, Rect};
 pub use error::FigureError;
 pub use output::{Format, is_animation, save, save_animation};
 pub use panel::Panel;
+pub use white::White;
 
 pub mod angles;
 pub mod chart;
@@ -47,6 +48,7 @@ pub mod spec;
 mod text;
 mod ticks;
 pub mod tile;
+mod white;
 
 #[cfg(test)]
 mod tests;

@@ -8,13 +8,13 @@ use image::Rgb;
 use super::colour::{UNDEFINED, exposure, percentile, signed, srgb};
 use super::drawing::{Drawing, Rect};
 use super::error::FigureError;
-use super::layout::{Bar, CAMERA_UNIT, Panels, growth};
+use super::layout::{Bar, CAMERA_UNIT, Panels, growth, white_words};
 use super::panel::Panel;
 use super::photo;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
 use super::text::{Align, NAME, Style, width};
-use super::ticks::brief;
+use super::white::White;
 use crate::spec::MuellerView;
 use tensor::axes::AxisKind;
 
@@ -39,9 +39,9 @@ pub(super) struct Grid<'a> {
     /// Sixteen elements a pixel.
     pub raster: Raster<16>,
     /// M00 shown as white, if normalized.
-    pub white: f32,
-    /// Value at the ends of the scale.
-    pub limit: f32,
+    pub white: White,
+    /// What is at the ends of the scale.
+    pub limit: White,
 }
 
 /// Reads the grid.
@@ -65,11 +65,11 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
     let sizes = || raster.data.iter().flatten().map(|v| v.abs());
     let limit = photo::white("limit", view.limit, || {
         if view.normalized {
-            return 1.0;
+            return White::Value(1.0);
         }
         percentile(sizes(), 0.99)
             .filter(|l| *l > 0.0)
-            .unwrap_or_else(|| exposure(sizes()))
+            .map_or_else(|| exposure(sizes()), White::Value)
     })?;
     Ok(Grid {
         source,
@@ -109,21 +109,21 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
         Some(nm) => format!(" at {nm} nm"),
         None => String::new(),
     };
-    let bar = bar(view.normalized, limit);
+    let bar = bar(view.normalized, limit.value());
     let mut notes = vec![format!(
         "Mueller elements{at}; row i: Stokes out, column j: Stokes in."
     )];
     if view.normalized {
         notes.push(format!(
-            "M00 is shown as intensity, white {} {CAMERA_UNIT} (99th percentile); grey: not defined (M00 is not positive).",
-            brief(f64::from(white))
+            "M00 is shown as intensity, white {}; grey: not defined (M00 is not positive).",
+            white_words(white, " (99th percentile)")
         ));
     }
     let mut page = grid.page(16, title, Some(bar), notes);
     let style = NAME.scaled(growth(page.data.w));
     for i in 0..16 {
         raster.paint(&mut page, grid.corner(i), factors, |m| {
-            pixel(&m, i, view.normalized, white, limit)
+            pixel(&m, i, view.normalized, white.value(), limit.value())
         });
         let place = grid.place(&page, i);
         page.frame(place, EDGES);

@@ -3,11 +3,12 @@
 use super::colour::{exposure, photo, rgb_weights};
 use super::drawing::Drawing;
 use super::error::FigureError;
-use super::layout::{Axis, CAMERA_UNIT, Page};
+use super::layout::{Axis, Page, white_words};
 use super::panel::Panel;
 use super::raster::{Factor, Raster};
 use super::reduce::Source;
-use super::ticks::{Ticks, brief};
+use super::ticks::Ticks;
+use super::white::White;
 use crate::spec::PhotoView;
 use tensor::axes::AxisKind;
 
@@ -19,8 +20,8 @@ pub(super) struct Photo<'a> {
     pub ys: &'a [f64],
     /// Linear red, green and blue.
     pub raster: Raster<3>,
-    /// Value shown as white.
-    pub white: f32,
+    /// What is shown as white.
+    pub white: White,
 }
 
 /// Reads the photograph.
@@ -41,14 +42,14 @@ pub(super) fn read<'a>(view: &'a PhotoView, source: Source<'a>) -> Result<Photo<
     })
 }
 
-/// The value that is shown as white: what the user wishes, or else.
+/// What is shown as white: what the user wishes, or else.
 pub(super) fn white(
     option: &'static str,
     wish: Option<f32>,
-    otherwise: impl FnOnce() -> f32,
-) -> Result<f32, FigureError> {
+    otherwise: impl FnOnce() -> White,
+) -> Result<White, FigureError> {
     match wish {
-        Some(w) if w > 0.0 && w.is_finite() => Ok(w),
+        Some(w) if w > 0.0 && w.is_finite() => Ok(White::Value(w)),
         Some(w) => Err(FigureError::option(option, w, "a positive number")),
         None => Ok(otherwise()),
     }
@@ -71,19 +72,21 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, Fig
         x,
         y,
         notes: vec![format!(
-            "{}. White: {} {CAMERA_UNIT}{}.",
+            "{}. White: {}.",
             channels(source.wavelengths()),
-            brief(f64::from(white)),
-            if view.white.is_none() {
-                " (99th percentile)"
-            } else {
-                ""
-            },
+            white_words(
+                white,
+                if view.white.is_none() {
+                    " (99th percentile)"
+                } else {
+                    ""
+                }
+            ),
         )],
         ..Page::default()
     };
     let mut page = page.draw(factors.0.length(xs.len()), factors.1.length(ys.len()));
-    raster.paint(&mut page, (0.0, 0.0), factors, |rgb| photo(rgb, white));
+    raster.paint(&mut page, (0.0, 0.0), factors, |rgb| photo(rgb, white.value()));
     Ok(page)
 }
 

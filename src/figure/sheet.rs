@@ -32,7 +32,7 @@ pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Resu
     let mut size = (0.0_f64, 0.0_f64);
     for grid in grids {
         let raster = Raster::new(&grid.label, grid.width, grid.data.clone())?;
-        let white = exposure(raster.data.iter().map(|m| m[0]));
+        let white = exposure(raster.data.iter().map(|m| m[0])).value();
         let factors = Factor::square(raster.w, raster.h, PICTURE, PICTURE * 4 / 3, 8);
         size.0 = size.0.max(factors.0.length(raster.w));
         size.1 = size.1.max(factors.1.length(raster.h));

@@ -13,6 +13,7 @@ use super::panel::Panel;
 use super::raster::Raster;
 use super::reduce::{Source, ruler};
 use super::ticks::Ticks;
+use super::white::White;
 use super::{flight, map, mueller, profile};
 use crate::spec::{FlightView, MuellerView, PhotoView, ProfileView, View};
 use tensor::axes::AxisKind;
@@ -35,7 +36,7 @@ pub struct Tile {
     pub(crate) chart: Option<Lines>,
     /// Height over width that a map or a chart is drawn with; images have their own.
     pub(crate) aspect: Option<f64>,
-    white: Option<f32>,
+    white: Option<White>,
 }
 
 /// An axis whose ticks depend on its length.
@@ -117,7 +118,9 @@ impl Tile {
         }
     }
 
-    pub(crate) fn with_white(mut self, white: f32) -> Self {
+    /// With this said to be its white.
+    #[must_use]
+    pub fn with_white(mut self, white: White) -> Self {
         self.white = Some(white);
         self
     }
@@ -143,9 +146,9 @@ impl Tile {
         self
     }
 
-    /// The value that is shown as white, or at the end of a signed scale, if there is one.
+    /// What is shown as white, or at the end of a signed scale, where brightness or a signed scale is.
     #[must_use]
-    pub fn white(&self) -> Option<f32> {
+    pub fn white(&self) -> Option<White> {
         self.white
     }
 
@@ -177,7 +180,7 @@ pub fn of_view(view: &View, panel: &Panel) -> Result<Tile, FigureError> {
 fn of_photo(view: &PhotoView, panel: &Panel) -> Result<Tile, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let read = super::photo::read(view, source)?;
-    let image = read.raster.image(|rgb| photo(rgb, read.white));
+    let image = read.raster.image(|rgb| photo(rgb, read.white.value()));
     Ok(Tile::image(image).with_white(read.white))
 }
 
@@ -186,10 +189,10 @@ fn of_mueller(view: &MuellerView, panel: &Panel) -> Result<Tile, FigureError> {
     let cell = |i: usize| {
         let image = grid
             .raster
-            .image(|m| mueller::pixel(&m, i, view.normalized, grid.white, grid.limit));
+            .image(|m| mueller::pixel(&m, i, view.normalized, grid.white.value(), grid.limit.value()));
         (image, format!("{}{}", i / 4, i % 4))
     };
-    let bar = mueller::bar(view.normalized, grid.limit);
+    let bar = mueller::bar(view.normalized, grid.limit.value());
     Ok(Tile::images((0..16).map(cell).collect(), 4)
         .with_white(grid.white)
         .with_bar(Ramp::of(&bar)))
@@ -215,7 +218,7 @@ fn of_flight(view: &FlightView, panel: &Panel) -> Result<Tile, FigureError> {
     let cells: Vec<(RgbImage, String)> = frames
         .shown
         .iter()
-        .map(|(time, raster)| (raster.image(|rgb| photo(rgb, white)), time.clone()))
+        .map(|(time, raster)| (raster.image(|rgb| photo(rgb, white.value())), time.clone()))
         .collect();
     let columns = (cells.len() as f64).sqrt().ceil() as usize;
     Ok(Tile::images(cells, columns).with_white(white))
@@ -277,13 +280,17 @@ pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Resu
             let label = labelled(name, &ticks);
             let bar = Bar::new(label, ticks, &sequential);
             let image = raster.image(|[v]| sequential((v - low) / span));
-            Tile::image(image).with_white(high).with_bar(Ramp::of(&bar))
+            Tile::image(image)
+                .with_white(White::Value(high))
+                .with_bar(Ramp::of(&bar))
         }
         Scale::Signed { limit } => {
             must(limit.is_finite() && limit > 0.0, "limits", limit)?;
             let bar = Bar::signed(limit.into(), |ticks| labelled(name, ticks));
             let image = raster.image(|[v]| signed(v / limit));
-            Tile::image(image).with_white(limit).with_bar(Ramp::of(&bar))
+            Tile::image(image)
+                .with_white(White::Value(limit))
+                .with_bar(Ramp::of(&bar))
         }
         Scale::Angle { period } => {
             must(period.is_finite() && period > 0.0, "limits", period)?;
@@ -314,14 +321,21 @@ fn labelled(name: &str, ticks: &Ticks) -> String {
 ///
 /// # Errors
 /// [`FigureError::Damaged`] if the values do not fill the rows, [`FigureError::Option`] if white is no number above zero.
-pub fn of_colours(name: &str, width: usize, values: Vec<[f32; 3]>, white: f32) -> Result<Tile, FigureError> {
-    let white = super::photo::white("white", Some(white), || 1.0)?;
+pub fn of_colours(
+    name: &str,
+    width: usize,
+    values: Vec<[f32; 3]>,
+    white: White,
+) -> Result<Tile, FigureError> {
+    if let White::Value(v) = white {
+        super::photo::white("white", Some(v), || white)?;
+    }
     let raster = Raster::new(name, width, values)?;
-    Ok(Tile::image(raster.image(|rgb| photo(rgb, white))).with_white(white))
+    Ok(Tile::image(raster.image(|rgb| photo(rgb, white.value()))).with_white(white))
 }
 
-/// The white of images that share one: the 99th percentile of all their values.
+/// The white of images that share one: the 99th percentile of all their values, their largest if that is not positive.
 #[must_use]
-pub fn common_white(values: impl Iterator<Item = f32> + Clone) -> f32 {
+pub fn common_white(values: impl Iterator<Item = f32> + Clone) -> White {
     colour::exposure(values)
 }

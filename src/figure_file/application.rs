@@ -1,8 +1,9 @@
 //! Panels of applications: pictures of methods, with their scores.
 
-use apply::application::{Application, Picture};
+use apply::application::{Application, Size};
 use apply::catalog;
 use base::locate::Located;
+use figure::White;
 use figure::tile::{self, Scale, Tile};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -11,9 +12,10 @@ use transport::render::schedule::Watch;
 
 use super::caption::Value;
 use super::file::{ApplyFile, ViewFile};
+use super::kept::{Fit, Picture, Place};
 use super::source::Source;
 use super::stage::{FigureFileError, Settings, varied};
-use crate::applications::{self, Report, find_scenes};
+use crate::applications::{self, find_scenes};
 use crate::studio::Studio;
 
 /// Pictures whose method begins so are the truth, which no list of methods names.
@@ -31,7 +33,16 @@ struct Run {
     application: Box<dyn Application>,
     scenes: PathBuf,
     seeds: u64,
-    report: Option<Report>,
+    fit: Option<Fit>,
+    /// Renders that were made now.
+    rendered: usize,
+}
+
+impl Run {
+    fn size(&self, preview: bool) -> Size {
+        let plan = self.application.plan();
+        if preview { plan.preview } else { plan.full }
+    }
 }
 
 impl<'a> Applications<'a> {
@@ -106,31 +117,51 @@ impl<'a> Applications<'a> {
             application,
             scenes,
             seeds: entry.map_or(1, |e| e.seeds),
-            report: None,
+            fit: None,
+            rendered: 0,
         };
         self.all.insert(&view.name, run);
         Ok(())
     }
 
-    /// Runs them all.
+    /// Runs them all, but for what is kept of the same inputs and the same program.
     pub fn run(&mut self) -> Result<(), FigureFileError> {
+        let preview = self.settings.preview;
         for run in self.all.values_mut() {
             let settings = applications::Settings {
                 scenes: run.scenes.clone(),
                 renders: self.settings.renders.clone(),
-                preview: self.settings.preview,
+                preview,
                 seeds: run.seeds,
                 links: applications::links::Links::default(),
             };
-            run.report = Some(applications::run(&*run.application, &settings, self.watch)?);
+            let mut now = applications::Run::new(&*run.application, &settings, self.watch)?;
+            let inputs = now.inputs()?;
+            run.rendered = now.rendered();
+            let Size { pixels, spp } = run.size(preview);
+            let name = format!(
+                "{}_{pixels}px_{spp}spp_{}seeds",
+                run.application.name(),
+                run.seeds
+            );
+            let program = self.settings.program.as_ref();
+            let place = program.map(|p| Place::new(&settings.renders, &name, p, &inputs));
+            if let Some(fit) = place.as_ref().and_then(Place::read) {
+                run.fit = Some(fit);
+                continue;
+            }
+            let mut fit = Fit::of(now.report()?);
+            if let Some(place) = place {
+                place.write(&mut fit);
+            }
+            run.fit = Some(fit);
         }
         Ok(())
     }
 
     /// Renders that were made now.
     pub fn rendered(&self) -> usize {
-        let reports = self.all.values().filter_map(|r| r.report.as_ref());
-        reports.map(|r| r.rendered).sum()
+        self.all.values().map(|r| r.rendered).sum()
     }
 
     /// What a panel shows, and the values that its caption may name.
@@ -141,17 +172,17 @@ impl<'a> Applications<'a> {
     ) -> Result<(Tile, Vec<(String, Value)>), FigureFileError> {
         let source = self.source;
         let fault = |message: String, help: String| FigureFileError::Input(source.error(at, message, help));
-        let Some((run, report)) = self
+        let Some((run, fit)) = self
             .all
             .get(view.name.as_str())
-            .and_then(|r| Some((r, r.report.as_ref()?)))
+            .and_then(|r| Some((r, r.fit.as_ref()?)))
         else {
             return Err(fault(
                 format!("application `{}` was not run", view.name),
                 "run it again".into(),
             ));
         };
-        let pictures = &report.first.pictures;
+        let pictures = &fit.pictures;
         let is =
             |p: &&Picture| p.name == view.picture && p.method == view.method && p.variant == view.variant;
         let Some(picture) = pictures.iter().find(is) else {
@@ -168,7 +199,7 @@ impl<'a> Applications<'a> {
         };
         let tile = drawn(view, picture, &self.shared(view, picture, pictures))
             .map_err(|e| fault(e, "correct the view".into()))?;
-        Ok((tile, self.values(view, run, report)?))
+        Ok((tile, self.values(view, run, fit)?))
     }
 
     /// The pictures that are drawn on one scale with this one: those of the figure that are of the same variant, if they have one unit.
@@ -183,7 +214,8 @@ impl<'a> Applications<'a> {
                     v.name == view.name
                         && v.picture == view.picture
                         && v.variant == view.variant
-                        && (v.picture.as_str(), v.method.as_str(), v.variant) == (p.name, p.method, p.variant)
+                        && (v.picture.as_str(), v.method.as_str(), v.variant)
+                            == (&*p.name, &*p.method, p.variant)
                 }
                 _ => false,
             })
@@ -195,24 +227,25 @@ impl<'a> Applications<'a> {
         &self,
         view: &ApplyFile,
         run: &Run,
-        report: &Report,
+        fit: &Fit,
     ) -> Result<Vec<(String, Value)>, FigureFileError> {
         let number = |name: String, v: f64| (name, Value::Number(v));
+        let size = run.size(self.settings.preview);
         let mut out = vec![
             ("method".to_owned(), Value::Text(view.method.clone())),
             number("seed".into(), 1.0),
-            number("seeds".into(), report.seeds as f64),
-            number("pixels".into(), f64::from(report.size.pixels)),
-            number("spp".into(), f64::from(report.size.spp)),
+            number("seeds".into(), run.seeds as f64),
+            number("pixels".into(), f64::from(size.pixels)),
+            number("spp".into(), f64::from(size.spp)),
         ];
-        for (seed, s) in &report.scores {
-            if *seed == 1 && s.method == view.method && Some(s.variant) == view.variant {
-                out.push(number(s.metric.to_owned(), s.value));
+        for s in &fit.scores {
+            if s.seed == 1 && s.method == view.method && Some(s.variant) == view.variant {
+                out.push(number(s.metric.clone(), s.value));
             }
         }
-        for row in report.rows.iter().filter(|r| r.method.name == view.method) {
-            out.push(number(format!("mean {}", row.metric.name), row.value.mean));
-            out.push(number(format!("error {}", row.metric.name), row.value.error));
+        for row in fit.rows.iter().filter(|r| r.method == view.method) {
+            out.push(number(format!("mean {}", row.metric), row.mean));
+            out.push(number(format!("error {}", row.metric), row.error));
         }
         if let Some(v) = view.variant {
             out.push(number("variant".into(), v as f64));
@@ -248,8 +281,8 @@ enum Shown {
 }
 
 fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Tile, String> {
-    let map = &picture.map;
-    let channels = map.channels.max(1);
+    let [width, _, channels] = picture.shape;
+    let channels = channels.max(1);
     let shown = match (view.channel, channels) {
         (Some(c), _) if c < channels => Shown::One(c),
         (Some(c), _) => {
@@ -266,43 +299,42 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
     match shown {
         Shown::Colour => {
             let colours = |p: &Picture| -> Vec<[f32; 3]> {
-                let pixels = p.map.data.chunks_exact(3);
+                let pixels = p.data.chunks_exact(3);
                 pixels.map(|c| [c[2], c[1], c[0]].map(|v| v as f32)).collect()
             };
             let all: Vec<f32> = shared.iter().flat_map(|p| colours(p)).flatten().collect();
             let white = match view.limits {
-                Some([_, white]) => white,
+                Some([_, white]) => White::Value(white),
                 None => tile::common_white(all.iter().copied()),
             };
-            tile::of_colours(&title, map.width, colours(picture), white)
+            tile::of_colours(&title, width, colours(picture), white)
         }
         Shown::One(channel) => {
             let values = |p: &Picture| -> Vec<f32> {
-                let pixels = p.map.data.chunks_exact(p.map.channels.max(1));
+                let pixels = p.data.chunks_exact(p.shape[2].max(1));
                 pixels
                     .map(|c| c.get(channel).map_or(f32::NAN, |v| *v as f32))
                     .collect()
             };
             let all: Vec<f32> = shared.iter().flat_map(|p| values(p)).collect();
             let negative = all.iter().any(|v| *v < 0.0);
+            let white = match view.limits {
+                Some([_, high]) => White::Value(high),
+                None => tile::common_white(all.iter().map(|v| v.abs())),
+            };
+            let most = white.value();
             let scale = match view.limits {
                 Some([low, high]) if low == -high => Scale::Signed { limit: high },
                 Some([low, high]) => Scale::Linear { low, high },
-                None => {
-                    let most = tile::common_white(all.iter().map(|v| v.abs()));
-                    if negative {
-                        Scale::Signed { limit: most }
-                    } else {
-                        Scale::Linear { low: 0.0, high: most }
-                    }
-                }
+                None if negative => Scale::Signed { limit: most },
+                None => Scale::Linear { low: 0.0, high: most },
             };
             let label = if view.label.is_empty() {
-                picture.name
+                &picture.name
             } else {
                 &view.label
             };
-            tile::of_values(label, map.width, &values(picture), scale)
+            tile::of_values(label, width, &values(picture), scale).map(|t| t.with_white(white))
         }
     }
     .map_err(|e| e.to_string())

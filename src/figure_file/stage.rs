@@ -21,6 +21,9 @@ pub struct Settings {
     pub scenes: Option<PathBuf>,
     /// At preview size, else at full size.
     pub preview: bool,
+    /// What tells this program from others ([`super::program`]): what applications made of renders is kept beside these for it. Without
+    /// one methods are fitted each time.
+    pub program: Option<String>,
 }
 
 /// Why there is no figure.

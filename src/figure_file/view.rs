@@ -4,7 +4,7 @@ use base::locate::{InputError, Located};
 use figure::composite::ScaleBar;
 use figure::spec::View;
 use figure::tile::{self, Scale, Tile};
-use figure::{FigureError, Panel, element};
+use figure::{FigureError, Panel, White, element};
 use glam::DVec2;
 use polarimetry::decompose::maps::{self, Quantity};
 use store::zarr::TensorStore;
@@ -174,7 +174,7 @@ fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String
         values.iter_mut().for_each(|v| *v = v.to_degrees());
     }
     let m00 = || image.data.iter().step_by(16).copied();
-    let least = view.least * tile::common_white(m00());
+    let least = view.least * tile::common_white(m00()).value();
     for (v, m00) in values.iter_mut().zip(m00()) {
         if m00 < least {
             *v = f32::NAN;
@@ -218,11 +218,11 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
             let colours = all
                 .chunks_exact(3)
                 .map(|n| [n[0], n[1], n[2]].map(|v| 0.5 + 0.5 * v));
-            tile::of_colours(&name, width, colours.collect(), 1.0)
+            tile::of_colours(&name, width, colours.collect(), White::Value(1.0))
         }
         (LayerValues::Real(all), Parts::Wavelengths) if set.channels(layer) == 3 => {
             let colours = all.chunks_exact(3).map(|c| [c[2], c[1], c[0]]);
-            tile::of_colours(&name, width, colours.collect(), 1.0)
+            tile::of_colours(&name, width, colours.collect(), White::Value(1.0))
         }
         _ => {
             return Err(format!(

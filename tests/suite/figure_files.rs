@@ -159,6 +159,28 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     assert!(read("all/f.png").len() > 1000);
 }
 
+/// Of a picture that is black all over captions say so, and no white value that nobody saw.
+#[test]
+fn nothing_positive_is_told() {
+    let (_scenes, text) = sound();
+    let folder = tempfile::tempdir().expect("a folder");
+    let draw = |element: &str| {
+        let named = format!("element = \"{element}\" }}\ncaption = \"White {{white:.3}}\"");
+        let text = edit(&text, "element = \"-(3,3)\" }", &named);
+        std::fs::write(folder.path().join("f.toml"), text).expect("a figure");
+        run(
+            folder.path(),
+            &["figure", "f.toml", "--preview", "--renders", "r", "-o", "f.svg"],
+            0,
+        );
+        std::fs::read_to_string(folder.path().join("f.svg")).expect("a picture")
+    };
+    // Lines break between words.
+    let said = |svg: &str| svg.contains("White –") && svg.contains("positive)");
+    assert!(said(&draw("-(0,0)")));
+    assert!(!said(&draw("(0,0)")));
+}
+
 #[test]
 fn inputs_are_not_outputs() {
     let (scenes, text) = sound();
@@ -213,6 +235,7 @@ fn a_render_that_was_stopped_goes_on() {
         renders: folder.path().join(renders),
         scenes: None,
         preview: true,
+        program: None,
     };
     let (cut, whole) = (settings("cut"), settings("whole"));
     let impatient = Impatient(AtomicUsize::new(0));

@@ -218,6 +218,42 @@ fn applications_are_listed_run_resumed_and_refused() {
     let third = run(at, &arguments, 0);
     let third = String::from_utf8_lossy(&third.stdout).into_owned();
     assert_eq!(third.replace("(1 renders", "(20 renders"), first);
+    figures_keep_what_was_fitted(at, scenes);
+}
+
+/// Methods are fitted anew where a render is another one or what was kept is damaged, and not otherwise; the figure is the same.
+fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
+    let panel = "view.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }";
+    let figure =
+        format!("columns = 1\n[[panels]]\n{panel}\ncaption = \"{{mean area under the curve:.9}}\"\n");
+    std::fs::write(at.join("f.toml"), figure).expect("writes");
+    let fit = at.join("out/apply/renders/metamerism_48px_16spp_1seeds.fit");
+    let draw = || {
+        run(
+            at,
+            &["figure", "f.toml", "--preview", "--scenes", scenes, "-o", "f.svg"],
+            0,
+        );
+        let picture = std::fs::read(at.join("f.svg")).expect("a picture");
+        let written = std::fs::metadata(&fit).and_then(|m| m.modified()).expect("a fit");
+        (picture, written, std::fs::read(&fit).expect("a fit"))
+    };
+    let first = draw();
+    assert_eq!(draw(), first);
+    // Damaged: it is made anew.
+    let mut damaged = first.2.clone();
+    let last = damaged.len() - 1;
+    damaged[last] ^= 1;
+    std::fs::write(&fit, &damaged).expect("writes");
+    let mended = draw();
+    assert_eq!((&mended.0, &mended.2), (&first.0, &first.2));
+    // Another render, which took another time: the same light, and so the same numbers under another key.
+    let renders = std::fs::read_dir(at.join("out/apply/renders")).expect("renders");
+    let mut stores = renders.map(|e| e.expect("one").path()).filter(|p| p.is_dir());
+    std::fs::remove_dir_all(stores.next().expect("a store")).expect("removes");
+    let anew = draw();
+    assert_eq!(anew.0, first.0);
+    assert_ne!(anew.2, first.2);
 }
 
 /// Where seeds are of a detector, each variant's light is rendered once; and from scene file to table, errors are those of closed

@@ -1,0 +1,271 @@
+//! What applications made of their renders, kept beside these: methods are fitted anew only where scenes, renders or the program changed.
+//!
+//! A file holds one run of an application at one size, whole or not at all: a line that says what it is with the digest of all that follows,
+//! a line of JSON with names and shapes, and all numbers as little-endian doubles. Its key is the digest of what went in
+//! ([`crate::applications::Run::inputs`]) and of the program itself. What has another key, or is damaged, is made anew and replaced.
+
+use apply::map::Map;
+use base::whole_file;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
+
+use crate::applications::Report;
+
+/// How a file of a fit begins, with the number of its format.
+const BEGIN: &str = "sunstone fit 1 ";
+
+/// What panels show of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Fit {
+    /// Scores of all methods, of all seeds.
+    pub scores: Vec<Score>,
+    /// The table.
+    pub rows: Vec<Row>,
+    /// Pictures of the first seed.
+    pub pictures: Vec<Picture>,
+}
+
+/// What a method is worth on one variant, at one seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    pub seed: u64,
+    pub method: String,
+    pub metric: String,
+    pub variant: u64,
+    #[serde(skip)]
+    pub value: f64,
+}
+
+/// What a method is worth in the mean, with its standard error.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    pub method: String,
+    pub metric: String,
+    #[serde(skip)]
+    pub mean: f64,
+    #[serde(skip)]
+    pub error: f64,
+}
+
+/// What a method made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Picture {
+    pub method: String,
+    pub name: String,
+    pub variant: Option<u64>,
+    pub shared: bool,
+    /// Columns, rows, channels.
+    pub shape: [usize; 3],
+    /// Row-major, channels fastest.
+    #[serde(skip)]
+    pub data: Vec<f64>,
+}
+
+impl Fit {
+    /// Of a report.
+    pub fn of(report: Report) -> Self {
+        let scores = report.scores.into_iter().map(|(seed, s)| Score {
+            seed,
+            method: s.method.to_owned(),
+            metric: s.metric.to_owned(),
+            variant: s.variant,
+            value: s.value,
+        });
+        let rows = report.rows.into_iter().map(|r| Row {
+            method: r.method.name.to_owned(),
+            metric: r.metric.name.to_owned(),
+            mean: r.value.mean,
+            error: r.value.error,
+        });
+        let pictures = report.first.pictures.into_iter().map(|p| {
+            let Map {
+                width,
+                height,
+                channels,
+                data,
+            } = p.map;
+            Picture {
+                method: p.method.to_owned(),
+                name: p.name.to_owned(),
+                variant: p.variant,
+                shared: p.shared,
+                shape: [width, height, channels],
+                data,
+            }
+        });
+        Self {
+            scores: scores.collect(),
+            rows: rows.collect(),
+            pictures: pictures.collect(),
+        }
+    }
+
+    /// All numbers, in order.
+    fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
+        let scores = self.scores.iter_mut().map(|s| &mut s.value);
+        let rows = self.rows.iter_mut().flat_map(|r| [&mut r.mean, &mut r.error]);
+        let pictures = self.pictures.iter_mut().flat_map(|p| &mut p.data);
+        scores.chain(rows).chain(pictures)
+    }
+}
+
+/// A digest in hexadecimal digits.
+fn digest(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// What tells this program from any other build of it, where all its code is in its executable; nothing if that cannot be read. Where code
+/// is loaded, as by Python, it tells nothing.
+#[must_use]
+pub fn program() -> Option<String> {
+    // What runs is there even if another build has taken its name.
+    let own = Path::new("/proc/self/exe");
+    let path = if own.exists() {
+        own.to_owned()
+    } else {
+        std::env::current_exe().ok()?
+    };
+    Some(digest(&std::fs::read(path).ok()?))
+}
+
+/// A place for one run of an application.
+pub struct Place {
+    path: PathBuf,
+    key: String,
+}
+
+impl Place {
+    /// In a folder, by a name that stands for one application at one size, for what a program makes of inputs.
+    pub fn new(folder: &Path, name: &str, program: &str, inputs: &str) -> Self {
+        Self {
+            path: folder.join(format!("{name}.fit")),
+            key: digest(format!("{program}\n{inputs}").as_bytes()),
+        }
+    }
+
+    /// What is kept, if it is whole and of these inputs and this program.
+    pub fn read(&self) -> Option<Fit> {
+        let bytes = std::fs::read(&self.path).ok()?;
+        let (first, rest) = line(&bytes)?;
+        if first.strip_prefix(BEGIN)? != digest(rest) {
+            return None;
+        }
+        let (key, rest) = line(rest)?;
+        if key != self.key {
+            return None;
+        }
+        let (head, numbers) = line(rest)?;
+        let mut fit: Fit = serde_json::from_str(head).ok()?;
+        for p in &mut fit.pictures {
+            let [w, h, channels] = p.shape;
+            let length = w.checked_mul(h)?.checked_mul(channels)?;
+            p.data = vec![0.0; (length <= numbers.len() / 8).then_some(length)?];
+        }
+        let mut values = numbers.chunks_exact(8);
+        for n in fit.numbers() {
+            *n = f64::from_le_bytes(values.next()?.try_into().ok()?);
+        }
+        values.next().is_none().then_some(fit)
+    }
+
+    /// Keeps what was made; that it cannot be kept is told, and no failure. What stands there and is no fit stays as it is.
+    pub fn write(&self, fit: &mut Fit) {
+        let foreign = match std::fs::read(&self.path) {
+            Ok(bytes) => !bytes.starts_with(BEGIN.as_bytes()),
+            Err(e) => e.kind() != std::io::ErrorKind::NotFound,
+        };
+        let shown = self.path.display();
+        if foreign {
+            tracing::warn!("{shown} is no fit of this program: fits are not kept; give it another name");
+            return;
+        }
+        let Ok(head) = serde_json::to_string(fit) else {
+            return;
+        };
+        let mut rest = format!("{}\n{head}\n", self.key).into_bytes();
+        rest.extend(fit.numbers().flat_map(|n| n.to_le_bytes()));
+        let mut bytes = format!("{BEGIN}{}\n", digest(&rest)).into_bytes();
+        bytes.extend(rest);
+        if let Err(e) = whole_file::write(&self.path, &bytes) {
+            tracing::warn!("cannot keep {shown}: {e}; methods are fitted anew next time");
+        }
+    }
+}
+
+/// The first line, and what follows it.
+fn line(bytes: &[u8]) -> Option<(&str, &[u8])> {
+    let end = bytes.iter().position(|b| *b == b'\n')?;
+    Some((std::str::from_utf8(&bytes[..end]).ok()?, &bytes[end + 1..]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fit() -> Fit {
+        let words = |s: &str| s.to_owned();
+        Fit {
+            scores: vec![Score {
+                seed: 1,
+                method: words("a"),
+                metric: words("m"),
+                variant: 3,
+                value: 0.1 + 0.2,
+            }],
+            rows: vec![Row {
+                method: words("a"),
+                metric: words("m"),
+                mean: -0.0,
+                error: f64::INFINITY,
+            }],
+            pictures: vec![Picture {
+                method: words("a\nb"),
+                name: words("score"),
+                variant: Some(u64::MAX),
+                shared: true,
+                shape: [2, 1, 3],
+                data: vec![f64::MIN_POSITIVE, 1e300, -5.0, 0.0, 1.0 / 3.0, 7.0],
+            }],
+        }
+    }
+
+    #[test]
+    fn a_fit_comes_back_bit_for_bit_and_of_its_inputs_alone() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let place = |program, inputs| Place::new(folder.path(), "x", program, inputs);
+        let own = place("p", "i");
+        assert_eq!(own.read(), None);
+        own.write(&mut fit());
+        assert_eq!(own.read(), Some(fit()));
+        // Another build, other renders.
+        assert_eq!(place("q", "i").read(), None);
+        assert_eq!(place("p", "j").read(), None);
+        // They replace it: one file a run.
+        place("q", "i").write(&mut Fit::default());
+        assert_eq!(own.read(), None);
+        assert_eq!(place("q", "i").read(), Some(Fit::default()));
+        assert_eq!(std::fs::read_dir(folder.path()).expect("lists").count(), 1);
+    }
+
+    #[test]
+    fn what_is_damaged_is_none_and_what_is_foreign_stays() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let place = Place::new(folder.path(), "x", "p", "i");
+        place.write(&mut fit());
+        let path = folder.path().join("x.fit");
+        let whole = std::fs::read(&path).expect("reads");
+        for at in 0..whole.len() {
+            let mut bad = whole.clone();
+            bad[at] ^= 1;
+            std::fs::write(&path, &bad).expect("writes");
+            assert_eq!(place.read(), None, "byte {at}");
+            std::fs::write(&path, &whole[..at]).expect("writes");
+            assert_eq!(place.read(), None, "cut at {at}");
+        }
+        std::fs::write(&path, "my notes").expect("writes");
+        place.write(&mut fit());
+        assert_eq!(std::fs::read(&path).expect("reads"), b"my notes");
+    }
+}
