@@ -570,3 +570,4 @@ fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
 mod remote;
 #[cfg(feature = "object-stores")]
 mod remote_writing;
+mod remove;
