@@ -427,7 +427,10 @@ fn has_rounds(folder: &Path) -> bool {
 fn remove(folder: &Path) -> Result<(), RoundsError> {
     if is_address(folder) {
         // The last first: what is left of a removal that was cut short are the first ones, which are found again.
-        let count = (0..).take_while(|n| is_there(&round_store(folder, *n))).count() as u32;
+        let mut count = 0;
+        while is_there(&round_store(folder, count)) {
+            count += 1;
+        }
         for n in (0..=count).rev() {
             store::zarr::remove(&round_store(folder, n))?;
         }

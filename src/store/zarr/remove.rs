@@ -2,14 +2,15 @@
 
 use super::build::ORIGIN;
 use super::describe::slice_names_of;
+use super::description;
 use super::error::{CreateError, OpenError};
 use super::manifest;
 use super::remote_store::{self, Held, ROOT};
-use super::{description, is_store};
 use crate::place::Objects;
 use crate::refusal::Refusal;
 use base::lock::Lock;
 use base::staging;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// A store could not be removed.
@@ -102,7 +103,7 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     if std::fs::symlink_metadata(path).is_err() {
         return Ok(false);
     }
-    if !is_store(path) {
+    if !is_store(description::read_json(&path.join(ROOT))) {
         return Err(not_a_store(path));
     }
     let _lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
@@ -118,6 +119,11 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     Ok(true)
 }
 
+/// Whether the description of a root is a store's.
+fn is_store(root: Result<Value, OpenError>) -> bool {
+    root.is_ok_and(|json| slice_names_of(&json).is_some())
+}
+
 fn not_a_store(path: &Path) -> RemoveError {
     RemoveError::NotAStore {
         path: path.to_owned(),
@@ -131,7 +137,6 @@ fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveE
         return Ok(Ok(false));
     }
     let is_begun = names.iter().any(|name| name == ORIGIN);
-    let is_store = |json: Result<_, OpenError>| json.is_ok_and(|json| slice_names_of(&json).is_some());
     let root = objects.get(ROOT)?;
     if !is_begun && !root.is_some_and(|bytes| is_store(description::parse_json(path, &bytes))) {
         return Ok(Err(not_a_store(path)));
@@ -147,64 +152,4 @@ fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveE
     objects.delete(rest)?;
     objects.delete(vec![ORIGIN.to_owned()])?;
     Ok(Ok(true))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::zarr::TensorStore;
-
-    fn store(path: &Path) {
-        let made = TensorStore::create(path, &[], &serde_json::Map::new(), None, false);
-        drop(made.expect("a store"));
-    }
-
-    #[test]
-    fn what_is_no_store_stays() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("a");
-        assert!(!remove(&path).expect("nothing there"));
-        std::fs::create_dir(&path).expect("a folder");
-        std::fs::write(path.join("letter.txt"), "dear").expect("writes");
-        assert!(matches!(remove(&path), Err(RemoveError::NotAStore { .. })));
-        assert!(path.join("letter.txt").is_file());
-    }
-
-    #[test]
-    fn stores_go_whole_and_may_be_made_again() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("a.zarr");
-        for _ in 0..2 {
-            store(&path);
-            assert!(remove(&path).expect("removes"));
-            assert!(!remove(&path).expect("nothing there"));
-        }
-        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
-    }
-
-    #[cfg(feature = "object-stores")]
-    #[test]
-    fn below_an_address_it_is_the_same() {
-        let path = Path::new("memory://remove/a.zarr");
-        let objects = || {
-            let found = remote_store::objects_of(path).expect("a place");
-            found.expect("an address")
-        };
-        assert!(!remove(path).expect("nothing there"));
-        objects()
-            .put("letter.txt", b"dear".to_vec().into())
-            .expect("puts");
-        assert!(matches!(remove(path), Err(RemoveError::NotAStore { .. })));
-        assert_eq!(objects().list().expect("lists").len(), 1);
-        objects().delete(vec!["letter.txt".into()]).expect("deletes");
-        for _ in 0..2 {
-            store(path);
-            // A removal that was cut short: what says that it is a store was the first to go.
-            objects().put(ORIGIN, vec![].into()).expect("puts");
-            objects().delete(vec![ROOT.into()]).expect("deletes");
-            assert!(remove(path).expect("removes"));
-            assert!(!remove(path).expect("nothing there"));
-            assert!(objects().list().expect("lists").is_empty());
-        }
-    }
 }

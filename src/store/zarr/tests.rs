@@ -572,4 +572,5 @@ mod remote;
 mod remote_shards;
 #[cfg(feature = "object-stores")]
 mod remote_writing;
+mod remove;
 mod shards;

@@ -1,0 +1,62 @@
+//! Stores that are removed.
+
+#[cfg(feature = "object-stores")]
+use crate::zarr::build::ORIGIN;
+#[cfg(feature = "object-stores")]
+use crate::zarr::remote_store::{self, ROOT};
+use crate::zarr::{RemoveError, TensorStore, remove};
+use std::path::Path;
+
+fn store(path: &Path) {
+    let made = TensorStore::create(path, &[], &serde_json::Map::new(), None, false);
+    drop(made.expect("a store"));
+}
+
+#[test]
+fn what_is_no_store_stays() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a");
+    assert!(!remove(&path).expect("nothing there"));
+    std::fs::create_dir(&path).expect("a folder");
+    std::fs::write(path.join("letter.txt"), "dear").expect("writes");
+    assert!(matches!(remove(&path), Err(RemoveError::NotAStore { .. })));
+    assert!(path.join("letter.txt").is_file());
+}
+
+#[test]
+fn stores_go_whole_and_may_be_made_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.zarr");
+    for _ in 0..2 {
+        store(&path);
+        assert!(remove(&path).expect("removes"));
+        assert!(!remove(&path).expect("nothing there"));
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+}
+
+#[cfg(feature = "object-stores")]
+#[test]
+fn below_an_address_it_is_the_same() {
+    let path = Path::new("memory://remove/a.zarr");
+    let objects = || {
+        let found = remote_store::objects_of(path).expect("a place");
+        found.expect("an address")
+    };
+    assert!(!remove(path).expect("nothing there"));
+    objects()
+        .put("letter.txt", b"dear".to_vec().into())
+        .expect("puts");
+    assert!(matches!(remove(path), Err(RemoveError::NotAStore { .. })));
+    assert_eq!(objects().list().expect("lists").len(), 1);
+    objects().delete(vec!["letter.txt".into()]).expect("deletes");
+    for _ in 0..2 {
+        store(path);
+        // A removal that was cut short: what says that it is a store was the first to go.
+        objects().put(ORIGIN, vec![].into()).expect("puts");
+        objects().delete(vec![ROOT.into()]).expect("deletes");
+        assert!(remove(path).expect("removes"));
+        assert!(!remove(path).expect("nothing there"));
+        assert!(objects().list().expect("lists").is_empty());
+    }
+}
