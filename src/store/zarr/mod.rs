@@ -64,8 +64,8 @@ pub use self::build::SampleGrid;
 pub use self::describe::VALUE_UNITS;
 pub use self::error::{AccessError, CreateError, OpenError};
 pub use self::layers::write_layers;
-pub(crate) use self::shard_shape::Limits;
 pub use self::remove::{PlaceLock, RemoveError, remove};
+pub(crate) use self::shard_shape::Limits;
 pub use self::slice::StoredSlice;
 pub use self::verify::{Verified, verify};
 
