@@ -89,10 +89,6 @@ struct Settings<'a> {
 
 impl Smooth for Settings<'_> {
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
-        if self.onlooker.interrupted() {
-            // Level ground without end, on which every descent ends at once.
-            return (f64::INFINITY, vec![0.0; x.len()]);
-        }
         let (loss, mut gradient) = self.objective.gradient(&self.template.with_parameters(x));
         let per = self.objective.sigma.powi(-2);
         self.history
@@ -101,6 +97,10 @@ impl Smooth for Settings<'_> {
             .push(loss);
         gradient.iter_mut().for_each(|g| *g *= per);
         (loss * per, gradient)
+    }
+
+    fn is_unwanted(&self) -> bool {
+        self.onlooker.interrupted()
     }
 }
 

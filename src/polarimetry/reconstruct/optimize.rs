@@ -4,11 +4,17 @@ use argmin::core::{CostFunction, Error, Executor, Gradient, IterState, State};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A function with its gradient.
 pub trait Smooth: Sync {
     /// Value and gradient at a point; infinite where the function has none.
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
+
+    /// True once nobody wants the minimum any more.
+    fn is_unwanted(&self) -> bool {
+        false
+    }
 }
 
 /// A point and the value there.
@@ -31,6 +37,9 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
         value: f64::INFINITY,
     };
     for step in 0..=steps {
+        if f.is_unwanted() {
+            break;
+        }
         let (value, gradient) = f.evaluate(&x);
         if value < best.value {
             best = Minimum { x: x.clone(), value };
@@ -58,10 +67,14 @@ struct Remembered<'a, F> {
     f: &'a F,
     last: Mutex<Option<Evaluated>>,
     best: Mutex<Minimum>,
+    /// Values in a row that were none.
+    walls: AtomicU32,
 }
 
 /// Argmin's line search steps back from large values, not from infinite ones.
 const BAD: f64 = 1e30;
+/// It steps back for ever where a function has no value near a point at which it had one: after so many steps no shorter one is left.
+const MOST_WALLS: u32 = 200;
 
 impl<F: Smooth> Remembered<'_, F> {
     fn at(&self, x: &[f64]) -> Result<(f64, Vec<f64>), Error> {
@@ -70,8 +83,18 @@ impl<F: Smooth> Remembered<'_, F> {
         if let Some((_, value, gradient)) = last.as_ref().filter(|(at, ..)| at == x) {
             return Ok((*value, gradient.clone()));
         }
-        let (value, gradient) = self.f.evaluate(x);
-        let value = if value.is_finite() { value } else { BAD };
+        if self.f.is_unwanted() {
+            return Err(Error::msg("it is not wanted any more"));
+        }
+        let (mut value, gradient) = self.f.evaluate(x);
+        if value.is_finite() {
+            self.walls.store(0, Ordering::Relaxed);
+        } else {
+            value = BAD;
+            if self.walls.fetch_add(1, Ordering::Relaxed) >= MOST_WALLS {
+                return Err(Error::msg("the function has no value near its last point"));
+            }
+        }
         let mut best = self
             .best
             .lock()
@@ -110,6 +133,7 @@ pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum 
             x: start.to_vec(),
             value: f64::INFINITY,
         }),
+        walls: AtomicU32::new(0),
     };
     // The loss is of the order of σ²; argmin's tolerances are absolute and must lie below all of it.
     let solver = LBFGS::new(MoreThuenteLineSearch::new(), 20)
@@ -161,6 +185,47 @@ mod tests {
     impl Smooth for Wall {
         fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
             (f64::INFINITY, vec![0.0; x.len()])
+        }
+    }
+
+    /// A valley that is gone after some looks at it: for ever, or nobody wants its minimum.
+    struct Closing {
+        looks: AtomicU32,
+        open: u32,
+        tells: bool,
+    }
+    impl Smooth for Closing {
+        fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
+            if self.looks.fetch_add(1, Ordering::Relaxed) >= self.open {
+                return Wall.evaluate(x);
+            }
+            Valley.evaluate(x)
+        }
+        fn is_unwanted(&self) -> bool {
+            self.tells && self.looks.load(Ordering::Relaxed) >= self.open
+        }
+    }
+
+    /// In the middle of a line search too.
+    #[test]
+    fn searches_end_where_the_function_does() {
+        for (open, tells) in (1..12).flat_map(|open| [(open, false), (open, true)]) {
+            let valley = || Closing {
+                looks: AtomicU32::new(0),
+                open,
+                tells,
+            };
+            let closing = valley();
+            let found = quasi_newton(&closing, &[-1.2, 1.0], 1_000_000);
+            let looks = closing.looks.load(Ordering::Relaxed);
+            assert!(
+                looks <= if tells { open } else { open + MOST_WALLS + 1 },
+                "{looks} looks at {open}"
+            );
+            assert!(found.value <= 24.3, "{found:?}");
+            let closing = valley();
+            let found = adam(&closing, &[-1.2, 1.0], 50, 0.02);
+            assert!(found.value <= 24.3, "{found:?}");
         }
     }
 
