@@ -128,7 +128,7 @@ def test_scene_and_result_travel_while_workers_are_killed(
     monkeypatch.setattr(distributed, "pack", pack_and_remove)
     address = f"{bucket}/killed.zarr"
     counts: list[tuple[int, int]] = []
-    with Killer(cluster, 8.0) as killer:
+    with Killer(cluster, 1.5, most=4) as killer:
         path = distributed.render(
             file, address, parts=4, client=client, command=command(), progress=lambda done, of: counts.append((done, of))
         )

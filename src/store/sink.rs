@@ -122,6 +122,14 @@ impl ZarrSink {
         }
     }
 
+    /// Opens the store to resume, if it is the same render.
+    fn go_on(&self, job: &Job) -> Result<TensorStore, SinkError> {
+        let store = TensorStore::open_for_write(&self.target.path)?;
+        denoised::refuse(&store)?;
+        check_same(&store, job)?;
+        Ok(store)
+    }
+
     /// Makes the store, or opens the one to resume after checking that it is the same render.
     fn make(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let Target {
@@ -130,10 +138,7 @@ impl ZarrSink {
             replace,
         } = &self.target;
         if *resume && TensorStore::is_there(path)? {
-            let store = TensorStore::open_for_write(path)?;
-            denoised::refuse(&store)?;
-            check_same(&store, job)?;
-            return Ok(store);
+            return self.go_on(job);
         }
         let slices: Vec<_> = job
             .slices
@@ -146,13 +151,11 @@ impl ZarrSink {
         };
         let mut attributes = job.attributes.clone();
         attributes.insert("status".into(), json!("incomplete"));
-        Ok(TensorStore::create(
-            path,
-            &slices,
-            &attributes,
-            Some(grid),
-            *replace,
-        )?)
+        match TensorStore::create(path, &slices, &attributes, Some(grid), *replace) {
+            // Another process has made it, while this one waited for its lock.
+            Err(CreateError::Exists { .. }) if *resume => self.go_on(job),
+            made => Ok(made?),
+        }
     }
 }
 
