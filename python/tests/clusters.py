@@ -25,7 +25,8 @@ class Killer(threading.Thread):
 
     def run(self) -> None:
         chance = random.Random(20)
-        while self.kills < self.most and not self.done.wait(self.every * chance.uniform(0.5, 1.5)):
+        # The first one soon: what is rendered may not take long.
+        while self.kills < self.most and not self.done.wait(self.every * chance.uniform(0.5, 1.5) / (1 if self.kills else 4)):
             nannies = [nanny for nanny in self.cluster.workers.values() if nanny.status == Status.running]
             pids = [nanny.pid for nanny in nannies if nanny.process is not None and nanny.process.status == Status.running and nanny.pid]
             if pids:
