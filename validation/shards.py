@@ -22,9 +22,7 @@ import tempfile
 import time
 
 import object_store
-from object_store import BUCKET, ROOT, SHARE, Server, ask, beside, check, files, rendering, sunstone
-
-sys.path.insert(0, str(ROOT / "python"))
+from object_store import BUCKET, SHARE, Server, ask, beside, check, files, rendering, sunstone
 
 QUESTIONS = [
     ("opening it", None),
@@ -132,7 +130,6 @@ assert (profile == a["flight/mean"].isel(y=50, x=30).values).all()
             **os.environ,
             **server.environment,
             "AWS_ENDPOINT_URL": server.environment["AWS_ENDPOINT"],
-            "PYTHONPATH": os.pathsep.join(sys.path),
         }
         words = [work / "plain.zarr", work / "sharded.zarr", f"s3://{BUCKET}/stores/{store}.zarr"]
         process = subprocess.Popen(
@@ -207,8 +204,7 @@ def power(server, work):
     shutil.copytree(work / "sharded.zarr", here)
 
     def from_python():
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-        return subprocess.run([sys.executable, "-c", program, str(here)], env=environment, capture_output=True, timeout=300)
+        return subprocess.run([sys.executable, "-c", program, str(here)], capture_output=True, timeout=300)
 
     check("Python reads what is sound", from_python().returncode == 0)
     for what, content in (
