@@ -328,6 +328,17 @@ def timed(server, share, work, seed=3):
     return done, told(server, time.monotonic() - begun, done)
 
 
+def killed(server, process, address, at):
+    """Kills a process that writes a store, which is then not finished; whether it still ran."""
+    ran = process.poll() is None
+    if ran:
+        process.send_signal(signal.SIGKILL)
+    process.wait()
+    done = sunstone(server, "verify", address)
+    check(f"killed at {at}, it is not finished", done.returncode == 2, done.stderr.decode().strip())
+    return ran
+
+
 def beside(server, *arguments):
     """Starts the program beside this one."""
     return subprocess.Popen(
@@ -413,12 +424,7 @@ def kills(server, expected, root):
         else:
             while not server.keys(prefix):
                 time.sleep(0.02)
-        if process.poll() is None:
-            process.send_signal(signal.SIGKILL)
-            kills += 1
-        process.wait()
-        done = sunstone(server, "verify", address)
-        check(f"killed at {tiles} tiles, it is not finished", done.returncode == 2, done.stderr.decode().strip())
+        kills += killed(server, process, address, f"{tiles} tiles")
     check("renders were killed", kills == 3, str(kills))
 
     holder = beside(server, *rendering("-o", address, "--resume"))

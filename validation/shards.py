@@ -15,14 +15,13 @@ import json
 import os
 import pathlib
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 
 import object_store
-from object_store import BUCKET, SHARE, Server, ask, beside, check, files, rendering, sunstone
+from object_store import BUCKET, SHARE, Server, ask, beside, check, files, killed, rendering, sunstone
 
 QUESTIONS = [
     ("opening it", None),
@@ -158,12 +157,7 @@ def kills(server, work):
         count = lambda: sum(1 for key in server.keys(prefix) if "/c." in key and key in expected and "_error" in key)
         while process.poll() is None and count() < shards:
             time.sleep(0.01)
-        if process.poll() is None:
-            process.send_signal(signal.SIGKILL)
-            kills += 1
-        process.wait()
-        done = sunstone(server, "verify", address)
-        check(f"killed at {shards} shards, it is not finished", done.returncode == 2, done.stderr.decode().strip())
+        kills += killed(server, process, address, f"{shards} shards")
     check("copies were killed", kills == 3, str(kills))
     server.proxy.reset(SHARE, seed=7)
     done = sunstone(server, "shard", work / "plain.zarr", "-o", address)

@@ -239,10 +239,6 @@ class _Folder:
     def run(self, client: Any, *words: str) -> str:
         return run_command([self.command, *words])
 
-    def ask(self, client: Any, asked: Command, *words: str) -> str:
-        """What the command says of the scene."""
-        return once(client, Command(asked.command, (*asked.words, *words), asked.below))
-
     def join(self, key: str, *names: str) -> str:
         return str(self._parts.joinpath(key, *names))
 
@@ -287,9 +283,6 @@ class _Address:
     def run(self, client: Any, *words: str) -> str:
         return once(client, Command(self.command, words))
 
-    def ask(self, client: Any, asked: Command, *words: str) -> str:
-        return once(client, Command(asked.command, (*asked.words, *words), asked.below))
-
     def join(self, key: str, *names: str) -> str:
         return "/".join([f"{self.path}.parts", key, *(name for name in names if name)])
 
@@ -331,11 +324,16 @@ def _to_error(
     overwrite: bool,
 ) -> None:
     """Render rounds until none is needed any more, and pool them."""
+
+    def ask(*more: str) -> str:
+        """A worker has the scene."""
+        return once(client, Command(asked.command, (*asked.words, *more), asked.below))
+
     rounds, whole = place.rounds(key)
     # One that was pooled, and not yet given its name.
     pooled = isinstance(place, _Folder) and Path(whole).exists()
     while not pooled:
-        standing = json.loads(place.ask(client, asked, "--rounds", rounds))
+        standing = json.loads(ask("--rounds", rounds))
         meter.error = standing["error"]
         if standing["next"] != "round":
             break
@@ -347,7 +345,7 @@ def _to_error(
             shutil.rmtree(place.light(key, ""), ignore_errors=True)
     if overwrite and isinstance(place, _Address):
         place.remove(client, [whole])
-    place.ask(client, asked, "--resume", "-o", whole)
+    ask("--resume", "-o", whole)
     place.put(client, whole, overwrite)
 
 
