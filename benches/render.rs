@@ -1,18 +1,18 @@
 //! Whole renders of the mirror room at 64×64, 16 spp: all its slices, and the conventional one alone.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use std::path::Path;
 use sunstone::render::{Target, Unwatched, render};
+use sunstone_benches::shipped;
 
 fn whole(c: &mut Criterion) {
-    let text = std::fs::read_to_string("scenes/mirror_room/scene.toml")
+    let text = std::fs::read_to_string(shipped("mirror_room"))
         .expect("the shipped scene is there")
         .replace("resolution = [256, 256]", "resolution = [64, 64]")
         .replace("rows = [150]", "rows = [37]")
         .replace("binned = [1, 256]", "binned = [1, 64]")
         .replace("spp = 128", "spp = 16");
-    let path = Path::new("scenes/mirror_room/scene.toml");
-    let mut scene = sunstone::scene::from_text(path, &text).expect("the small scene builds");
+    let mut scene =
+        sunstone::scene::from_text(&shipped("mirror_room"), &text).expect("the small scene builds");
     let dir = tempfile::tempdir().expect("a temporary folder");
     let target = Target {
         path: dir.path().join("bench.zarr"),

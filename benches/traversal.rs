@@ -3,14 +3,13 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec2, Vec3A};
 use std::hint::black_box;
-use std::path::Path;
 use sunstone::optics::sampling::stream::Stream;
 use sunstone::optics::sampling::warp;
 use sunstone::transport::geometry::ray::Ray;
+use sunstone_benches::shipped;
 
 fn traversal(c: &mut Criterion) {
-    let scene =
-        sunstone::scene::load(Path::new("scenes/mirror_room/scene.toml")).expect("the shipped scene loads");
+    let scene = sunstone::scene::load(&shipped("mirror_room")).expect("the shipped scene loads");
     let mut stream = Stream::new(0, 0, 0);
     let mut primary = Vec::new();
     let mut bounce = Vec::new();

@@ -6,6 +6,7 @@
 
 mod application;
 mod caption;
+mod curves;
 pub mod file;
 mod kept;
 mod source;
@@ -167,6 +168,7 @@ impl Prepared<'_> {
         let stage = panel.scene.as_ref().and_then(|s| self.stages.get(s.as_str()));
         let (tile, mut values) = match (&**at, stage) {
             (ViewFile::Apply(view), _) => self.applications.tile(at, view)?,
+            (ViewFile::Curves(view), _) => self.applications.chart(at, view)?,
             (view, Some(stage)) => (view::tile(view, stage, &fault)?, stage.values()),
             (_, None) => return Err(fault("this view is of no scene".into()).into()),
         };

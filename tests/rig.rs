@@ -189,6 +189,7 @@ fn kills_lose_nothing() {
                 if status.success() {
                     break;
                 }
+                assert_eq!(status.code(), None, "{store}: refused, not killed");
                 here += 1;
                 killed += 1;
                 let path = bench.path(&store);

@@ -287,6 +287,26 @@ def calcite():
     return corners, outward(corners, faces), axis
 
 
+# --- crystals/quartz.ply ----------------------------------------------------------------------------------------------
+
+# Angle of quartz's rhombohedral faces to the plane across its axis, from a : c = 1 : 1.1 (51.79 degrees, textbook value).
+QUARTZ_RADIUS, QUARTZ_PRISM, QUARTZ_ANGLE = 0.012, 0.024, math.radians(51.79)
+
+
+def quartz():
+    """(positions, faces) of a six-sided prism about the x axis, the optic axis, with a six-sided point at both ends."""
+    height = QUARTZ_RADIUS * math.cos(math.pi / 6.0) * math.tan(QUARTZ_ANGLE)
+    turns = [math.radians(60 * k) for k in range(6)]
+    ring = [(QUARTZ_RADIUS * math.cos(t), QUARTZ_RADIUS * math.sin(t)) for t in turns]
+    points = [(side * 0.5 * QUARTZ_PRISM, y, z) for side in (-1.0, 1.0) for y, z in ring]
+    points += [(side * (0.5 * QUARTZ_PRISM + height), 0.0, 0.0) for side in (-1.0, 1.0)]
+    faces = []
+    for k in range(6):
+        n = (k + 1) % 6
+        faces += [(k, n, 6 + n, 6 + k), (k, n, 12), (6 + k, 6 + n, 13)]
+    return points, outward(points, faces)
+
+
 def outward(points, faces):
     """Faces of a convex body about the mean of its points, turned to run counter-clockwise seen from outside."""
     centre = tuple(sum(p[k] for p in points) / len(points) for k in range(3))
@@ -387,6 +407,7 @@ def main():
     corners, faces, axis = calcite()
     write_ply(root / "crystals/calcite.ply", corners, faces)
     print("calcite's optic axis, for crystals/scene.toml:", [round(x, 6) for x in axis])
+    write_ply(root / "crystals/quartz.ply", *quartz())
     write_png(root / "crystals/pattern.png", pattern_image())
     for name, profile, height in (("apple", APPLE_PROFILE, 0.065), ("pear", PEAR_PROFILE, 0.095)):
         points, normals, triangles = turned(profile, FRUIT_SIDES, math.radians(10), height)

@@ -135,7 +135,7 @@ def main():
     if options.record:
         import mitsuba as mi
 
-        measures = ["src/scene", "src/transport/geometry", "validation/loading.py"]
+        measures = ["src/import", "src/scene", "src/transport/geometry", "validation/loading.py"]
         result_file.write("loading", __file__, measures, numbers, {"mitsuba": mi.__version__})
 
 

@@ -189,7 +189,7 @@ class Sunstone:
 
 def bench_program():
     """benches/rays.rs, built."""
-    command = ["cargo", "bench", "--bench", "rays", "--no-run", "--message-format=json"]
+    command = ["cargo", "bench", "-p", "sunstone-benches", "--bench", "rays", "--no-run", "--message-format=json"]
     out = subprocess.run(command, cwd=environment.ROOT, check=True, capture_output=True, text=True).stdout
     built = [json.loads(line) for line in out.splitlines() if line.startswith("{")]
     return next(b["executable"] for b in built if b.get("target", {}).get("name") == "rays" and b.get("executable"))

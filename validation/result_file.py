@@ -37,7 +37,7 @@ RESULTS = ROOT / "validation/results"
 FORMAT = 1
 
 # What the whole program is made of where light is traced, stored and read from scene files.
-TRACER = ["src/optics", "src/tensor", "src/store", "src/transport", "src/scene", "src/render.rs"]
+TRACER = ["src/optics", "src/tensor", "src/store", "src/transport", "src/import", "src/scene", "src/render.rs"]
 POLARIMETRY = ["src/optics", "src/polarimetry"]
 
 

@@ -1,7 +1,7 @@
 //! What methods are worth against one thing of a chain, and where the first ceases to win.
 
 use super::Report;
-use super::links::{Part, Through, WHOLE};
+use super::links::{Links, Part, Through, WHOLE};
 use apply::application::Metric;
 use apply::chain::few::Task;
 use apply::comparison::table;
@@ -19,8 +19,8 @@ pub struct Point {
     /// Value along the axis.
     pub value: f64,
     /// Name of the method.
-    pub method: &'static str,
-    /// What it is worth by the first metric.
+    pub method: String,
+    /// What it is worth by a metric.
     pub worth: Estimate,
     /// Ours less this, on the same renders; `None` of ours.
     pub ours_less_this: Option<Estimate>,
@@ -28,16 +28,25 @@ pub struct Point {
     pub baseline: bool,
 }
 
-/// Points of a sweep: all methods through every link.
+/// Points of a sweep or of few captures; none of anything else.
 #[must_use]
-pub fn of_sweep(metric: Metric, report: &Report) -> Vec<Point> {
+pub fn points(metric: Metric, report: &Report, links: &Links) -> Vec<Point> {
+    match links {
+        Links::None | Links::Chain(_) => vec![],
+        Links::Sweep(..) => of_sweep(metric, report),
+        Links::Few(..) => of_captures(metric, report),
+    }
+}
+
+/// Points of a sweep: all methods through every link.
+fn of_sweep(metric: Metric, report: &Report) -> Vec<Point> {
     let mut out = vec![];
     for t in &report.through {
         for row in t.rows.iter().filter(|r| r.metric == metric) {
             out.push(Point {
                 series: t.place.series.clone(),
                 value: t.place.value,
-                method: row.method.name,
+                method: row.method.name.to_owned(),
                 worth: row.value,
                 ours_less_this: row.ours_less_this,
                 baseline: is_baseline(t, row.method.name) && row.ours_less_this.is_some(),
@@ -60,8 +69,7 @@ fn whole(report: &Report) -> Option<(&Through, &Task)> {
 }
 
 /// Points of few captures: ours through every link, and baselines through all captures.
-#[must_use]
-pub fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
+fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
     };
@@ -71,7 +79,7 @@ pub fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
         .map(|(method, theirs)| Point {
             series: WHOLE.into(),
             value: whole.place.value,
-            method,
+            method: method.to_owned(),
             worth: estimate(&theirs),
             ours_less_this: Some(difference(&of(whole, task.method), &theirs)),
             baseline: true,
@@ -80,7 +88,7 @@ pub fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
     out.extend(report.through.iter().map(|t| Point {
         series: t.place.series.clone(),
         value: t.place.value,
-        method: task.method,
+        method: task.method.to_owned(),
         worth: estimate(&of(t, task.method)),
         ours_less_this: None,
         baseline: false,
@@ -101,20 +109,53 @@ fn wins(metric: Metric, d: &Estimate) -> bool {
     better(metric, d.mean) > SURE * d.error
 }
 
-/// For each series of a sweep the last value, from good parts to bad, down to which the first method beats each baseline, or all values at
-/// which it does; a sentence each.
+/// Where the first method beats a baseline.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// Series that it is of.
+    pub series: String,
+    /// The baseline.
+    pub baseline: String,
+    /// Of a sweep the last value, from good parts to bad, down to which it does, or all at which it does; of few captures their least number.
+    pub words: String,
+}
+
+/// All verdicts of a sweep or of few captures, series by series.
 #[must_use]
-pub fn verdicts(metric: Metric, part: Part, points: &[Point]) -> Vec<String> {
+pub fn verdicts(metric: Metric, report: &Report, links: &Links) -> Vec<Verdict> {
+    match links {
+        Links::None | Links::Chain(_) => vec![],
+        Links::Sweep(_, part, _) => of_values(metric, *part, &of_sweep(metric, report)),
+        Links::Few(..) => least(metric, report),
+    }
+}
+
+/// Verdicts as sentences, one a series.
+#[must_use]
+pub fn sentences(metric: Metric, links: &Links, verdicts: &[Verdict]) -> Vec<String> {
+    let beats = match links {
+        Links::Few(..) => "least captures that beat",
+        _ => "beats",
+    };
+    let of_series = verdicts.chunk_by(|a, b| a.series == b.series);
+    let sentence = |of: &[Verdict]| {
+        let told: Vec<String> = of.iter().map(|v| format!("{} {}", v.baseline, v.words)).collect();
+        format!("{}, {}: {beats} {}", metric.name, of[0].series, told.join("; "))
+    };
+    of_series.map(sentence).collect()
+}
+
+fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
     let mut out = vec![];
     for of in points.chunk_by(|a, b| a.series == b.series) {
         let mut baselines: Vec<&str> = vec![];
         for p in of.iter().filter(|p| p.baseline) {
-            if !baselines.contains(&p.method) {
-                baselines.push(p.method);
+            if !baselines.contains(&&*p.method) {
+                baselines.push(&p.method);
             }
         }
-        let last = |name: &&str| {
-            let own = || of.iter().filter(|p| p.method == *name);
+        for name in baselines {
+            let own = || of.iter().filter(|p| p.method == name);
             let mut values: Vec<f64> = own().map(|p| p.value).collect();
             part.better_first(&mut values);
             let won = |v: &f64| {
@@ -126,7 +167,7 @@ pub fn verdicts(metric: Metric, part: Part, points: &[Point]) -> Vec<String> {
             let all: Vec<(f64, bool)> = values.into_iter().map(|v| (v, won(&v))).collect();
             let first = all.iter().take_while(|(_, won)| *won).count();
             let wins = all.iter().filter(|(_, won)| *won).count();
-            let verdict = if wins == 0 {
+            let words = if wins == 0 {
                 "never".to_owned()
             } else if wins == all.len() {
                 "always".to_owned()
@@ -137,22 +178,18 @@ pub fn verdicts(metric: Metric, part: Part, points: &[Point]) -> Vec<String> {
                 let at = all.iter().filter(|(_, won)| *won).map(|(v, _)| part.shown(*v));
                 format!("at {} alone", at.collect::<Vec<_>>().join(", "))
             };
-            format!("{name} {verdict}")
-        };
-        let told: Vec<String> = baselines.iter().map(last).collect();
-        out.push(format!(
-            "{}, {}: beats {}",
-            metric.name,
-            of[0].series,
-            told.join("; ")
-        ));
+            out.push(Verdict {
+                series: of[0].series.clone(),
+                baseline: name.to_owned(),
+                words,
+            });
+        }
     }
     out
 }
 
-/// For each choice of captures the least number that beats each baseline, a sentence each. Baselines are seen through all captures.
-#[must_use]
-pub fn least(metric: Metric, report: &Report) -> Vec<String> {
+/// For each choice of captures the least number that beats each baseline. Baselines are seen through all captures.
+fn least(metric: Metric, report: &Report) -> Vec<Verdict> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
     };
@@ -163,7 +200,7 @@ pub fn least(metric: Metric, report: &Report) -> Vec<String> {
         .collect();
     let mut out = vec![];
     for of in few.chunk_by(|a, b| a.place.series == b.place.series) {
-        let least = |baseline: &&'static str| {
+        for baseline in &task.baselines {
             let theirs = table(&whole.scores, baseline, metric.name);
             let won = |t: &&&Through| {
                 wins(
@@ -173,15 +210,12 @@ pub fn least(metric: Metric, report: &Report) -> Vec<String> {
             };
             let all = of.iter().filter(won).map(|t| t.place.value);
             let least = all.reduce(f64::min).map_or("none".to_owned(), |k| k.to_string());
-            format!("{baseline} {least}")
-        };
-        let told: Vec<String> = task.baselines.iter().map(least).collect();
-        out.push(format!(
-            "{}, {}: least captures that beat {}",
-            metric.name,
-            of[0].place.series,
-            told.join("; ")
-        ));
+            out.push(Verdict {
+                series: of[0].place.series.clone(),
+                baseline: (*baseline).to_owned(),
+                words: least,
+            });
+        }
     }
     out
 }
@@ -205,7 +239,7 @@ pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
         let cells = [
             quoted(&p.series),
             number(p.value),
-            quoted(p.method),
+            quoted(&p.method),
             p.baseline.to_string(),
             number(p.worth.mean),
             number(p.worth.error),
@@ -215,6 +249,59 @@ pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
         out += &(cells.join(",") + "\n");
     }
     out
+}
+
+/// Numbers of captures that are named along an axis, at most.
+const MOST_NAMED: usize = 12;
+
+/// The axis along which links stand, named; none where they do not.
+#[must_use]
+pub fn axis(links: &Links) -> ChartAxis {
+    let (label, log, named) = match links {
+        Links::None | Links::Chain(_) => ("", false, vec![]),
+        Links::Sweep(_, part, values) => {
+            let names = || values.iter().map(|v| (*v, part.shown(*v))).collect();
+            let named = if *part == Part::Calibration {
+                names()
+            } else {
+                vec![]
+            };
+            let log = matches!(part, Part::Photons | Part::Extinction);
+            (part.label(), log, named)
+        }
+        Links::Few(_, range) => {
+            // There is nothing between whole numbers; of many, as many as there is room for.
+            let step = range.clone().count().div_ceil(MOST_NAMED).max(1);
+            let whole = range.clone().step_by(step).map(|n| (n as f64, n.to_string()));
+            ("captures", false, whole.collect())
+        }
+    };
+    ChartAxis {
+        label: label.into(),
+        log,
+        named,
+        ..ChartAxis::default()
+    }
+}
+
+/// Points with the names of their curves: methods of a sweep, choices of few captures. What is seen through all captures is a line across
+/// these, however many all are.
+#[must_use]
+pub fn named(points: Vec<Point>, links: &Links) -> Vec<(String, Point)> {
+    if !matches!(links, Links::Few(..)) {
+        return points.into_iter().map(|p| (p.method.clone(), p)).collect();
+    }
+    let few = points.iter().filter(|p| p.series != WHOLE).map(|p| p.value);
+    let start = few.reduce(f64::min);
+    let name = |p: Point| {
+        if p.series == WHOLE {
+            let value = start.unwrap_or(p.value);
+            (format!("{}, {WHOLE}", p.method), Point { value, ..p })
+        } else {
+            (p.series.clone(), p)
+        }
+    };
+    points.into_iter().map(name).collect()
 }
 
 /// The chart of points: a band of one and two standard errors around each line; of a single place a dashed line across.
@@ -268,5 +355,85 @@ pub fn chart(title: &str, metric: Metric, x: ChartAxis, points: &[(String, Point
             .then(|| "parts without a fault, at infinity, are in the table alone".into())
             .into_iter()
             .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const METRIC: Metric = Metric::new("m", "", true);
+
+    fn point(value: f64, method: &str, less: Option<[f64; 2]>) -> Point {
+        let estimate = |[mean, error]: [f64; 2]| Estimate {
+            mean,
+            error,
+            counts: [3, 2],
+        };
+        Point {
+            series: "nominal".into(),
+            value,
+            method: method.into(),
+            worth: estimate([0.5, 0.1]),
+            ours_less_this: less.map(estimate),
+            baseline: less.is_some(),
+        }
+    }
+
+    /// Two standard errors are no win, a little more are.
+    #[test]
+    fn verdicts_say_where_ours_wins_beyond_doubt() {
+        let mut all = vec![];
+        for (value, a, b, c, d) in [
+            (10.0, 0.2, 0.3, 0.1, -0.3),
+            (100.0, 0.2, 0.21, 0.3, -0.3),
+            (1000.0, 0.21, 0.3, 0.1, -0.3),
+        ] {
+            all.push(point(value, "ours", None));
+            for (name, less) in [("a", a), ("b", b), ("c", c), ("d", d)] {
+                all.push(point(value, name, Some([less, 0.1])));
+            }
+        }
+        let told = |metric, part, want: [&str; 4]| {
+            let all = of_values(metric, part, &all);
+            let words: Vec<&str> = all.iter().map(|v| v.words.as_str()).collect();
+            assert_eq!(words, want);
+        };
+        let photons = ["down to 1000 e⁻", "always", "at 100 e⁻ alone", "never"];
+        told(METRIC, Part::Photons, photons);
+        // Of axes small errors come first.
+        told(
+            METRIC,
+            Part::Axis,
+            ["at 1000° alone", "always", "at 100° alone", "never"],
+        );
+        let less = Metric::new("m", "", false);
+        told(less, Part::Photons, ["never", "never", "never", "always"]);
+    }
+
+    #[test]
+    fn a_line_of_all_captures_is_drawn_where_few_begin() {
+        let mut all = vec![point(36.0, "theirs", Some([0.1, 0.1])), point(2.0, "ours", None)];
+        all[0].series = WHOLE.into();
+        all.push(point(1.0, "ours", None));
+        let chain = apply::chain::file::load(
+            &std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("rigs/chains/sweep.toml"),
+        )
+        .expect("a chain");
+        let links = Links::Few(chain, 1..=2);
+        let drawn = named(all, &links);
+        let told: Vec<(&str, f64)> = drawn.iter().map(|(name, p)| (name.as_str(), p.value)).collect();
+        assert_eq!(
+            told,
+            [("theirs, all captures", 1.0), ("nominal", 2.0), ("nominal", 1.0)]
+        );
+        assert_eq!(axis(&links).named, [(1.0, "1".to_owned()), (2.0, "2".to_owned())]);
+        let chart = chart("", METRIC, axis(&links), &drawn);
+        let [across, ours] = &chart.series[..] else {
+            panic!("{} lines", chart.series.len());
+        };
+        assert_eq!(across.style, SeriesStyle::Dashed);
+        assert_eq!(across.points, [(1.0, 0.5), (2.0, 0.5)]);
+        assert_eq!(ours.points, [(1.0, 0.5), (2.0, 0.5)]);
     }
 }

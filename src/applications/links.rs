@@ -185,6 +185,21 @@ impl Part {
 /// Most values of a sweep.
 const MOST_VALUES: usize = 100;
 
+/// Most captures that are chosen.
+const MOST_CAPTURES: usize = 64;
+
+/// A range of numbers of captures from text.
+///
+/// # Errors
+/// In words.
+pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
+    let (a, b) = text.split_once('-').unwrap_or((text, text));
+    let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
+    pair.filter(|(a, b)| 1 <= *a && a <= b && *b <= MOST_CAPTURES)
+        .map(|(a, b)| a..=b)
+        .ok_or_else(|| format!("give a range of numbers of captures within 1-{MOST_CAPTURES}, as 1-16"))
+}
+
 const BELIEFS: [Belief; 3] = [Belief::Nominal, Belief::Calibrated, Belief::Exact];
 
 /// What slices go through.

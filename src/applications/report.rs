@@ -1,14 +1,14 @@
 //! Tables and pictures of a [`Report`], as files.
 
 use super::curves::{self, Point, quoted};
-use super::links::{Links, Part, WHOLE};
+use super::links::Links;
 use super::{Report, Settings};
 use apply::application::{Application, Picture};
 use apply::comparison::Row;
 use apply::metrics::paired::Estimate;
 use base::whole_file;
 use figure::FigureError;
-use figure::chart::{self, ChartAxis};
+use figure::chart;
 use figure::maps::{self, Quantity};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -67,16 +67,9 @@ pub fn write(
 /// What a sweep, or few captures, say in words.
 #[must_use]
 pub fn verdicts(application: &dyn Application, report: &Report, links: &Links) -> Vec<String> {
-    let of = |metric| match links {
-        Links::Sweep(_, part, _) => curves::verdicts(metric, *part, &curves::of_sweep(metric, report)),
-        Links::Few(..) => curves::least(metric, report),
-        Links::None | Links::Chain(_) => vec![],
-    };
+    let of = |metric| curves::sentences(metric, links, &curves::verdicts(metric, report, links));
     application.metrics().into_iter().flat_map(of).collect()
 }
-
-/// A chart: its file's name, its title, and its points with the names of their curves.
-type Curves = (String, String, Vec<(String, Point)>);
 
 /// The table and the charts of a sweep, or of few captures.
 fn curve(
@@ -85,54 +78,32 @@ fn curve(
     links: &Links,
     folder: &Path,
 ) -> Result<(), ReportError> {
+    let name = match links {
+        Links::None | Links::Chain(_) => return Ok(()),
+        Links::Sweep(_, part, _) => format!("sweep_{}", part.name()),
+        Links::Few(..) => "captures".to_owned(),
+    };
     let Some(metric) = application.metrics().first().copied() else {
         return Ok(());
     };
-    let axis = |label: &str, log| ChartAxis {
-        label: label.into(),
-        log,
-        range: None,
-    };
-    let (name, label, log, points) = match links {
-        Links::None | Links::Chain(_) => return Ok(()),
-        Links::Sweep(_, part, _) => {
-            let log = matches!(part, Part::Photons | Part::Extinction);
-            let points = curves::of_sweep(metric, report);
-            (format!("sweep_{}", part.name()), part.label(), log, points)
-        }
-        Links::Few(..) => {
-            let points = curves::of_captures(metric, report);
-            ("captures".to_owned(), "captures", false, points)
-        }
-    };
+    let points = curves::points(metric, report, links);
+    let axis = curves::axis(links);
     let path = folder.join(format!("{name}.csv"));
-    whole_file::write(&path, curves::csv(metric, label, &points).as_bytes())
+    whole_file::write(&path, curves::csv(metric, &axis.label, &points).as_bytes())
         .map_err(|cause| ReportError::Write { path, cause })?;
-    let mut charts: Vec<Curves> = vec![];
+    let mut charts: Vec<(String, String, Vec<Point>)> = vec![];
     if let Links::Few(..) = links {
-        // Lines across, so that few captures fill the chart however many all of them are.
-        let few = points.iter().filter(|p| p.series != WHOLE).map(|p| p.value);
-        let start = few.reduce(f64::min);
-        let named = |p: &Point| {
-            let (name, value) = if p.series == WHOLE {
-                (format!("{}, {WHOLE}", p.method), start.unwrap_or(p.value))
-            } else {
-                (p.series.clone(), p.value)
-            };
-            (name, Point { value, ..p.clone() })
-        };
-        let title = format!("{}: few captures", application.name());
-        charts.push((name, title, points.iter().map(named).collect()));
+        charts.push((name, format!("{}: few captures", application.name()), points));
     } else {
         for of in points.chunk_by(|a, b| a.series == b.series) {
             let series = &of[0].series;
-            let title = format!("{}: {label}, {series}", application.name());
-            let own = of.iter().map(|p| (p.method.to_owned(), p.clone())).collect();
-            charts.push((format!("{name}_{series}"), title, own));
+            let title = format!("{}: {}, {series}", application.name(), axis.label);
+            charts.push((format!("{name}_{series}"), title, of.to_vec()));
         }
     }
     for (name, title, points) in charts {
-        let drawing = chart::draw(&curves::chart(&title, metric, axis(label, log), &points))?;
+        let points = curves::named(points, links);
+        let drawing = chart::draw(&curves::chart(&title, metric, axis.clone(), &points))?;
         figure::save(&drawing, &folder.join(format!("{name}.png")))?;
     }
     Ok(())

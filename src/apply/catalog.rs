@@ -3,6 +3,7 @@
 use crate::analysis::Analysis;
 use crate::application::Application;
 use crate::crystals::Crystals;
+use crate::crystals::faces::CrystalFaces;
 use crate::ellipsometry::Ellipsometry;
 use crate::metamerism::Metamerism;
 use crate::multibounce::{COINS, DISCO_BALL, Statue};
@@ -16,6 +17,7 @@ pub fn all() -> Vec<Box<dyn Application>> {
     vec![
         Box::new(Analysis),
         Box::new(Crystals),
+        Box::new(CrystalFaces),
         Box::new(Transient),
         Box::new(Ellipsometry),
         Box::new(ShapeScan),

@@ -6,7 +6,7 @@ use super::progress::Progress;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use sunstone::applications::links::{Links, LinksError, Part, WHOLE};
+use sunstone::applications::links::{Links, LinksError, Part, WHOLE, captures};
 use sunstone::applications::report::ReportError;
 use sunstone::applications::{self, ApplicationError, MOST_SEEDS, Report, Settings, report};
 use sunstone::apply::application::{Application, Metric};
@@ -48,19 +48,8 @@ pub struct Arguments {
     #[arg(long, value_name = "PART", requires = "capture", conflicts_with = "captures", value_parser = Part::parse)]
     sweep: Option<(Part, Vec<f64>)>,
     /// Try few captures, chosen for what the application makes of them: 1-16.
-    #[arg(long, value_name = "FROM-TO", requires = "capture", value_parser = range)]
+    #[arg(long, value_name = "FROM-TO", requires = "capture", value_parser = captures)]
     captures: Option<RangeInclusive<usize>>,
-}
-
-/// Most captures that are chosen.
-const MOST: usize = 64;
-
-fn range(text: &str) -> Result<RangeInclusive<usize>, String> {
-    let (a, b) = text.split_once('-').unwrap_or((text, text));
-    let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
-    pair.filter(|(a, b)| 1 <= *a && a <= b && *b <= MOST)
-        .map(|(a, b)| a..=b)
-        .ok_or_else(|| format!("give a range of numbers of captures within 1-{MOST}, as 1-16"))
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {

@@ -418,13 +418,14 @@ fn draw(a: &Arguments, rows: &[LearnedRow], templates: &[Scheme], path: &Path) -
         title: "Error of rotating ellipsometry on materials not learned from".to_owned(),
         x: ChartAxis {
             label: "captures".to_owned(),
-            log: false,
             range: Some((0.0, most as f64 + 1.0)),
+            ..ChartAxis::default()
         },
         y: ChartAxis {
             label: "rms error of an element, T00 = 1".to_owned(),
             log: true,
             range: Some((rmse(0.5 * bound_at(most, a)), 0.5)),
+            ..ChartAxis::default()
         },
         series,
         notes: vec![format!(

@@ -11,14 +11,15 @@ use super::error::FigureError;
 use super::layout::{Axis, GRID, Page};
 use super::marker::{DISTINCT, Marker, palette};
 use super::text::{INK, LABEL, fit};
-pub(crate) use scale::Scales;
-use scale::{Marks, Scale};
-use series::{LINE, RADIUS};
+use scale::Marks;
+pub(crate) use scale::{Scale, Scales, label};
+use series::NIB;
+pub(crate) use series::Nib;
 
 pub use super::marker::BLACK;
 pub use series::{ChartAxis, Series, SeriesStyle};
 
-mod legend;
+pub(crate) mod legend;
 mod scale;
 mod series;
 #[cfg(test)]
@@ -27,8 +28,6 @@ mod tests;
 /// Size of the plot in pixels.
 pub(crate) const WIDTH: f64 = 900.0;
 pub(crate) const HEIGHT: f64 = 520.0;
-/// Width of error bars, pixels.
-const BAR: f64 = 1.4;
 /// Opacity of the bands of two standard errors and of one.
 const BANDS: [(f64, f64); 2] = [(2.0, 0.11), (1.0, 0.17)];
 
@@ -81,9 +80,10 @@ pub(crate) fn draw_in(
     palette: &dyn Fn(usize) -> Rgb<u8>,
 ) -> Result<(Drawing, Scales), FigureError> {
     let (x, y) = ranges(chart)?;
-    let (across, up) = (x.marks_across(WIDTH), y.marks(8));
+    let across = x.named(&chart.x.named).unwrap_or_else(|| x.marks_across(WIDTH));
+    let up = y.named(&chart.y.named).unwrap_or_else(|| y.marks(8));
     let axis = |axis: &ChartAxis, marks: &Marks, room: f64| {
-        let label = fit(&scale::label(&axis.label, &marks.major), LABEL, room).0;
+        let label = fit(&label(&axis.label, &marks.major), LABEL, room).0;
         Axis::new(label, marks.major.clone())
     };
     let page = Page {
@@ -98,26 +98,49 @@ pub(crate) fn draw_in(
     let plot = page.data;
     let scales = Scales { x, y, plot };
     grid(&mut page, &across, &up);
-    page.clipped(plot, |page| {
-        for series in &chart.series {
-            bands(page, series, scales, palette(series.colour));
-        }
-        for series in &chart.series {
-            lines(page, series, scales, palette(series.colour));
-        }
-    });
+    curves(&mut page, &chart.series, scales, palette, NIB);
     page.frame_data();
-    for series in chart.series.iter().filter(|s| s.style.marked()) {
-        let points = series.points.iter().filter_map(|&p| scales.point(p));
-        for at in points.filter(|p| plot.holds(*p)) {
-            page.marker(Marker::of(series.colour), at, RADIUS, palette(series.colour));
-        }
-    }
+    markers(&mut page, &chart.series, scales, palette, NIB);
     legend::draw(&mut page, &chart.series, scales, palette);
     Ok((page, scales))
 }
 
-fn check(chart: &Chart) -> Result<(), FigureError> {
+/// Bands, lines and error bars of series, within their plot.
+pub(crate) fn curves(
+    page: &mut Drawing,
+    all: &[Series],
+    scales: Scales,
+    palette: &dyn Fn(usize) -> Rgb<u8>,
+    nib: Nib,
+) {
+    page.clipped(scales.plot, |page| {
+        for series in all {
+            bands(page, series, scales, palette(series.colour));
+        }
+        for series in all {
+            lines(page, series, scales, palette(series.colour), nib);
+        }
+    });
+}
+
+/// Markers of series, within their plot.
+pub(crate) fn markers(
+    page: &mut Drawing,
+    all: &[Series],
+    scales: Scales,
+    palette: &dyn Fn(usize) -> Rgb<u8>,
+    nib: Nib,
+) {
+    for series in all.iter().filter(|s| s.style.marked()) {
+        let points = series.points.iter().filter_map(|&p| scales.point(p));
+        for at in points.filter(|p| scales.plot.holds(*p)) {
+            page.marker(Marker::of(series.colour), at, nib.radius, palette(series.colour));
+        }
+    }
+}
+
+/// Checks all that drawing relies on.
+pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     if chart.series.is_empty() || chart.series.len() > DISTINCT {
         let must = "1 to 56, which is as many as can be told apart";
         return Err(FigureError::option("number of series", chart.series.len(), must));
@@ -160,7 +183,7 @@ fn shown(chart: &Chart) -> impl Iterator<Item = ((f64, f64), f64)> {
 }
 
 /// Scales that hold all points and their error bars; on a logarithmic axis a bar reaches down a decade at most.
-fn ranges(chart: &Chart) -> Result<(Scale, Scale), FigureError> {
+pub(crate) fn ranges(chart: &Chart) -> Result<(Scale, Scale), FigureError> {
     let reach = |((_, y), e): ((f64, f64), f64)| {
         let low = if chart.y.log { (y - e).max(y / 10.0) } else { y - e };
         [low, y, y + e]
@@ -243,10 +266,10 @@ fn bands(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>) {
 }
 
 /// Line and error bars of a series.
-fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>) {
+fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>, nib: Nib) {
     let pen = Pen {
         colour,
-        width: LINE,
+        width: nib.line,
         dashed: series.style == SeriesStyle::Dashed,
     };
     if series.style != SeriesStyle::Markers {
@@ -257,17 +280,19 @@ fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>) {
         return;
     }
     let pen = Pen {
-        width: BAR,
+        width: nib.bar,
         dashed: false,
         ..pen
     };
     for ((at, _), [x, y], e) in places(series, scales).flatten().filter(|p| p.2 > 0.0) {
         // A bar that reaches zero on a logarithmic axis leaves the chart, without a cap.
         let end = |y: f64, far: f64| scales.point((x, y)).map_or(far, |p| p.1);
-        let (top, bottom) = (end(y + e, -HEIGHT), end(y - e, 3.0 * HEIGHT));
+        let plot = scales.plot;
+        let (top, bottom) = (end(y + e, plot.y - plot.h), end(y - e, plot.y + 3.0 * plot.h));
+        let cap = 4.0 / NIB.bar * nib.bar;
         page.line(&[Some((at, top)), Some((at, bottom))], pen);
         for y in [top, bottom] {
-            page.line(&[Some((at - 4.0, y)), Some((at + 4.0, y))], pen);
+            page.line(&[Some((at - cap, y)), Some((at + cap, y))], pen);
         }
     }
 }

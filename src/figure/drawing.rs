@@ -69,6 +69,9 @@ pub struct Pen {
     pub dashed: bool,
 }
 
+/// Dashes and what is between them, in widths of the line.
+const DASHES: [f64; 2] = [7.0 / 2.2, 9.0 / 2.2];
+
 /// A picture made of paths, texts and embedded images: the SVG of it is [`Drawing::svg`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
@@ -225,7 +228,12 @@ impl Drawing {
             joined = point.is_some();
         }
         if !path.is_empty() {
-            let dashes = if pen.dashed { "7 9" } else { "none" };
+            let dashes = if pen.dashed {
+                let [on, off] = DASHES.map(|d| n(d * pen.width));
+                format!("{on} {off}")
+            } else {
+                "none".into()
+            };
             let (colour, width) = (hex(pen.colour), pen.width);
             self.put(format_args!(
                 "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \

@@ -2,6 +2,8 @@
 //!
 //! Errors of values that are summed (projector pixels, bounces, components) add in squares, as for independent values.
 
+use image::Rgb;
+
 use super::chart::{self, Chart, ChartAxis, Scales, Series, SeriesStyle};
 use super::colour::{line_colours, nearest};
 use super::drawing::Drawing;
@@ -120,19 +122,14 @@ pub(crate) fn draw_with_scales(
 ) -> Result<(Drawing, Scales), FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let errors = panel.std_error.map(|t| Source::new(&view.slice, t)).transpose()?;
-    let series = read(view, source, errors)?;
-    let nm = source.wavelengths();
-    let colours = line_colours(if nm.is_empty() { &[550.0] } else { nm });
-    let name = match view.element {
-        [0, 0] => "camera value".to_owned(),
-        [o, i] => format!("M{o}{i}"),
-    };
+    let chart = chart(view, source, errors)?;
+    let colours = colours(source);
     let pick = picks(view, source, [0, 0])?;
     let mut notes = vec![format!(
         "Camera pixel x = {}, y = {}.{}",
         source.need(AxisKind::X)?[pick[0].1],
         source.need(AxisKind::Y)?[pick[1].1],
-        if series.iter().any(|s| s.errors.is_some()) {
+        if chart.series.iter().any(|s| s.errors.is_some()) {
             " Bands: ±1 and ±2 standard errors."
         } else {
             ""
@@ -141,20 +138,43 @@ pub(crate) fn draw_with_scales(
     if let Some(overflow) = panel.overflow {
         notes.extend(overflow_note(view, source, Source::new(&view.slice, overflow)?)?);
     }
-    let axis = |label: String, range| ChartAxis {
-        label,
-        log: false,
-        range,
-    };
-    let time = ruler(source.need(AxisKind::T)?);
     let chart = Chart {
         title: title.to_owned(),
+        notes,
+        ..chart
+    };
+    chart::draw_in(&chart, &|lane| colours[lane % colours.len()])
+}
+
+/// The profile as a chart without a title.
+pub(crate) fn chart(
+    view: &ProfileView,
+    source: Source,
+    errors: Option<Source>,
+) -> Result<Chart, FigureError> {
+    let series = read(view, source, errors)?;
+    let name = match view.element {
+        [0, 0] => "camera value".to_owned(),
+        [o, i] => format!("M{o}{i}"),
+    };
+    let axis = |label: String, range| ChartAxis {
+        label,
+        range,
+        ..ChartAxis::default()
+    };
+    let time = ruler(source.need(AxisKind::T)?);
+    Ok(Chart {
         x: axis("travel time [ps]".into(), time),
         y: axis(format!("{name} [{CAMERA_UNIT}]"), Some(range(&series))),
         series,
-        notes,
-    };
-    chart::draw_in(&chart, &|lane| colours[lane % colours.len()])
+        ..Chart::default()
+    })
+}
+
+/// Colours of the wavelengths' lines.
+pub(crate) fn colours(source: Source) -> Vec<Rgb<u8>> {
+    let nm = source.wavelengths();
+    line_colours(if nm.is_empty() { &[550.0] } else { nm })
 }
 
 /// What the time bins missed at this pixel, of M00.

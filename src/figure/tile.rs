@@ -4,19 +4,18 @@
 
 use image::{Rgb, RgbImage};
 
-use super::chart::Series;
-use super::colour::{self, UNDEFINED, line_colours, photo, sequential, signed};
+use super::chart::{self, Chart, ChartAxis, Scale as Along, Series, label};
+use super::colour::{self, UNDEFINED, photo, sequential, signed};
 use super::error::FigureError;
-use super::layout::{Bar, CAMERA_UNIT};
-use super::marker::palette;
+use super::layout::Bar;
+use super::marker::{DISTINCT, palette};
 use super::panel::Panel;
 use super::raster::Raster;
-use super::reduce::{Source, ruler};
+use super::reduce::Source;
 use super::ticks::Ticks;
 use super::white::White;
 use super::{flight, map, mueller, profile};
 use crate::spec::{FlightView, MuellerView, PhotoView, ProfileView, View};
-use tensor::axes::AxisKind;
 
 /// Colours of a bar, from its lower end.
 const STEPS: u32 = 256;
@@ -55,12 +54,59 @@ pub struct Ramp {
     pub(crate) colours: RgbImage,
 }
 
-/// Lines over a range.
+/// Lines over ranges.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Lines {
-    pub x: (String, (f64, f64)),
-    pub y: (String, (f64, f64)),
-    pub series: Vec<(Series, Rgb<u8>)>,
+    pub x: Ruled,
+    pub y: Ruled,
+    pub series: Vec<Series>,
+    /// Colours that series look theirs up in, one at least.
+    pub palette: Vec<Rgb<u8>>,
+    /// Whether names of series stand under the axis.
+    pub legend: bool,
+}
+
+/// An axis of a chart.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Ruled {
+    pub label: String,
+    pub scale: Along,
+    named: Vec<(f64, String)>,
+}
+
+/// Labels of the upward axis of a chart, at most.
+const UPWARD: usize = 5;
+
+impl Ruled {
+    /// The label gets the power of ten of so many ticks.
+    fn new(axis: &ChartAxis, scale: Along, most: usize) -> Self {
+        let mut out = Self {
+            label: String::new(),
+            scale,
+            named: axis.named.clone(),
+        };
+        out.label = label(&axis.label, &out.marks(most).0);
+        out
+    }
+
+    /// Labelled ticks, about so many at most, and places of the others.
+    pub fn marks(&self, most: usize) -> (Ticks, Vec<f64>) {
+        let own = || self.scale.marks(most);
+        let marks = self.scale.named(&self.named).unwrap_or_else(own);
+        (marks.major, marks.minor)
+    }
+}
+
+impl Lines {
+    /// Ticks of the upward axis.
+    pub fn up(&self) -> Ticks {
+        self.y.marks(UPWARD).0
+    }
+
+    /// Colour of a series' number.
+    pub fn colour(&self, i: usize) -> Rgb<u8> {
+        self.palette[i % self.palette.len().max(1)]
+    }
 }
 
 /// What the numbers of a map are, which decides on their colours.
@@ -227,30 +273,29 @@ fn of_flight(view: &FlightView, panel: &Panel) -> Result<Tile, FigureError> {
 fn of_profile(view: &ProfileView, panel: &Panel) -> Result<Tile, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let errors = panel.std_error.map(|t| Source::new(&view.slice, t)).transpose()?;
-    let series = profile::read(view, source, errors)?;
-    let nm = source.wavelengths();
-    let colours = line_colours(if nm.is_empty() { &[550.0] } else { nm });
-    let times = source.need(AxisKind::T)?;
-    let ends = |coords: &[f64]| (coords[0], coords[coords.len() - 1]);
-    let x = ruler(times).unwrap_or_else(|| ends(times));
-    let y = profile::range(&series);
-    let name = match view.element {
-        [0, 0] => "camera value".to_owned(),
-        [o, i] => format!("M{o}{i}"),
-    };
-    let unit = Ticks::linear(y.0, y.1, 5).unit(CAMERA_UNIT);
+    let chart = profile::chart(view, source, errors)?;
+    lines(&chart, profile::colours(source), false)
+}
+
+/// A chart; its title and its notes are left out. Names of its series stand under it, if there is to be a legend.
+///
+/// # Errors
+/// As [`chart::draw`].
+pub fn of_chart(chart: &Chart, legend: bool) -> Result<Tile, FigureError> {
+    chart::check(chart)?;
+    lines(chart, (0..DISTINCT).map(palette).collect(), legend)
+}
+
+fn lines(chart: &Chart, palette: Vec<Rgb<u8>>, legend: bool) -> Result<Tile, FigureError> {
+    let (x, y) = chart::ranges(chart)?;
     let mut tile = Tile::images(vec![], 1);
     tile.aspect = Some(0.7);
     tile.chart = Some(Lines {
-        x: ("travel time [ps]".into(), x),
-        y: (format!("{name} [{unit}]"), y),
-        series: series
-            .into_iter()
-            .map(|s| {
-                let colour = colours[s.colour % colours.len()];
-                (s, colour)
-            })
-            .collect(),
+        x: Ruled::new(&chart.x, x, UPWARD),
+        y: Ruled::new(&chart.y, y, UPWARD),
+        series: chart.series.clone(),
+        palette,
+        legend,
     });
     Ok(tile)
 }

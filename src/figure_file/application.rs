@@ -1,4 +1,4 @@
-//! Panels of applications: pictures of methods, with their scores.
+//! Panels of applications: pictures of methods, with their scores; charts of what they are worth are in [`super::curves`].
 
 use apply::application::{Application, Size};
 use apply::catalog;
@@ -11,11 +11,13 @@ use std::path::{Path, PathBuf};
 use transport::render::schedule::Watch;
 
 use super::caption::Value;
-use super::file::{ApplyFile, ViewFile};
-use super::kept::{Fit, Picture, Place};
+use super::curves;
+use super::file::{ApplyFile, CurvesFile, ViewFile};
+use super::kept::{self, Fit, Picture, Place};
 use super::source::Source;
 use super::stage::{FigureFileError, Settings, varied};
-use crate::applications::{self, find_scenes};
+use crate::applications::links::{Links, LinksError};
+use crate::applications::{self, ApplicationError, find_scenes};
 use crate::studio::Studio;
 
 /// Pictures whose method begins so are the truth, which no list of methods names.
@@ -26,19 +28,22 @@ pub struct Applications<'a> {
     source: &'a Source,
     settings: &'a Settings,
     watch: &'a dyn Watch,
-    all: BTreeMap<&'a str, Run>,
+    all: BTreeMap<(&'a str, String), Run<'a>>,
 }
 
-struct Run {
+struct Run<'a> {
+    /// The first panel that shows it.
+    at: &'a Located<ViewFile>,
     application: Box<dyn Application>,
     scenes: PathBuf,
     seeds: u64,
+    links: Links,
     fit: Option<Fit>,
     /// Renders that were made now.
     rendered: usize,
 }
 
-impl Run {
+impl Run<'_> {
     fn size(&self, preview: bool) -> Size {
         let plan = self.application.plan();
         if preview { plan.preview } else { plan.full }
@@ -64,13 +69,26 @@ impl<'a> Applications<'a> {
             }
         }
         for at in source.file.panels.iter().filter_map(|p| p.view.as_ref()) {
-            let ViewFile::Apply(view) = &**at else { continue };
-            out.find(at, view)?;
+            match &**at {
+                ViewFile::Apply(view) => out.picture(at, view)?,
+                ViewFile::Curves(view) => out.curves(at, view)?,
+                _ => {}
+            }
         }
         Ok(out)
     }
 
-    fn find(&mut self, at: &Located<ViewFile>, view: &'a ApplyFile) -> Result<(), FigureFileError> {
+    fn curves(&mut self, at: &'a Located<ViewFile>, view: &'a CurvesFile) -> Result<(), FigureFileError> {
+        let source = self.source;
+        let application = catalog::find(&view.name).ok_or_else(|| unknown(source, at, &view.name))?;
+        let chain = source.beside(&view.chain);
+        let links = curves::links(view, &chain, &*application)
+            .map_err(|(message, help)| source.error(at, message, help))?;
+        let key = (view.name.as_str(), curves::words(view));
+        self.add(at, key, application, links)
+    }
+
+    fn picture(&mut self, at: &'a Located<ViewFile>, view: &'a ApplyFile) -> Result<(), FigureFileError> {
         let source = self.source;
         let application = catalog::find(&view.name).ok_or_else(|| unknown(source, at, &view.name))?;
         let mut names: Vec<&str> = application.methods().iter().map(|m| m.name).collect();
@@ -95,9 +113,21 @@ impl<'a> Applications<'a> {
                 .error(at, message, "give the smaller first, then the larger")
                 .into());
         }
-        if self.all.contains_key(view.name.as_str()) {
+        self.add(at, (&view.name, String::new()), application, Links::None)
+    }
+
+    /// Adds a run by the application's name and words for its links, if it is not there yet.
+    fn add(
+        &mut self,
+        at: &'a Located<ViewFile>,
+        key: (&'a str, String),
+        application: Box<dyn Application>,
+        links: Links,
+    ) -> Result<(), FigureFileError> {
+        if self.all.contains_key(&key) {
             return Ok(());
         }
+        let (source, plan) = (self.source, application.plan());
         let folder = source.path.parent().unwrap_or(Path::new("."));
         let scenes = self
             .settings
@@ -112,45 +142,61 @@ impl<'a> Applications<'a> {
             let help = "name the folder of the scenes that came with sunstone by --scenes";
             return Err(source.error(at, message, help).into());
         };
-        let entry = source.file.applications.get(&view.name);
+        let entry = source.file.applications.get(key.0);
         let run = Run {
+            at,
             application,
             scenes,
             seeds: entry.map_or(1, |e| e.seeds),
+            links,
             fit: None,
             rendered: 0,
         };
-        self.all.insert(&view.name, run);
+        self.all.insert(key, run);
         Ok(())
     }
 
     /// Runs them all, but for what is kept of the same inputs and the same program.
     pub fn run(&mut self) -> Result<(), FigureFileError> {
-        let preview = self.settings.preview;
+        let (source, preview) = (self.source, self.settings.preview);
         for run in self.all.values_mut() {
             let settings = applications::Settings {
                 scenes: run.scenes.clone(),
                 renders: self.settings.renders.clone(),
                 preview,
                 seeds: run.seeds,
-                links: applications::links::Links::default(),
+                links: run.links.clone(),
             };
             let mut now = applications::Run::new(&*run.application, &settings, self.watch)?;
-            let inputs = now.inputs()?;
+            let mut inputs = now.inputs()?;
             run.rendered = now.rendered();
             let Size { pixels, spp } = run.size(preview);
-            let name = format!(
+            let mut name = format!(
                 "{}_{pixels}px_{spp}spp_{}seeds",
                 run.application.name(),
                 run.seeds
             );
+            if run.links != Links::None {
+                // All that a chain file says.
+                let links = format!("{:?}", run.links);
+                name += &format!("_{:.8}", kept::digest(links.as_bytes()));
+                inputs += &links;
+            }
             let program = self.settings.program.as_ref();
             let place = program.map(|p| Place::new(&settings.renders, &name, p, &inputs));
             if let Some(fit) = place.as_ref().and_then(Place::read) {
                 run.fit = Some(fit);
                 continue;
             }
-            let mut fit = Fit::of(now.report()?);
+            let report = now.report().map_err(|e| match e {
+                // What cannot be captured is mended in the chain, or by another view.
+                ApplicationError::Captured(e) if !matches!(e, LinksError::Interrupted) => {
+                    let help = "correct the chain, or leave the view out";
+                    FigureFileError::Input(source.error(run.at, e.to_string(), help))
+                }
+                e => e.into(),
+            })?;
+            let mut fit = Fit::of(report, &*run.application, &run.links);
             if let Some(place) = place {
                 place.write(&mut fit);
             }
@@ -164,24 +210,42 @@ impl<'a> Applications<'a> {
         self.all.values().map(|r| r.rendered).sum()
     }
 
-    /// What a panel shows, and the values that its caption may name.
-    pub fn tile(
+    /// A run with what came out.
+    fn found(
         &self,
         at: &Located<ViewFile>,
-        view: &ApplyFile,
+        key: (&'a str, String),
+    ) -> Result<(&Run<'a>, &Fit), FigureFileError> {
+        let name = key.0;
+        let found = self.all.get(&key).and_then(|r| Some((r, r.fit.as_ref()?)));
+        found.ok_or_else(|| {
+            let message = format!("application `{name}` was not run");
+            self.source.error(at, message, "run it again").into()
+        })
+    }
+
+    /// What a panel with a chart shows, and the values that its caption may name.
+    pub fn chart(
+        &self,
+        at: &'a Located<ViewFile>,
+        view: &'a CurvesFile,
+    ) -> Result<(Tile, Vec<(String, Value)>), FigureFileError> {
+        let (run, fit) = self.found(at, (&view.name, curves::words(view)))?;
+        let (tile, mut values) = curves::tile(view, &*run.application, &run.links, fit)
+            .map_err(|(message, help)| self.source.error(at, message, help))?;
+        values.extend(self.sizes(run));
+        Ok((tile, values))
+    }
+
+    /// What a panel with a picture shows, and the values that its caption may name.
+    pub fn tile(
+        &self,
+        at: &'a Located<ViewFile>,
+        view: &'a ApplyFile,
     ) -> Result<(Tile, Vec<(String, Value)>), FigureFileError> {
         let source = self.source;
         let fault = |message: String, help: String| FigureFileError::Input(source.error(at, message, help));
-        let Some((run, fit)) = self
-            .all
-            .get(view.name.as_str())
-            .and_then(|r| Some((r, r.fit.as_ref()?)))
-        else {
-            return Err(fault(
-                format!("application `{}` was not run", view.name),
-                "run it again".into(),
-            ));
-        };
+        let (run, fit) = self.found(at, (&view.name, String::new()))?;
         let pictures = &fit.pictures;
         let is =
             |p: &&Picture| p.name == view.picture && p.method == view.method && p.variant == view.variant;
@@ -223,6 +287,17 @@ impl<'a> Applications<'a> {
         all.iter().filter(shown).collect()
     }
 
+    /// How much was rendered.
+    fn sizes(&self, run: &Run) -> [(String, Value); 3] {
+        let Size { pixels, spp } = run.size(self.settings.preview);
+        [
+            ("seeds", run.seeds as f64),
+            ("pixels", f64::from(pixels)),
+            ("spp", f64::from(spp)),
+        ]
+        .map(|(name, v)| (name.to_owned(), Value::Number(v)))
+    }
+
     fn values(
         &self,
         view: &ApplyFile,
@@ -230,14 +305,11 @@ impl<'a> Applications<'a> {
         fit: &Fit,
     ) -> Result<Vec<(String, Value)>, FigureFileError> {
         let number = |name: String, v: f64| (name, Value::Number(v));
-        let size = run.size(self.settings.preview);
         let mut out = vec![
             ("method".to_owned(), Value::Text(view.method.clone())),
             number("seed".into(), 1.0),
-            number("seeds".into(), run.seeds as f64),
-            number("pixels".into(), f64::from(size.pixels)),
-            number("spp".into(), f64::from(size.spp)),
         ];
+        out.extend(self.sizes(run));
         for s in &fit.scores {
             if s.seed == 1 && s.method == view.method && Some(s.variant) == view.variant {
                 out.push(number(s.metric.clone(), s.value));

@@ -124,6 +124,8 @@ pub enum ViewFile {
     Layer(LayerFile),
     /// A picture of an application.
     Apply(ApplyFile),
+    /// What the methods of an application are worth through a capture chain.
+    Curves(CurvesFile),
 }
 
 /// See [`ViewFile::Decomposition`].
@@ -193,6 +195,35 @@ pub struct ApplyFile {
     pub label: String,
 }
 
+/// See [`ViewFile::Curves`].
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CurvesFile {
+    /// Name of the application.
+    pub name: String,
+    /// Chain file, seen from the folder of the figure file.
+    pub chain: String,
+    /// What is swept, as `sunstone apply --sweep` takes it: `photons=30,300,3000`.
+    pub sweep: Option<String>,
+    /// Instead of it numbers of captures, as `--captures` takes them: `1-8`.
+    pub captures: Option<String>,
+    /// Name of the metric; absent: the first.
+    pub metric: Option<String>,
+    /// Methods whose lines are drawn, of few captures baselines; absent: all of them.
+    #[serde(default)]
+    pub methods: Vec<String>,
+    /// What is believed of the elements; absent: the first belief of the chain.
+    pub belief: Option<String>,
+    /// The first method less each of the others on the same captures, in place of what they are worth.
+    #[serde(default)]
+    pub difference: bool,
+    /// Ends of the upward axis; absent: all points are on it.
+    pub limits: Option<[f64; 2]>,
+    /// Names of lines under the axis.
+    #[serde(default = "yes")]
+    pub legend: bool,
+}
+
 /// A magnified part.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -258,6 +289,16 @@ fn middle() -> [f64; 2] {
 }
 
 impl ViewFile {
+    /// The application that is viewed, of a view of one.
+    #[must_use]
+    pub fn application(&self) -> Option<&str> {
+        match self {
+            Self::Apply(view) => Some(&view.name),
+            Self::Curves(view) => Some(&view.name),
+            _ => None,
+        }
+    }
+
     /// The slice that is drawn, of a view of a scene.
     #[must_use]
     pub fn slice(&self) -> Option<&str> {
@@ -269,7 +310,7 @@ impl ViewFile {
             Self::Profile(v) => &v.slice,
             Self::Element(v) => &v.slice,
             Self::Decomposition(v) => &v.slice,
-            Self::Layer(_) | Self::Apply(_) => return None,
+            Self::Layer(_) | Self::Apply(_) | Self::Curves(_) => return None,
         })
     }
 }

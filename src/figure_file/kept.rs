@@ -4,16 +4,20 @@
 //! a line of JSON with names and shapes, and all numbers as little-endian doubles. Its key is the digest of what went in
 //! ([`crate::applications::Run::inputs`]) and of the program itself. What has another key, or is damaged, is made anew and replaced.
 
+use apply::application::Application;
 use apply::map::Map;
+use apply::metrics::paired::Estimate;
 use base::whole_file;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
 use crate::applications::Report;
+use crate::applications::curves;
+use crate::applications::links::Links;
 
 /// How a file of a fit begins, with the number of its format.
-const BEGIN: &str = "sunstone fit 1 ";
+const BEGIN: &str = "sunstone fit 2 ";
 
 /// What panels show of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -24,6 +28,33 @@ pub struct Fit {
     pub rows: Vec<Row>,
     /// Pictures of the first seed.
     pub pictures: Vec<Picture>,
+    /// What methods are worth through a capture chain, in place of pictures.
+    pub points: Vec<Point>,
+    /// Where the first method wins.
+    pub verdicts: Vec<Verdict>,
+}
+
+/// A method at one place of a curve ([`curves::Point`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    pub metric: String,
+    pub series: String,
+    pub method: String,
+    pub baseline: bool,
+    #[serde(skip)]
+    pub value: f64,
+    /// What it is worth with its standard error, then the first method less it with its own: NaN of the first.
+    #[serde(skip)]
+    pub numbers: [f64; 4],
+}
+
+/// A verdict of a metric ([`curves::Verdict`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    pub metric: String,
+    pub series: String,
+    pub baseline: String,
+    pub words: String,
 }
 
 /// What a method is worth on one variant, at one seed.
@@ -63,8 +94,35 @@ pub struct Picture {
 }
 
 impl Fit {
-    /// Of a report.
-    pub fn of(report: Report) -> Self {
+    /// Of a report; of a sweep or of few captures without pictures.
+    pub fn of(mut report: Report, application: &dyn Application, links: &Links) -> Self {
+        let (mut points, mut verdicts) = (vec![], vec![]);
+        for metric in application.metrics() {
+            let name = || metric.name.to_owned();
+            let own = curves::points(metric, &report, links).into_iter();
+            points.extend(own.map(|p| {
+                let of = |e: Option<Estimate>| e.map_or([f64::NAN; 2], |e| [e.mean, e.error]);
+                let ([a, b], [c, d]) = (of(Some(p.worth)), of(p.ours_less_this));
+                Point {
+                    metric: name(),
+                    series: p.series,
+                    method: p.method,
+                    baseline: p.baseline,
+                    value: p.value,
+                    numbers: [a, b, c, d],
+                }
+            }));
+            let own = curves::verdicts(metric, &report, links).into_iter();
+            verdicts.extend(own.map(|v| Verdict {
+                metric: name(),
+                series: v.series,
+                baseline: v.baseline,
+                words: v.words,
+            }));
+        }
+        if *links != Links::None {
+            report.first.pictures.clear();
+        }
         let scores = report.scores.into_iter().map(|(seed, s)| Score {
             seed,
             method: s.method.to_owned(),
@@ -98,6 +156,8 @@ impl Fit {
             scores: scores.collect(),
             rows: rows.collect(),
             pictures: pictures.collect(),
+            points,
+            verdicts,
         }
     }
 
@@ -106,12 +166,14 @@ impl Fit {
         let scores = self.scores.iter_mut().map(|s| &mut s.value);
         let rows = self.rows.iter_mut().flat_map(|r| [&mut r.mean, &mut r.error]);
         let pictures = self.pictures.iter_mut().flat_map(|p| &mut p.data);
-        scores.chain(rows).chain(pictures)
+        let points = self.points.iter_mut();
+        let points = points.flat_map(|p| std::iter::once(&mut p.value).chain(&mut p.numbers));
+        scores.chain(rows).chain(pictures).chain(points)
     }
 }
 
 /// A digest in hexadecimal digits.
-fn digest(bytes: &[u8]) -> String {
+pub fn digest(bytes: &[u8]) -> String {
     let digest = Sha256::digest(bytes);
     digest.iter().map(|b| format!("{b:02x}")).collect()
 }
@@ -227,6 +289,20 @@ mod tests {
                 shared: true,
                 shape: [2, 1, 3],
                 data: vec![f64::MIN_POSITIVE, 1e300, -5.0, 0.0, 1.0 / 3.0, 7.0],
+            }],
+            points: vec![Point {
+                metric: words("m"),
+                series: words("nominal"),
+                method: words("a"),
+                baseline: true,
+                value: f64::INFINITY,
+                numbers: [0.7, 0.1, -0.0, 1e-300],
+            }],
+            verdicts: vec![Verdict {
+                metric: words("m"),
+                series: words("nominal"),
+                baseline: words("b"),
+                words: words("down to 30 e⁻"),
             }],
         }
     }

@@ -6,7 +6,7 @@ use figure::composite::{Arrow, COLUMN_MM, Corner, Ink, Inset, MOST_COLUMNS, MOST
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::file::{ArrowFile, FigureFile, InsetFile, PanelFile, ViewFile};
+use super::file::{ArrowFile, FigureFile, InsetFile, PanelFile};
 
 /// Most pixels of a picture's longer side.
 const MOST_PIXELS: u32 = 8192;
@@ -173,22 +173,22 @@ impl Source {
                     "give length_mm above 0, and of = [x, y] from 0 to 1",
                 ));
             }
-            if matches!(**view, ViewFile::Apply(_)) {
+            if view.application().is_some() {
                 let help = "leave it out: only views of a scene have one";
                 return Err(self.error(bar, "a picture of an application has no scale bar", help));
             }
         }
-        match (&**view, &panel.scene) {
-            (ViewFile::Apply(_), Some(scene)) => {
+        match (view.application(), &panel.scene) {
+            (Some(_), Some(scene)) => {
                 let help = "leave `scene` out: the application has its own";
                 Err(self.error(scene, "an application is shown, and a scene named", help))
             }
-            (ViewFile::Apply(_), None) => Ok(()),
-            (_, None) => {
+            (Some(_), None) => Ok(()),
+            (None, None) => {
                 let help = format!("add scene = \"…\", one of: {}", self.scenes());
                 Err(self.error(view, "this view is of no scene", help))
             }
-            (_, Some(scene)) if !self.file.scenes.contains_key(&**scene) => {
+            (None, Some(scene)) if !self.file.scenes.contains_key(&**scene) => {
                 let help = format!("name one of: {}", self.scenes());
                 Err(self.error(scene, format!("there is no [scenes.{}]", **scene), help))
             }

@@ -2,8 +2,8 @@
 
 use crate::build::assemble;
 use crate::build::context::Context;
-use crate::import::write_ply;
 use base::locate::InputError;
+use import::write_ply;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntax::Syntax;

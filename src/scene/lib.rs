@@ -9,10 +9,9 @@ mod build;
 mod builder;
 pub mod calibration;
 pub mod ies;
-pub mod import;
 pub mod mitsuba;
 
-pub use syntax;
+pub use {import, syntax};
 
 pub use build::assemble::{from_file, from_text, from_variant, load, read, variant_from_text};
 pub use build::{materials, media};

@@ -506,6 +506,7 @@ impl Choices<'_> {
                 exterior_ior: self.index(),
                 bandwidth_nm: self.number().into(),
                 split: self.yes().into(),
+                roughness: self.some(Self::scalar),
             }),
             _ => MaterialFile::Measured(MeasuredFile {
                 file: self.text().into(),

@@ -365,6 +365,8 @@ pub struct CrystalFile {
     /// together, and the crystal retards.
     #[serde(default, skip_serializing_if = "is_default")]
     pub split: Located<bool>,
+    /// Roughness α of the faces (GGX, as `alpha` of rough glass), 0.001..1: a number or an image. Smooth without. Not with `split`.
+    pub roughness: Option<Located<ScalarFile>>,
 }
 
 /// See [`MaterialFile::Measured`].

@@ -117,6 +117,52 @@ fn applications_are_checked_before_they_are_run() {
     }
 }
 
+/// What curves lack is told before anything is rendered.
+#[test]
+fn curves_are_checked_before_they_are_run() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let scenes = root.join("scenes");
+    let chain = root.join("rigs/chains/sweep.toml");
+    let figure = format!(
+        "columns = 1\n[[panels]]\nview.curves = {{ name = \"metamerism\", chain = \"{}\", sweep = \"photons=10,100\", methods = [\"RGB\"], \
+         metric = \"area under the curve\", limits = [0, 1] }}\n",
+        chain.display()
+    );
+    let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
+    for (from, to, says) in [
+        ("\"metamerism\"", "\"alchemy\"", "name one of: analysis"),
+        ("\"metamerism\"", "\"ellipsometry\"", "captures by itself"),
+        ("[\"RGB\"]", "[\"CMYK\"]", "name some of: -(2,2) epipolar"),
+        (
+            "\"area under the curve\"",
+            "\"area\"",
+            "name one of: area under the curve",
+        ),
+        ("[0, 1]", "[1, 0]", "are no range"),
+        ("sweep.toml", "swept.toml", "cannot read the chain"),
+        ("photons=10,100", "photos", "photons, extinction"),
+        ("photons=10,100", "photons=-1", "is no value of"),
+        ("sweep = \"photons=10,100\"", "captures = \"0-3\"", "within 1-64"),
+        (
+            "sweep = \"photons=10,100\"",
+            "captures = \"1-3\", difference = true",
+            "leave `difference` out",
+        ),
+        ("sweep = \"photons=10,100\", ", "", "either sweep"),
+        (
+            "sweep = \"photons=10,100\"",
+            "sweep = \"photons\", captures = \"1-3\"",
+            "either sweep",
+        ),
+        ("limits = [0, 1]", "belief = \"exact\"", "name one of: nominal"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
+        let case = (says, from, to, "view.curves", says);
+        assert_eq!(fault(folder.path(), "f.toml", &figure, &case, &arguments), None);
+    }
+}
+
 #[test]
 fn the_same_files_give_the_same_bytes_and_one_render() {
     let (scenes, text) = sound();

@@ -4,13 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Rooms that are crates, top to bottom; the front door uses them all.
-pub const CRATES: [&str; 12] = [
+pub const CRATES: [&str; 13] = [
     "base",
     "optics",
     "tensor",
     "store",
     "transport",
     "syntax",
+    "import",
     "scene",
     "polarimetry",
     "rig",

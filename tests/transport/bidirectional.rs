@@ -379,6 +379,11 @@ fn exchanged_devices_find_the_same() {
             "crystal = { name = \"quartz\", axis = [0.3, 0.9, 0.1] }",
             "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.11] }",
         ),
+        // A wave and a half: thick ones depolarize what comes through rough faces.
+        (
+            "crystal = { name = \"quartz\", axis = [0.3, 0.9, 0.1], roughness = 0.2 }",
+            "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.1001] }",
+        ),
         (
             "retarder = { retardance_deg = 70, angle_deg = 20 }",
             "rectangle = { corner = [-1, -1, 0.1], u = [2, 0.1, 0], v = [0, 2, 0.3] }",

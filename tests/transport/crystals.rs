@@ -17,7 +17,7 @@ use sunstone::transport::material::constants::lookup;
 use sunstone::transport::material::{Filling, Lanes, Lobe};
 
 /// n_o and n_e of quartz at 550 nm (Ghosh 1999).
-const QUARTZ: [f64; 2] = [1.54595, 1.55511];
+pub const QUARTZ: [f64; 2] = [1.54595, 1.55511];
 
 /// Fresnel transmission of power into index `eta` times the one that light comes from, in the s-frame.
 fn transmission(cos_i: f64, eta: f64) -> M {
@@ -36,7 +36,7 @@ fn transmission(cos_i: f64, eta: f64) -> M {
 }
 
 /// Retarder of a way of `length` along `k` in a crystal of optic axis `c`: its matrix and its frame, k × c.
-fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M, DVec3) {
+pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M, DVec3) {
     let cos2 = k.dot(c).powi(2);
     let n = 1.0 / (cos2 / (n_o * n_o) + (1.0 - cos2) / (n_e * n_e)).sqrt();
     let frame = k.cross(c).normalize_or(k.any_orthonormal_vector());
@@ -58,7 +58,7 @@ fn slab(top: f64) -> String {
 const THICK: f64 = 1.0 / 1024.0;
 
 /// Camera above a slab, rough gold below it, lit from the side below the slab.
-struct Slab {
+pub struct Slab {
     camera: Device,
     lamp: Device,
     /// Direction in which light leaves to the camera, and its direction inside.
@@ -69,7 +69,7 @@ struct Slab {
 
 impl Slab {
     /// Of mean index `mean`, seen along -`d`.
-    fn new(d: DVec3, mean: f64) -> Self {
+    pub fn new(d: DVec3, mean: f64) -> Self {
         let tangential = DVec3::new(d.x, d.y, 0.0) / mean;
         let inside = tangential + DVec3::Z * (1.0 - tangential.length_squared()).sqrt();
         let target = AT - inside * (THICK / inside.z) - d * 0.5;
@@ -88,7 +88,7 @@ impl Slab {
     }
 
     /// Renders with the optic axis `axis`; `wavelengths` is a list.
-    fn render(&self, axis: DVec3, keys: &str, wavelengths: &str) -> Rendered {
+    pub fn render(&self, axis: DVec3, keys: &str, wavelengths: &str) -> Rendered {
         let (n, u) = (self.normal(), self.normal().any_orthonormal_vector());
         // The target is not met on the diagonal of its plate, where rays could slip between two triangles.
         let centre = self.target + u * 0.01 + n.cross(u) * 0.03;
@@ -107,7 +107,7 @@ impl Slab {
     }
 
     /// Light that meets no inner reflection.
-    fn expected(&self, axis: DVec3, [n_o, n_e]: [f64; 2], nm: f64) -> M {
+    pub fn expected(&self, axis: DVec3, [n_o, n_e]: [f64; 2], nm: f64) -> M {
         let (d, inside, mean) = (self.d, self.inside, f64::midpoint(n_o, n_e));
         let d_in = (self.target - self.lamp.origin).normalize();
         let x = project(self.camera.right, d);

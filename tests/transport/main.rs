@@ -31,6 +31,7 @@ mod mirrors;
 mod optics;
 mod projector_sheets;
 mod published_slabs;
+mod rough_crystals;
 mod rows;
 mod scales;
 mod scattering;

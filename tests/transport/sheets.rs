@@ -419,6 +419,14 @@ fn mistakes_are_named() {
         ),
         ("a.crystal = { name = \"quartz\" }", "missing field `axis`"),
         (
+            "a.crystal = { name = \"quartz\", axis = [1, 0, 0], split = true, roughness = 0.1 }",
+            "smooth faces alone",
+        ),
+        (
+            "a.crystal = { name = \"quartz\", axis = [1, 0, 0], roughness = 0 }",
+            "without it a crystal has smooth faces",
+        ),
+        (
             "a.coated_conductor = { metal = \"Al\", films = [{ ior = \"SiO\", k = 1, thickness_nm = 9 }] }",
             "has its k",
         ),

@@ -26,7 +26,7 @@ pub enum ChainError {
         cause: ImageError,
     },
     /// Nothing says how long to expose.
-    #[error("no slice without time bins shows light, so no exposure can be set; {0}")]
+    #[error("no slice of whole Mueller matrices shows light, so no exposure can be set; {0}")]
     Dark(String),
     /// A detector refuses.
     #[error(transparent)]

@@ -1,6 +1,7 @@
 //! How long to expose: by a photograph, as of a camera with automatic exposure.
 //!
-//! The photograph is the brightest slice of whole matrices without time bins, T00, all wavelengths together. Where it is as
+//! The photograph is the brightest slice of whole matrices without time bins, T00, all wavelengths together; of a variant that has none
+//! the brightest with them, added up over them. Where it is as
 //! bright as is asked for (its mean, or a percentile), a reading of all captures' mean fills so many electrons. All slices of
 //! the variant are then captured so; a photon counter runs until the same place has given so many counts in all bins.
 
@@ -102,8 +103,7 @@ impl Exposure {
 
     /// T00 that is exposed for.
     fn level(&self, light: &Light) -> f64 {
-        let t00 = light.image.matrices.iter().step_by(16).copied();
-        let mut known: Vec<f64> = t00.filter(|v| v.is_finite()).collect();
+        let mut known = photograph(light);
         match self.meter {
             Meter::Mean => known.iter().sum::<f64>() / known.len() as f64,
             Meter::Percentile(p) => {
@@ -114,6 +114,24 @@ impl Exposure {
             }
         }
     }
+}
+
+/// T00 of pixels and wavelengths, added up over time bins, where it is finite.
+fn photograph(light: &Light) -> Vec<f64> {
+    let image = &light.image;
+    let bins = image.bin_ps.map_or(1, |_| image.layout.times.max(1));
+    let lanes = image.layout.lanes.max(1);
+    let t00: Vec<f64> = image.matrices.iter().step_by(16).copied().collect();
+    let pixels = t00.chunks_exact(bins * lanes);
+    let all = pixels
+        .flat_map(|pixel| (0..lanes).map(move |lane| pixel.iter().skip(lane).step_by(lanes).sum::<f64>()));
+    all.filter(|v| v.is_finite()).collect()
+}
+
+/// Its mean.
+fn brightness(light: &Light) -> f64 {
+    let all = photograph(light);
+    all.iter().sum::<f64>() / all.len() as f64
 }
 
 /// A number of which products of several stay finite.
@@ -136,10 +154,13 @@ impl Laboratory {
     /// [`ChainError::Dark`] if there is none; [`ChainError::Detector`] of an exposure that is none.
     pub fn exposed(&self, lights: &[&Light], scheme: &Scheme) -> Result<Detectors, ChainError> {
         self.exposure.check()?;
-        let photograph = lights
-            .iter()
-            .filter(|l| l.polarized && l.image.bin_ps.is_none())
-            .max_by(|a, b| a.image.mean().total_cmp(&b.image.mean()));
+        let brightest = |timed: bool| {
+            let fit = lights
+                .iter()
+                .filter(|l| l.polarized && l.image.bin_ps.is_some() == timed);
+            fit.max_by(|a, b| brightness(a).total_cmp(&brightness(b)))
+        };
+        let photograph = brightest(false).or_else(|| brightest(true));
         let level = photograph.map_or(f64::NAN, |l| self.exposure.level(l));
         let noisy = self.camera.is_some() || self.counter.is_some();
         if noisy && !positive(level) {

@@ -10,6 +10,7 @@ use polarimetry::capture::detector::cmos::Cmos;
 use polarimetry::capture::detector::spad::Spad;
 use polarimetry::capture::element::ElementKind;
 use polarimetry::capture::scheme::{Scheme, Side};
+use polarimetry::capture::simulate::Noise;
 use polarimetry::capture::spectral_value::SpectralValue;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
@@ -291,6 +292,34 @@ fn captures_are_chosen_for_what_counts() {
             assert!(loss(by, by) <= loss(by, worse) * (1.0 + 1e-9), "{by:?} {worse:?}");
         }
     }
+}
+
+/// Without a photograph a slice with time bins is one, all its bins together; where there is a photograph it is none.
+#[test]
+fn time_bins_together_are_a_photograph() {
+    let lab = laboratory(Tolerances::default(), Some(500.0));
+    let real = Scheme::drr(36, false).expect("a scheme");
+    let timed = some([4, 3, 5, 2]);
+    let summed = Slice {
+        mean: timed.mean.sum(AxisKind::T),
+        error: timed.error.sum(AxisKind::T),
+    };
+    let [timed, summed] = [&timed, &summed].map(|s| Light::of(s).expect("light"));
+    let exposed = |lights: &[&Light]| -> [f64; 2] {
+        let detectors = lab.exposed(lights, &real).expect("an exposure");
+        let of = |light| match detectors.noise(light).expect("noise") {
+            Noise::Spad(diode) => diode.photons_per_unit,
+            Noise::Cmos { camera, .. } => camera.photons_per_unit,
+            Noise::None | Noise::Gaussian { .. } => f64::NAN,
+        };
+        [of(&timed), of(&summed)]
+    };
+    let near = |[a, b]: [f64; 2], [c, d]: [f64; 2]| (a / c - 1.0).abs() < 1e-6 && (b / d - 1.0).abs() < 1e-6;
+    assert!(near(exposed(&[&timed]), exposed(&[&summed])));
+    let mut dim = summed.clone();
+    dim.image.matrices.iter_mut().for_each(|m| *m *= 0.25);
+    let four = exposed(&[&summed]).map(|v| 4.0 * v);
+    assert!(near(exposed(&[&timed, &dim]), four));
 }
 
 #[test]

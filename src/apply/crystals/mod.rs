@@ -7,6 +7,7 @@
 //! standard errors so that half of the errors are within 0.6745 of them. So the share within two stated errors tests that number on
 //! other slabs, not the errors of samples.
 
+pub mod faces;
 pub mod measured;
 pub mod mineral;
 pub mod predicted;

@@ -107,7 +107,7 @@ pub fn curve(rows: &[SchemeResult]) -> Chart {
         y: ChartAxis {
             label: "RMSE / mean T00".to_owned(),
             log: true,
-            range: None,
+            ..ChartAxis::default()
         },
         series,
         notes: vec![],

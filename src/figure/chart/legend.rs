@@ -3,7 +3,7 @@
 use image::Rgb;
 
 use super::scale::Scales;
-use super::series::{LINE as PEN, RADIUS, Series, SeriesStyle};
+use super::series::{NIB, Nib, Series, SeriesStyle};
 use crate::drawing::{Drawing, Pen, Point, Rect};
 use crate::marker::Marker;
 use crate::text::{Align, TICK, fit, width};
@@ -24,8 +24,8 @@ const COVERED: f64 = 0.02;
 /// of line covers, and how many a marker.
 const STEP: f64 = 4.0;
 const MOST_STEPS: f64 = 20_000.0;
-const PIECE: f64 = STEP * PEN;
-const MARKER: f64 = 4.0 * (RADIUS + 1.0) * (RADIUS + 1.0);
+const PIECE: f64 = STEP * NIB.line;
+const MARKER: f64 = 4.0 * (NIB.radius + 1.0) * (NIB.radius + 1.0);
 
 /// Draws the legend of all series with a name, on a wider page if it goes to the right.
 pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn Fn(usize) -> Rgb<u8>) {
@@ -54,7 +54,7 @@ pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn
     for (i, (s, (name, style))) in entries.iter().enumerate() {
         let x = corner.0 + SPACE + column * (i / rows) as f64;
         let y = corner.1 + SPACE / 2.0 + LINE * ((i % rows) as f64 + 0.5);
-        sample(page, (x, y), s, palette(s.colour));
+        sample(page, ((x, y), SAMPLE), s, palette(s.colour), NIB);
         page.text(name, (x + SAMPLE + SPACE, y), Align::Start, *style);
     }
 }
@@ -103,17 +103,29 @@ fn corner(plot: Rect, (w, h): (f64, f64), busy: &[(Point, f64)]) -> Option<Rect>
         .map(|c| c.0)
 }
 
-/// A piece of a series, from its left end.
-fn sample(page: &mut Drawing, (x, y): Point, series: &Series, colour: Rgb<u8>) {
+/// A piece of a series, from its left end, so long.
+pub(crate) fn sample(
+    page: &mut Drawing,
+    ((x, y), length): (Point, f64),
+    series: &Series,
+    colour: Rgb<u8>,
+    nib: Nib,
+) {
     let pen = Pen {
         colour,
-        width: PEN,
+        width: nib.line,
         dashed: series.style == SeriesStyle::Dashed,
     };
     if series.style != SeriesStyle::Markers {
-        page.line(&[Some((x + 2.0, y)), Some((x + SAMPLE - 2.0, y))], pen);
+        let end = 2.0 / SAMPLE * length;
+        page.line(&[Some((x + end, y)), Some((x + length - end, y))], pen);
     }
     if series.style.marked() {
-        page.marker(Marker::of(series.colour), (x + SAMPLE / 2.0, y), RADIUS, colour);
+        page.marker(
+            Marker::of(series.colour),
+            (x + length / 2.0, y),
+            nib.radius,
+            colour,
+        );
     }
 }

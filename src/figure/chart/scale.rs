@@ -24,9 +24,9 @@ pub struct Scale {
 /// From data to pixels of the page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Scales {
-    pub(super) x: Scale,
-    pub(super) y: Scale,
-    pub(super) plot: Rect,
+    pub(crate) x: Scale,
+    pub(crate) y: Scale,
+    pub(crate) plot: Rect,
 }
 
 impl Scales {
@@ -109,6 +109,18 @@ impl Scale {
         // Far outside is as good as outside, and keeps later differences finite.
         let place = ((v - self.low) / (self.high - self.low)).clamp(-1e3, 1e3);
         v.is_finite().then_some(place)
+    }
+
+    /// Ticks at values with names, of which there is one at least.
+    #[must_use]
+    pub fn named(&self, names: &[(f64, String)]) -> Option<Marks> {
+        let mark = |(v, name): &(f64, String)| {
+            let at = self.place(*v).filter(|at| (0.0..=1.0).contains(at))?;
+            Some((at, name.clone()))
+        };
+        let marks = names.iter().filter_map(mark).collect();
+        let major = Ticks { marks, exponent: 0 };
+        (!names.is_empty()).then_some(Marks { major, minor: vec![] })
     }
 
     /// Ticks with about `most` labels at most.
@@ -217,6 +229,7 @@ mod tests {
             label: String::new(),
             log,
             range,
+            named: vec![],
         }
     }
 

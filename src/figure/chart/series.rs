@@ -1,8 +1,22 @@
 //! What a chart shows: axes and series of points.
 
-/// Width of lines and radius of markers, pixels.
-pub(super) const LINE: f64 = 2.2;
-pub(super) const RADIUS: f64 = 5.2;
+/// What series are drawn with, in pixels of the page.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Nib {
+    /// Width of lines.
+    pub line: f64,
+    /// Width of error bars.
+    pub bar: f64,
+    /// Radius of markers.
+    pub radius: f64,
+}
+
+/// That of a chart which stands alone.
+pub(super) const NIB: Nib = Nib {
+    line: 2.2,
+    bar: 1.4,
+    radius: 5.2,
+};
 
 /// An axis of a chart.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,6 +27,8 @@ pub struct ChartAxis {
     pub log: bool,
     /// Values at the low and at the high end, in the unit of the label; without one the axis holds all points.
     pub range: Option<(f64, f64)>,
+    /// Values that have names, which stand in the place of numbers.
+    pub named: Vec<(f64, String)>,
 }
 
 /// Points that belong together.

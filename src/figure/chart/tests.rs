@@ -23,6 +23,7 @@ fn axis(label: &str, log: bool, range: Option<(f64, f64)>) -> ChartAxis {
         label: label.into(),
         log,
         range,
+        named: vec![],
     }
 }
 
@@ -250,7 +251,12 @@ fn number() -> impl Strategy<Value = f64> {
 
 fn any_axis() -> impl Strategy<Value = ChartAxis> {
     let range = prop::option::weighted(0.3, (number(), number()));
-    (".{0,40}", any::<bool>(), range).prop_map(|(label, log, range)| ChartAxis { label, log, range })
+    (".{0,40}", any::<bool>(), range).prop_map(|(label, log, range)| ChartAxis {
+        label,
+        log,
+        range,
+        named: vec![],
+    })
 }
 
 fn any_series() -> impl Strategy<Value = Series> {

@@ -1,7 +1,9 @@
 //! A composite as a drawing, from its layout alone.
 
-use super::layout::{CAPTION, HEADING, Layout, MARK, NAME, Placed, SPACE, TICK, layout, ticks};
+use super::layout::{CAPTION, HEADING, Layout, MARK, NAME, Placed, SAMPLE, SPACE, TICK, layout, ticks};
 use super::parts::{Composite, Ink, Part};
+use crate::chart::legend::sample;
+use crate::chart::{self, Nib, Scales};
 use crate::drawing::{Drawing, Pen, Point, Rect};
 use crate::error::FigureError;
 use crate::layout::GRID;
@@ -17,6 +19,9 @@ const PER_INCH: f64 = 300.0;
 const MM_PER_INCH: f64 = 25.4;
 /// Width of thin lines, millimetres.
 const THIN: f64 = 0.25;
+/// Width of curves, and radius of their markers, millimetres.
+const CURVE: f64 = 0.35;
+const DOT: f64 = 0.7;
 /// Of arrows: their shaft, and length and half width of their heads, millimetres.
 const SHAFT: f64 = 0.5;
 const HEAD: (f64, f64) = (1.9, 0.8);
@@ -146,6 +151,7 @@ impl Scribe {
         }
         if let Some(lines) = &tile.chart {
             self.chart(lines, placed.picture);
+            self.legend(lines, &placed.legend, placed.picture);
         }
         self.axes(tile, placed.picture);
         if let (Some(bar), Some(r)) = (&tile.bar, placed.bar) {
@@ -188,16 +194,14 @@ impl Scribe {
     }
 
     fn axes(&mut self, tile: &Tile, r: Rect) {
-        let (names, across, up) = match (&tile.axes, &tile.chart) {
+        let (names, (across, minor), up) = match (&tile.axes, &tile.chart) {
             (Some([x, y]), _) => {
                 let (across, up) = (ticks(x, r.w, true), ticks(y, r.h, false));
-                ([x.label.clone(), y.label.clone()], across, up)
+                ([x.label.clone(), y.label.clone()], (across, vec![]), up)
             }
             (None, Some(l)) => {
                 let most = (r.w / 11.0).clamp(2.0, 8.0) as usize;
-                let across = Ticks::linear(l.x.1.0, l.x.1.1, most);
-                let up = Ticks::linear(l.y.1.0, l.y.1.1, 5);
-                ([l.x.0.clone(), l.y.0.clone()], across, up)
+                ([l.x.label.clone(), l.y.label.clone()], l.x.marks(most), l.up())
             }
             (None, None) => return,
         };
@@ -212,6 +216,9 @@ impl Scribe {
                 Align::Middle,
                 TICK,
             );
+        }
+        for x in minor.iter().map(|at| r.x + at * r.w) {
+            self.line(&[(x, bottom), (x, bottom + MARK / 2.0)], INK, THIN / 2.0);
         }
         let middle = bottom + MARK + 2.0 * SPACE + TICK + NAME / 2.0 - 0.6;
         let (name, style) = fit(&names[0], self.style(NAME), r.w * self.scale);
@@ -245,48 +252,42 @@ impl Scribe {
     }
 
     fn chart(&mut self, lines: &Lines, r: Rect) {
-        let along = |v: f64, (low, high): (f64, f64)| (v - low) / (high - low);
-        let point = |(x, y): (f64, f64)| {
-            let at = (
-                r.x + along(x, lines.x.1) * r.w,
-                r.y + (1.0 - along(y, lines.y.1)) * r.h,
-            );
-            (at.0.is_finite() && at.1.is_finite()).then_some(at)
-        };
-        for (at, _) in &Ticks::linear(lines.y.1.0, lines.y.1.1, 5).marks {
+        for (at, _) in &lines.up().marks {
             let y = r.y + (1.0 - at) * r.h;
             self.line(&[(r.x, y), (r.x + r.w, y)], GRID, THIN);
         }
-        let clip = self.snapped(r);
-        let scale = self.scale;
-        let px = |p: Option<Point>| p.map(|(x, y)| (x * scale, y * scale));
-        self.page.clipped(clip, |page| {
-            for (series, colour) in &lines.series {
-                if let Some(errors) = &series.errors {
-                    let known: Vec<_> = series
-                        .points
-                        .iter()
-                        .zip(errors)
-                        .filter(|(p, e)| p.1.is_finite() && e.is_finite())
-                        .collect();
-                    let edge = |way: f64| {
-                        known
-                            .iter()
-                            .filter_map(move |((x, y), e)| px(point((*x, y + way * **e))))
-                    };
-                    if !known.is_empty() {
-                        page.area(edge(1.0).chain(edge(-1.0).rev()), *colour, 0.25);
-                    }
-                }
-                let points: Vec<_> = series.points.iter().map(|p| px(point(*p))).collect();
-                let pen = Pen {
-                    colour: *colour,
-                    width: 0.35 * scale,
-                    dashed: false,
-                };
-                page.line(&points, pen);
-            }
-        });
+        let scales = Scales {
+            x: lines.x.scale,
+            y: lines.y.scale,
+            plot: self.snapped(r),
+        };
+        let (palette, nib) = (|i| lines.colour(i), self.nib());
+        chart::curves(&mut self.page, &lines.series, scales, &palette, nib);
+        chart::markers(&mut self.page, &lines.series, scales, &palette, nib);
+    }
+
+    /// What series are drawn with.
+    fn nib(&self) -> Nib {
+        Nib {
+            line: CURVE * self.scale,
+            bar: THIN * self.scale,
+            radius: DOT * self.scale,
+        }
+    }
+
+    fn legend(&mut self, lines: &Lines, entries: &[(usize, Point)], r: Rect) {
+        let nib = self.nib();
+        for (i, at) in entries {
+            let series = &lines.series[*i];
+            let place = (self.point(*at), SAMPLE * self.scale);
+            let colour = lines.colour(series.colour);
+            sample(&mut self.page, place, series, colour, nib);
+            let x = at.0 + SAMPLE + SPACE;
+            let room = (r.x + r.w - x) * self.scale;
+            let (name, style) = fit(series.name.trim(), self.style(TICK), room);
+            let at = self.point((x, at.1));
+            self.page.text(&name, at, Align::Start, style);
+        }
     }
 
     /// A shaft and a head whose tip is where it points, in a rim of the other brightness.

@@ -9,7 +9,7 @@ use crate::drawing::{Point, Rect};
 use crate::error::FigureError;
 use crate::text::{INK, Style, width, wrap};
 use crate::ticks::Ticks;
-use crate::tile::{Scaled, Tile};
+use crate::tile::{Lines, Scaled, Tile};
 
 /// Millimetres in a point.
 const POINT: f64 = 25.4 / 72.0;
@@ -39,8 +39,14 @@ pub const BAR: f64 = 1.6;
 pub const LINE: f64 = 1.28;
 /// Length of an axis that its ticks are measured on before it is known, millimetres.
 const NOMINAL: f64 = 30.0;
+/// Length of the piece of a series in a legend, and the room between entries.
+pub const SAMPLE: f64 = 5.0;
+const APART: f64 = 2.6;
 /// A colour bar is never higher.
 const HIGHEST_BAR: f64 = 60.0;
+
+/// Room under a picture for an axis.
+const UNDER: f64 = MARK + SPACE + TICK + SPACE + NAME;
 
 /// A panel in its place.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +59,8 @@ pub struct Placed {
     pub cells: Vec<Rect>,
     /// The colour bar.
     pub bar: Option<Rect>,
+    /// The legend of a chart: numbers of series with the left end of their sample, at the height of their capitals' middle.
+    pub legend: Vec<(usize, Point)>,
     /// Lines under it: where their capitals' middle begins.
     pub caption: Vec<(String, Point)>,
     /// Each inset: what it shows and where it is.
@@ -100,7 +108,7 @@ fn beside(ticks: &Ticks) -> f64 {
 fn left(tile: &Tile) -> f64 {
     let ticks = match (&tile.axes, &tile.chart) {
         (Some([_, y]), _) => ticks(y, NOMINAL, false),
-        (None, Some(lines)) => Ticks::linear(lines.y.1.0, lines.y.1.1, 5),
+        (None, Some(lines)) => lines.up(),
         (None, None) => return 0.0,
     };
     NAME + SPACE + beside(&ticks)
@@ -114,13 +122,32 @@ fn right(tile: &Tile) -> f64 {
     })
 }
 
-/// Room under the picture, for its axis.
-fn below(tile: &Tile) -> f64 {
+/// Room under a picture of this width, for its axis and the legend.
+fn below(tile: &Tile, w: f64) -> f64 {
+    let legend = tile.chart.as_ref().map_or(0.0, |lines| {
+        let last = legend(lines, w).pop();
+        last.map_or(0.0, |(_, (_, y))| y + 0.5 * LINE * TICK)
+    });
     if tile.axes.is_some() || tile.chart.is_some() {
-        MARK + SPACE + TICK + SPACE + NAME
+        UNDER + legend
     } else {
         0.0
     }
+}
+
+/// Entries of a legend from left to right in rows that are no wider than the picture, from the upper left of the room for it.
+fn legend(lines: &Lines, w: f64) -> Vec<(usize, Point)> {
+    let (mut out, mut x, mut row) = (vec![], 0.0, 0.0);
+    let named = lines.series.iter().enumerate();
+    for (i, s) in named.filter(|(_, s)| lines.legend && !s.name.trim().is_empty()) {
+        let wide = SAMPLE + SPACE + width(s.name.trim(), style(TICK));
+        if x > 0.0 && x + wide > w {
+            (x, row) = (0.0, row + 1.0);
+        }
+        out.push((i, (x, SPACE + (row + 0.5) * LINE * TICK)));
+        x += wide + APART;
+    }
+    out
 }
 
 /// Height of a tile of this width, and that of each of its images with their width.
@@ -217,7 +244,7 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
             let w = xs[last] + p - xs[*column];
             let placed = place(part, *i, (xs[*column], y), w);
             tallest = tallest.max(placed.picture.h);
-            under = under.max(below(&part.tile));
+            under = under.max(below(&part.tile, w));
             out.panels.push(placed);
         }
         let mut captions = 0.0_f64;
@@ -270,6 +297,10 @@ fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
             .bar
             .as_ref()
             .map(|_| picture.within((w + 1.0, 0.0), (BAR, h.min(HIGHEST_BAR)))),
+        legend: tile.chart.as_ref().map_or(vec![], |lines| {
+            let all = legend(lines, w).into_iter();
+            all.map(|(i, at)| (i, (x + at.0, y + h + UNDER + at.1))).collect()
+        }),
         caption: vec![],
         insets: part.insets.iter().map(|i| inset(i, tile, picture)).collect(),
         arrows: part.arrows.iter().map(|a| (at(a.from), at(a.to))).collect(),

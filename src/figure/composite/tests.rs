@@ -1,9 +1,12 @@
 //! Places in closed form, arrows and insets where they should be.
 
-use super::layout::{BAR, CAPTION, CELL_GAP, EDGE, GAP, HEADING, LINE, Layout, ROW_GAP, SPACE, layout};
+use super::layout::{
+    BAR, CAPTION, CELL_GAP, EDGE, GAP, HEADING, LINE, Layout, ROW_GAP, SAMPLE, SPACE, TICK, layout,
+};
 use super::*;
+use crate::chart::{Chart, ChartAxis, Series};
 use crate::spec::{MuellerView, View};
-use crate::tile::{Scale, Tile, of_values, of_view};
+use crate::tile::{Scale, Tile, of_chart, of_values, of_view};
 use crate::{Panel, Rect};
 use image::{Rgb, RgbImage};
 use proptest::prelude::*;
@@ -40,6 +43,62 @@ fn figure(columns: usize, parts: Vec<Option<Part>>) -> Composite {
 
 fn image(w: u32, h: u32) -> Option<Part> {
     Some(part(Tile::image(numbered(w, h))))
+}
+
+/// A logarithmic chart of two named lines and one without a name, in a legend or not.
+fn curves(legend: bool) -> Tile {
+    let axis = |label: &str, log, range| ChartAxis {
+        label: label.into(),
+        log,
+        range: Some(range),
+        ..ChartAxis::default()
+    };
+    let series = |name: &str, y: f64, colour| Series {
+        name: name.into(),
+        points: vec![(1.0, y), (10.0, y), (1000.0, y)],
+        colour,
+        ..Series::default()
+    };
+    let chart = Chart {
+        x: axis("electrons", true, (1.0, 1000.0)),
+        y: axis("worth", false, (0.0, 1.0)),
+        series: vec![
+            series("ours", 0.25, 0),
+            series("theirs", 0.75, 1),
+            series("", 0.5, 2),
+        ],
+        ..Chart::default()
+    };
+    of_chart(&chart, legend).expect("a chart")
+}
+
+/// A legend stands under the axis, each name beside its line's colour; the markers are where logarithms say.
+#[test]
+fn charts_have_their_places_and_their_legend() {
+    let with = layout(&figure(1, vec![Some(part(curves(true)))])).expect("places");
+    let without = layout(&figure(1, vec![Some(part(curves(false)))])).expect("places");
+    assert!(without.panels[0].legend.is_empty());
+    let placed = &with.panels[0];
+    assert_eq!(placed.legend.iter().map(|e| e.0).collect::<Vec<_>>(), [0, 1]);
+    assert!(near(with.height - without.height, SPACE + LINE * TICK));
+    let f = figure(1, vec![Some(part(curves(true)))]);
+    let (img, _, scale) = pixels(&f);
+    let r = placed.picture;
+    for (y, colour) in [(0.25, [0, 114, 178]), (0.75, [213, 94, 0]), (0.5, [0, 158, 115])] {
+        let third = (r.x + r.w / 3.0, r.y + (1.0 - y) * r.h);
+        assert_eq!(at(&img, third, scale), Rgb(colour));
+    }
+    for ((_, (x, y)), colour) in placed.legend.iter().zip([[0, 114, 178], [213, 94, 0]]) {
+        assert!(*y > r.y + r.h && *y < with.height && *x >= r.x - 1e-9);
+        assert_eq!(at(&img, (x + SAMPLE / 2.0, *y), scale), Rgb(colour));
+    }
+    // As wide as a word: each name has a row.
+    let narrow = Composite {
+        width_mm: 31.0,
+        ..figure(1, vec![Some(part(curves(true)))])
+    };
+    let rows = layout(&narrow).expect("places").panels[0].legend.clone();
+    assert!(near(rows[1].1.1 - rows[0].1.1, LINE * TICK) && near(rows[1].1.0, rows[0].1.0));
 }
 
 fn near(a: f64, b: f64) -> bool {

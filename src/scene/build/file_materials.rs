@@ -5,9 +5,9 @@
 //! through is rough glass, or smooth at α ≤ 0.001.
 
 use super::context::Context;
-use crate::import::appearance::{Appearance, Picture, Source};
-use crate::import::{self, mtl};
 use base::locate::{InputError, Located};
+use import::appearance::{Appearance, Picture, Source};
+use import::mtl;
 use std::path::Path;
 use syntax::material::{
     BlendFile, DielectricFile, DiffuseFile, MaterialFile, NormalMapFile, PlasticFile, RoughConductorFile,

@@ -7,6 +7,7 @@ use super::textures::{self, Images};
 use crate::ies;
 use base::locate::{InputError, Located};
 use glam::{Mat3A, Vec3A};
+use import::picture;
 use optics::polarization::elements;
 use optics::polarization::mueller::Mueller;
 use std::ops::Range;
@@ -227,20 +228,15 @@ fn sky(
     let polarized = polarized(ctx, v.stokes.as_ref(), v.polarizer_deg.as_ref(), v.horizontal, at)?;
     let ([width, mut height], mut texels) = textures::sky(ctx, image)?;
     if v.rows == Rows::Poles && height > 1 {
-        texels = from_poles(width as usize, &texels);
+        texels = picture::from_poles(width as usize, &texels);
         height = 2 * (height - 1);
     }
-    for texel in &mut texels {
-        for (value, factor) in texel.iter_mut().zip(scale.to_array()) {
-            *value *= factor;
-        }
-        if !texel.iter().all(|v| (0.0..=1e30).contains(v)) {
-            return Err(ctx.error(
-                image.span(),
-                format!("{} holds values that no light has", ctx.path(image).display()),
-                "give an image of finite values from 0",
-            ));
-        }
+    if !picture::scale(&mut texels, scale) {
+        return Err(ctx.error(
+            image.span(),
+            format!("{} holds values that no light has", ctx.path(image).display()),
+            "give an image of finite values from 0",
+        ));
     }
     Sky::new([width as usize, height as usize], texels, to_world, polarized).ok_or_else(|| {
         ctx.error(
@@ -249,21 +245,6 @@ fn sky(
             "give an image with light in it, or take the environment away",
         )
     })
-}
-
-/// Rows of which the first and the last are at the poles → twice as many, less two, each in the middle of its share: a quarter
-/// and three quarters of the way from one to the next.
-fn from_poles(width: usize, texels: &[[f32; 4]]) -> Vec<[f32; 4]> {
-    let rows: Vec<&[[f32; 4]]> = texels.chunks(width).collect();
-    let mixed = |a: &[[f32; 4]], b: &[[f32; 4]], t: f32| -> Vec<[f32; 4]> {
-        let pairs = a.iter().zip(b);
-        let mix = |(a, b): (&[f32; 4], &[f32; 4])| std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t);
-        pairs.map(mix).collect()
-    };
-    rows.windows(2)
-        .flat_map(|w| [0.25, 0.75].map(|t| mixed(w[0], w[1], t)))
-        .flatten()
-        .collect()
 }
 
 /// The light that a shape of a shining object is.

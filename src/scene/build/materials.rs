@@ -23,7 +23,7 @@ use transport::material::measured::table::{Options, Table};
 use transport::material::texture::{Scalar, Spectrum};
 use transport::material::{
     Lanes, Material, Materials, blend, conductor, diffuse, measured, normal_map, partial_depolarizer,
-    plastic, rough_conductor, rough_dielectric, thin_dielectric, two_sided, varies,
+    plastic, rough_conductor, rough_crystal, rough_dielectric, thin_dielectric, two_sided, varies,
 };
 
 /// A file of materials, built.
@@ -246,7 +246,17 @@ impl<'a> Builder<'_, 'a> {
                 interface: self.interface(&d.ior, &d.exterior_ior)?,
             }),
             MaterialFile::Retarder(r) => Material::Retarder(polarizing::retarder(self.ctx, m, r)?),
-            MaterialFile::Crystal(c) => Material::Crystal(polarizing::crystal(self.ctx, m, c)?),
+            MaterialFile::Crystal(c) => {
+                let crystal = polarizing::crystal(self.ctx, m, c)?;
+                match &c.roughness {
+                    None => Material::Crystal(crystal),
+                    Some(alpha) => Material::RoughCrystal(rough_crystal::RoughCrystal {
+                        crystal,
+                        roughness: self.facets(alpha)?,
+                        lanes: Lanes::first(self.ctx.wavelengths.count()),
+                    }),
+                }
+            }
             MaterialFile::Measured(m) => Material::Measured(measured::Measured {
                 table: self.measured(m)?,
             }),
@@ -306,6 +316,23 @@ impl<'a> Builder<'_, 'a> {
             distribution,
             masking,
             alpha: self.alpha(alpha)?,
+        })
+    }
+
+    /// A crystal's.
+    fn facets(&mut self, roughness: &Located<ScalarFile>) -> Result<Roughness, InputError> {
+        let alpha = self
+            .scalar(roughness, "roughness", 0.001..=1.0)
+            .map_err(|mut e| {
+                if e.message.starts_with("roughness") {
+                    e.help = Some("it must lie in 0.001..1; without it a crystal has smooth faces".into());
+                }
+                e
+            })?;
+        Ok(Roughness {
+            distribution: Distribution::Ggx,
+            masking: Masking::Correlated,
+            alpha,
         })
     }
 

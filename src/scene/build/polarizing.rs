@@ -160,6 +160,13 @@ pub(super) fn crystal(
             "take one of them away",
         ));
     }
+    if let (true, Some(roughness)) = (*file.split, &file.roughness) {
+        return Err(ctx.error(
+            roughness.span(),
+            "split = true has smooth faces alone: the facets of rough ones do not part ordinary and extraordinary rays",
+            "take roughness away, or split",
+        ));
+    }
     let interior = Spectral::new(interior);
     let count = ctx.wavelengths.count();
     Ok(Crystal {

@@ -2,10 +2,8 @@
 
 use super::context::{Context, HUGE};
 use super::devices::vector;
-use crate::import;
 use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
@@ -246,8 +244,7 @@ pub(crate) fn moved(
         ));
     }
     mesh.transform(&affine(place));
-    let sane = |p: &glam::Vec3| p.is_finite() && f64::from(p.abs().max_element()) < HUGE;
-    if !mesh.positions.par_iter().with_min_len(1 << 14).all(sane) {
+    if !import::lies_within(&mesh, HUGE) {
         return Err(ctx.error(
             object.shape.span(),
             "the shape reaches to infinity",

@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use base::locate::{InputError, Located};
+use import::picture;
 use std::ops::Range;
 use syntax::scene::SceneFile;
 use syntax::slice::{CameraSelectFile, CoordinateFile, PolarizationFile, ProjectorSelectFile, SliceFile};
@@ -307,11 +308,7 @@ fn mask(
     }
     Ok(ProjectorSelect::Mask {
         name: name.to_owned(),
-        weights: image
-            .to_luma16()
-            .pixels()
-            .map(|p| f32::from(p.0[0]) / 65535.0)
-            .collect(),
+        weights: picture::weights(&image),
     })
 }
 

@@ -2,7 +2,7 @@
 
 use super::context::Context;
 use base::locate::{InputError, Located};
-use image::DynamicImage;
+use import::picture::{self, Channels};
 use optics::spectrum::Spectral;
 use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
@@ -11,17 +11,6 @@ use syntax::material::NormalMapFile;
 use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
 use syntax::values::SpectrumFile;
 use transport::material::texture::{Filter, Image, SAME, Scalar, Spectrum, Textures, UvMap, Wrap};
-
-/// What the three channels of an image mean.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Channels {
-    /// Red, green and blue, sRGB-encoded where the file holds whole numbers, as they are where it holds real ones.
-    Colours,
-    /// Red, green and blue as they are.
-    LinearColours,
-    /// Numbers.
-    Numbers,
-}
 
 /// The images that have been read: size and first texel.
 #[derive(Default)]
@@ -227,20 +216,6 @@ fn read(
     name: &Located<String>,
     channels: Channels,
 ) -> Result<([u32; 2], u32), InputError> {
-    let linear = |c: f32, encoded: bool| {
-        if !encoded || channels == Channels::LinearColours {
-            c
-        } else if c <= 0.04045 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        }
-    };
-    let channel = |nm: f64| match nm {
-        nm if nm < 500.0 => 2,
-        nm if nm < 590.0 => 1,
-        _ => 0,
-    };
     let bytes = ctx.read(name, name.span())?;
     let image = image::load_from_memory(&bytes).map_err(|e| {
         ctx.error(
@@ -249,16 +224,7 @@ fn read(
             "use a PNG, JPEG, OpenEXR or Radiance HDR file",
         )
     })?;
-    let encoded = !matches!(
-        image,
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
-    );
-    let image = image.to_rgb32f();
     let first = textures.texels.len() as u32;
-    let wavelengths = ctx.wavelengths.clone();
-    textures.texels.extend(image.pixels().map(|p| match channels {
-        Channels::Numbers => [p.0[0], p.0[1], p.0[2], 0.0],
-        _ => wavelengths.map(|nm| linear(p.0[channel(nm)], encoded)).to_array(),
-    }));
+    picture::texels(&image, channels, &ctx.wavelengths, &mut textures.texels);
     Ok(([image.width(), image.height()], first))
 }

@@ -11,6 +11,7 @@ use crate::build::lights::Emitters;
 use base::locate::InputError;
 use glam::{DAffine3, DMat3, Vec3A};
 use image::{DynamicImage, ImageBuffer, Rgb};
+use import::picture;
 use std::ops::Range;
 use syntax::device::EmitterFile;
 use syntax::scene::SceneFile;
@@ -189,14 +190,11 @@ impl EmitterWriter<'_> {
         let pixels = values.flat_map(|v| [v; 3]).collect();
         let image: Option<ImageBuffer<Rgb<f32>, Vec<f32>>> = ImageBuffer::from_raw(w, h, pixels);
         let image = DynamicImage::ImageRgb32F(image.unwrap_or_default());
-        let mut bytes = std::io::Cursor::new(vec![]);
-        image
-            .write_to(&mut bytes, image::ImageFormat::OpenExr)
-            .map_err(|e| {
-                self.ctx
-                    .error(at, format!("cannot encode an image: {e}"), "use a smaller image")
-            })?;
-        Ok(self.out.file(name, Contents::Bytes(bytes.into_inner())))
+        let bytes = picture::encoded(&image, image::ImageFormat::OpenExr).map_err(|e| {
+            self.ctx
+                .error(at, format!("cannot encode an image: {e}"), "use a smaller image")
+        })?;
+        Ok(self.out.file(name, Contents::Bytes(bytes)))
     }
 }
 

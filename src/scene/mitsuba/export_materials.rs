@@ -240,6 +240,9 @@ impl<'a> MaterialWriter<'a> {
             Material::Crystal(_) => {
                 return self.cannot(id, "a crystal", "use a dielectric of its mean index");
             }
+            Material::RoughCrystal(_) => {
+                return self.cannot(id, "a crystal", "use a rough_dielectric of its mean index");
+            }
             Material::Diffuse(_)
             | Material::Conductor(_)
             | Material::RoughConductor(_)

@@ -5,6 +5,7 @@ use super::names::plain;
 use super::xml::{Element, number, single};
 use crate::build::context::Context;
 use base::locate::InputError;
+use import::picture;
 use optics::spectrum::{Spectral, Wavelengths};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -112,15 +113,14 @@ pub(super) fn png(
     span: Range<usize>,
     image: &image::DynamicImage,
 ) -> Result<Contents, InputError> {
-    let mut bytes = std::io::Cursor::new(vec![]);
-    image.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| {
+    let bytes = picture::encoded(image, image::ImageFormat::Png).map_err(|e| {
         ctx.error(
             span,
             format!("cannot encode an image: {e}"),
             "use a smaller image",
         )
     })?;
-    Ok(Contents::Bytes(bytes.into_inner()))
+    Ok(Contents::Bytes(bytes))
 }
 
 /// What a material needs of a surface.

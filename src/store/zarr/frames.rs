@@ -9,6 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use base::lock::Lock;
+use base::staging;
 use serde_json::{Map, Value, json};
 
 use super::atomic::AtomicDirectory;
@@ -126,6 +127,8 @@ impl FrameStore {
             path: path.to_owned(),
             cause,
         };
+        let io = |e: std::io::Error| failed(e.to_string());
+        staging::recover(path).map_err(io)?;
         if std::fs::symlink_metadata(path).is_ok() {
             if !replace {
                 return Err(CreateError::Exists { path: path.into() });
@@ -133,8 +136,25 @@ impl FrameStore {
             if !super::is_store(path) {
                 return Err(CreateError::NotAStore { path: path.into() });
             }
-            base::staging::remove(path).map_err(|e| failed(e.to_string()))?;
         }
+        // Whoever is killed here leaves a whole store without frames, or none.
+        let part = staging::part_of(path);
+        staging::remove(&part).map_err(io)?;
+        Self::lay_out(&part, &layout, attributes)?;
+        staging::put(&part, path).map_err(io)?;
+        Self::over(AtomicDirectory::new(path), Some(lock)).map_err(|e| failed(e.to_string()))
+    }
+
+    /// Describes a store without frames in a new folder.
+    fn lay_out(
+        path: &Path,
+        layout: &FrameLayout,
+        attributes: &Map<String, Value>,
+    ) -> Result<(), CreateError> {
+        let failed = |cause: String| CreateError::Write {
+            path: path.to_owned(),
+            cause,
+        };
         let storage = Arc::new(AtomicDirectory::new(path));
         describe::create_root(path, &[], attributes)?;
         let group =
@@ -163,17 +183,11 @@ impl FrameStore {
             sharding: None,
         };
         let node = format!("/{GROUP}/raw");
-        let raw = match layout.number {
-            FrameNumber::U16 => Raw::U16(ChunkedArray::create(&storage, &node, description)?),
-            FrameNumber::U32 => Raw::U32(ChunkedArray::create(&storage, &node, description)?),
-        };
-        Ok(Self {
-            storage,
-            layout,
-            attributes: attributes.clone(),
-            raw,
-            _lock: Some(lock),
-        })
+        match layout.number {
+            FrameNumber::U16 => drop(ChunkedArray::<u16>::create(&storage, &node, description)?),
+            FrameNumber::U32 => drop(ChunkedArray::<u32>::create(&storage, &node, description)?),
+        }
+        Ok(())
     }
 
     /// Opens a finished store to read it.

@@ -315,7 +315,9 @@ impl Pinhole {
         } else {
             1.0
         };
-        (self.focal.x * self.focal.y * stretch * (1.0 + n.length_squared()).powf(1.5)) as f32
+        let squared = 1.0 + n.length_squared();
+        let cubed = squared * squared.sqrt();
+        (self.focal.x * self.focal.y * stretch * cubed) as f32
     }
 
     /// Image right in world coordinates.

@@ -53,6 +53,7 @@ impl Materials {
             | Material::Retarder(_)
             | Material::ThinDielectric(_)
             | Material::Crystal(_)
+            | Material::RoughCrystal(_)
             | Material::Measured(_)
             | Material::Null => None,
         }

@@ -1,4 +1,4 @@
-//! A closed surface filled with a uniaxial crystal: joined-ray model.
+//! A closed surface filled with a uniaxial crystal: joined-ray model (with rough faces: [`super::rough_crystal`]).
 //!
 //! Light refracts and reflects at the faces as at glass of index (n_o + n_e)/2. Along each straight way of length L
 //! inside, the two eigenwaves get out of step by
@@ -99,7 +99,7 @@ impl Crystal {
 
     /// The medium beyond the face, which is this crystal, number `id`, if `wo` is outside.
     #[inline]
-    fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
+    pub(super) fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;
         Filling {
             crystal: if inward && !self.split { id } else { NO_CRYSTAL },

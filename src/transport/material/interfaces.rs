@@ -40,7 +40,10 @@ impl Materials {
     #[inline]
     #[must_use]
     pub fn is_rough_interface(&self, id: u32) -> bool {
-        matches!(self.list[id as usize], Material::RoughDielectric(_))
+        matches!(
+            self.list[id as usize],
+            Material::RoughDielectric(_) | Material::RoughCrystal(_)
+        )
     }
 
     /// True if some material is a rough interface.

@@ -21,7 +21,9 @@ impl Materials {
         let whole = |kind: u8| self.eval(id, at, wo, wi).map(|s| (kind, s)).into_iter().collect();
         match &self.list[id as usize] {
             Material::Diffuse(_) => whole(DIFFUSE),
-            Material::RoughConductor(_) | Material::RoughDielectric(_) => whole(GLOSSY),
+            Material::RoughConductor(_) | Material::RoughDielectric(_) | Material::RoughCrystal(_) => {
+                whole(GLOSSY)
+            }
             Material::Measured(_) => whole(GLOSSY | DIFFUSE),
             Material::Plastic(m) => m
                 .eval_parted(&self.textures, at, wo, wi)

@@ -30,6 +30,7 @@ pub mod plastic;
 pub mod polarizer;
 pub mod retarder;
 pub mod rough_conductor;
+pub mod rough_crystal;
 pub mod rough_dielectric;
 pub mod sheet;
 pub mod side;
@@ -81,6 +82,8 @@ pub enum Material {
     ThinDielectric(thin_dielectric::ThinDielectric),
     /// See [`crystal`].
     Crystal(crystal::Crystal),
+    /// See [`rough_crystal`].
+    RoughCrystal(rough_crystal::RoughCrystal),
     /// See [`measured`].
     Measured(measured::Measured),
     /// A boundary that light does not notice.
@@ -120,6 +123,7 @@ impl Materials {
             Material::Diffuse(_)
             | Material::RoughConductor(_)
             | Material::RoughDielectric(_)
+            | Material::RoughCrystal(_)
             | Material::Plastic(_)
             | Material::Measured(_) => true,
             Material::Conductor(_)
@@ -176,6 +180,7 @@ impl Materials {
             | Material::Blend(_)
             | Material::NormalMap(_)
             | Material::PartialDepolarizer(_)
+            | Material::RoughCrystal(_)
             | Material::Measured(_)) => self.eval_rest(rest, at, wo, wi),
         }
     }
@@ -187,6 +192,7 @@ impl Materials {
             Material::Blend(m) => m.eval(self, at, wo, wi),
             Material::NormalMap(m) => m.eval(self, at, wo, wi),
             Material::PartialDepolarizer(m) => m.eval(self, at, wo, wi),
+            Material::RoughCrystal(m) => m.eval(&self.textures, at, wo, wi),
             Material::Measured(m) => m.eval(&self.tables, at, wo, wi),
             _ => None,
         }
@@ -212,6 +218,7 @@ impl Materials {
             Material::Blend(m) => m.pdf(self, at, wo, wi),
             Material::NormalMap(m) => m.pdf(self, at, wo, wi),
             Material::PartialDepolarizer(m) => self.pdf(m.material, at, wo, wi),
+            Material::RoughCrystal(m) => m.pdf(&self.textures, at, wo, wi),
             Material::Measured(m) => m.pdf(&self.tables, at, wo, wi),
         }
     }
@@ -269,6 +276,7 @@ impl Materials {
             Material::Retarder(m) => Some(m.specular(at, wo).chosen(1.0)),
             Material::ThinDielectric(m) => m.sample(at, wo, *lanes, stream),
             Material::Crystal(m) => m.sample(id, at, wo, lanes, stream),
+            Material::RoughCrystal(m) => m.sample(id, &self.textures, at, wo, lanes, stream),
             Material::Measured(m) => m.sample(&self.tables, at, wo, stream),
             Material::Null => Some(null::straight(wo).chosen(1.0)),
             Material::Diffuse(_)
@@ -290,6 +298,7 @@ impl Materials {
                 Material::Diffuse(_)
                 | Material::RoughConductor(_)
                 | Material::RoughDielectric(_)
+                | Material::RoughCrystal(_)
                 | Material::Plastic(_)
                 | Material::Measured(_),
                 _,
@@ -377,6 +386,7 @@ impl Materials {
             Material::NormalMap(m) => self.beyond(m.material, at, wo, lanes),
             Material::PartialDepolarizer(m) => self.beyond(m.material, at, wo, lanes),
             Material::Crystal(m) => Some(m.beyond(id, at, wo, lanes)),
+            Material::RoughCrystal(m) => Some(m.beyond(id, at, wo, lanes)),
             Material::Diffuse(_)
             | Material::Conductor(_)
             | Material::RoughConductor(_)
@@ -396,7 +406,7 @@ impl Materials {
         self.list.iter().any(|m| matches!(m, Material::Null))
     }
 
-    /// True if the material is a crystal.
+    /// True if the material is a crystal of smooth faces.
     #[inline]
     #[must_use]
     pub fn is_crystal(&self, id: u32) -> bool {
@@ -417,6 +427,7 @@ impl Materials {
     pub fn propagate(&self, filling: Filling, dir: Vec3A, length: f64) -> Option<Scatter> {
         match self.list.get(filling.crystal as usize)? {
             Material::Crystal(m) => Some(m.propagate(dir, length)),
+            Material::RoughCrystal(m) => Some(m.crystal.propagate(dir, length)),
             _ => None,
         }
     }

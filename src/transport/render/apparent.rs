@@ -7,6 +7,7 @@
 use super::emission::{Emission, Ends};
 use super::guide::Guide;
 use super::join::most;
+use super::parting::Parting;
 use super::point::{End, Site};
 use super::state::From;
 use super::walk::{First, Limits, Walk};
@@ -81,6 +82,7 @@ fn seen(
         escapes: false,
         labelled: false,
         first: First::Anything,
+        parting: Parting::Never,
     };
     for k in 0..GRID * GRID {
         let mut stream = Stream::new(SEED, k, from as u32);

@@ -17,6 +17,7 @@ use super::emission::{Emission, Ends, Sender};
 use super::environment::{self, Met};
 use super::join::{Joiner, Scratch, Setup, most};
 use super::mirrors::Mirrors;
+use super::parting::Parting;
 use super::point::Point;
 use super::roulette::Roulette;
 use super::shared_light::SharedLight;
@@ -325,11 +326,49 @@ impl Walks {
             escapes: all && (scene.environment.is_some() || !scene.lights.is_dark()),
             first: if all { First::Anything } else { First::NotLambert },
             labelled: plan.setup.labelled,
+            parting: Parting::All,
         };
         self.camera
             .run(scene, &plan.setup.guide, From::Camera, &end, &mut stream, limits);
         self.scratch.seen[0] = None;
-        let mut rays = self.camera.rays;
+        let ends = &ends;
+        let mut rays = 0;
+        let mut partner = None;
+        loop {
+            self.meet_emitters(scene, all, out);
+            rays += self.join_emitters(scene, plan, (ends, pixel), &mut stream, out);
+            let connects = strategies.walk_from_light() && strategies.has(Strategy::VertexConnection);
+            // All branches with the same walk from the light.
+            if connects && self.camera.fresh == 0 {
+                let share = plan.setup.connections;
+                let goes_on = |first: &Point| all || !first.is_lambert(scene);
+                if (share == 1.0 || stream.uniform() < share)
+                    && self.camera.points.get(1).is_some_and(goes_on)
+                {
+                    // Over the samples, any walk starts anywhere.
+                    let number = WalkNumber { sample, walk: pixel };
+                    partner = self.light_walk(scene, plan, number, (usize::MAX, Parting::Never));
+                    rays += partner.as_ref().map_or(0, |_| self.light.rays);
+                }
+            }
+            if let Some(begun) = &partner {
+                rays += self.join_walks(scene, plan, [ends, &begun.ends], begun.sender, &mut stream, out);
+            }
+            if !self.camera.next_branch(scene, &plan.setup.guide, limits) {
+                break;
+            }
+        }
+        rays += self.camera.rays;
+        if strategies.walk_from_light() {
+            for splat in plan.splats.of(pixel, sample) {
+                rays += self.splat(scene, plan, splat, out);
+            }
+        }
+        rays
+    }
+
+    /// Light of emitters that the camera's branch met by chance.
+    fn meet_emitters(&self, scene: &Scene, all: bool, out: &mut Contributions) {
         if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {
             let did = (left.interactions, left.label);
             environment::seen(scene, &left.chain, left.beam, did, left.chosen, out);
@@ -350,8 +389,21 @@ impl Walks {
                 environment::met(scene, glow.chain, glow.beam, &met, out);
             }
         }
-        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
-        for t in 2..=self.camera.points.len() {
+    }
+
+    /// Connects the points that are the camera's branch's own to emitters. Returns the number of rays.
+    fn join_emitters(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        (ends, pixel): (&Ends, u32),
+        stream: &mut Stream,
+        out: &mut Contributions,
+    ) -> u32 {
+        let strategies = plan.setup.strategies;
+        let all = !plan.setup.redirected;
+        let mut joiner = Joiner::new(scene, &plan.setup, [ends, ends], &mut self.scratch, stream);
+        for t in 2.max(self.camera.fresh + 1)..=self.camera.points.len() {
             let camera = &self.camera.points[..t];
             let point = &camera[t - 1];
             if !point.connects(scene) || !wanted(scene, 1, t) {
@@ -363,7 +415,7 @@ impl Walks {
             let shut = inside && joiner.join_through_rough(camera, out);
             let next_event = all && !shut && strategies.has(Strategy::NextEvent);
             for source in sources.clone().filter(|_| next_event) {
-                let lit = plan.setup.emission.pixel(scene, &ends, source, point.surface.p);
+                let lit = plan.setup.emission.pixel(scene, ends, source, point.surface.p);
                 let coaxial = t == 2 && ends.coaxial;
                 let Some(mut lit) = lit.or(coaxial.then_some(pixel)) else {
                     continue;
@@ -371,8 +423,7 @@ impl Walks {
                 if coaxial && lit != NO_PIXEL {
                     lit = pixel;
                 }
-                if let Some(mut emitter) = plan.setup.emission.emitter(scene, &ends, source, point.surface.p)
-                {
+                if let Some(mut emitter) = plan.setup.emission.emitter(scene, ends, source, point.surface.p) {
                     if inside {
                         let share = joiner.share_of_walk(&camera[t - 2], point, emitter.surface.p);
                         emitter.chain.scale(Spectral::splat(share));
@@ -398,43 +449,31 @@ impl Walks {
                 }
             }
         }
-        rays += joiner.rays;
-        if !strategies.walk_from_light() {
-            return rays;
-        }
-        // Over the samples, any walk starts anywhere.
-        let number = WalkNumber { sample, walk: pixel };
-        let goes_on = |first: &Point| all || !first.is_lambert(scene);
-        let share = plan.setup.connections;
-        if strategies.has(Strategy::VertexConnection)
-            && (share == 1.0 || stream.uniform() < share)
-            && self.camera.points.get(1).is_some_and(goes_on)
-            && let Some(begun) = self.light_walk(scene, plan, number, usize::MAX)
-        {
-            rays += self.light.rays;
-            let mut joiner = Joiner::new(
-                scene,
-                &plan.setup,
-                [&ends, &begun.ends],
-                &mut self.scratch,
-                &mut stream,
-            );
-            for s in plan.first()..=self.light.points.len() {
-                if !self.light.points[s - 1].connects(scene) {
-                    continue;
-                }
-                for t in 2..=self.camera.points.len() {
-                    if self.camera.points[t - 1].connects(scene) && wanted(scene, s, t) {
-                        let (camera, light) = (&self.camera.points[..t], &self.light.points[..s]);
-                        joiner.join(camera, light, begun.sender, None, out);
-                    }
+        joiner.rays
+    }
+
+    /// Connects them to all points of the walk from the light. Returns the number of rays.
+    fn join_walks(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        ends: [&Ends; 2],
+        sender: Sender,
+        stream: &mut Stream,
+        out: &mut Contributions,
+    ) -> u32 {
+        let mut joiner = Joiner::new(scene, &plan.setup, ends, &mut self.scratch, stream);
+        for s in plan.first()..=self.light.points.len() {
+            if !self.light.points[s - 1].connects(scene) {
+                continue;
+            }
+            for t in 2.max(self.camera.fresh + 1)..=self.camera.points.len() {
+                if self.camera.points[t - 1].connects(scene) && wanted(scene, s, t) {
+                    let (camera, light) = (&self.camera.points[..t], &self.light.points[..s]);
+                    joiner.join(camera, light, sender, None, out);
                 }
             }
-            rays += joiner.rays;
         }
-        for splat in plan.splats.of(pixel, sample) {
-            rays += self.splat(scene, plan, splat, out);
-        }
-        rays
+        joiner.rays
     }
 }

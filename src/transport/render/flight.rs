@@ -19,6 +19,7 @@ use optics::spectrum::Spectral;
 const REACH: f32 = 1e-3;
 
 /// The state of a walk between two points.
+#[derive(Clone)]
 pub(super) struct Flight {
     pub state: State,
     /// Which end it began at.
@@ -36,6 +37,7 @@ pub(super) struct Flight {
 ///
 /// Weights are over the mean density of all living wavelengths of the *whole* walk (Wilkie et al. 2014, "Hero wavelength
 /// spectral sampling"). Means event by event would let them grow with the number of events.
+#[derive(Clone)]
 pub(super) struct Hero {
     pub lane: usize,
     likely: Spectral,

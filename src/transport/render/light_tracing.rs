@@ -9,6 +9,7 @@ use super::join::{Joiner, behind};
 use super::join_manifold::Takers;
 use super::light_walk::{Begun, light_walk};
 use super::manifold::Way;
+use super::parting::Parting;
 use super::point::Point;
 use super::splats::{Splat, WalkNumber};
 use crate::accumulate::{Contributions, NO_PIXEL};
@@ -18,16 +19,16 @@ use crate::strategy::Strategy;
 use glam::Vec3A;
 
 impl Walks {
-    /// Makes a walk from the light up to a point, and leaves it in `light`; `None` if the scene has no sources.
+    /// Makes a walk from the light up to a point, or the first branch of it, and leaves it in `light`; `None` if the scene has no sources.
     pub(super) fn light_walk(
         &mut self,
         scene: &Scene,
         plan: &Plan,
         number: WalkNumber,
-        point: usize,
+        up_to: (usize, Parting),
     ) -> Option<Begun> {
         self.scratch.seen[1] = None;
-        light_walk(&mut self.light, scene, &plan.setup, plan.seed, number, point)
+        light_walk(&mut self.light, scene, &plan.setup, plan.seed, number, up_to)
     }
 
     /// Makes a walk from the light and calls back with its points that the camera sees. `out` is for its own use.
@@ -39,16 +40,32 @@ impl Walks {
         out: &mut Contributions,
         found: &mut dyn FnMut(u32, Splat),
     ) {
-        let Some(Begun {
-            ends,
-            sender,
-            mut stream,
-        }) = self.light_walk(scene, plan, number, usize::MAX)
-        else {
+        let Some(mut begun) = self.light_walk(scene, plan, number, (usize::MAX, Parting::All)) else {
             return;
         };
-        let mut joiner = Joiner::new(scene, &plan.setup, [&ends, &ends], &mut self.scratch, &mut stream);
-        for s in plan.first()..=self.light.points.len() {
+        loop {
+            self.look_from_branch(scene, plan, (number, &mut begun), out, found);
+            if !self.light.next_branch(scene, &plan.setup.guide, begun.limits) {
+                break;
+            }
+        }
+    }
+
+    /// The same of the points that a branch of the walk does not share with those before.
+    fn look_from_branch(
+        &mut self,
+        scene: &Scene,
+        plan: &Plan,
+        (number, begun): (WalkNumber, &mut Begun),
+        out: &mut Contributions,
+        found: &mut dyn FnMut(u32, Splat),
+    ) {
+        let Begun {
+            ends, sender, stream, ..
+        } = begun;
+        let (sender, lineage) = (*sender, self.light.lineage);
+        let mut joiner = Joiner::new(scene, &plan.setup, [ends, ends], &mut self.scratch, stream);
+        for s in plan.first().max(self.light.fresh + 1)..=self.light.points.len() {
             let light = &self.light.points[..s];
             let point = &light[s - 1];
             if !point.connects(scene) || !wanted(scene, s, 1) {
@@ -71,6 +88,7 @@ impl Walks {
                             factor,
                             dir: dir.to_array(),
                             point: (s - 1) as u16,
+                            lineage,
                             interfaces,
                             lanes,
                         },
@@ -103,7 +121,8 @@ impl Walks {
             ends,
             sender,
             mut stream,
-        }) = self.light_walk(scene, plan, splat.walk, last)
+            ..
+        }) = self.light_walk(scene, plan, splat.walk, (last, Parting::Follow(splat.lineage)))
         else {
             return 0;
         };

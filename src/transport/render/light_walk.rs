@@ -2,6 +2,7 @@
 
 use super::emission::{Ends, Sender};
 use super::join::{Setup, most};
+use super::parting::Parting;
 use super::splats::WalkNumber;
 use super::state::From;
 use super::walk::{First, Limits, Walk};
@@ -18,16 +19,17 @@ pub(super) struct Begun {
     pub sender: Sender,
     /// What is left of its stream.
     pub stream: Stream,
+    pub limits: Limits,
 }
 
-/// Makes a walk up to a point; `None` if the scene has no sources.
+/// Makes a walk up to a point, or the first branch of it; `None` if the scene has no sources.
 pub(super) fn light_walk(
     walk: &mut Walk,
     scene: &Scene,
     setup: &Setup,
     seed: u64,
     number: WalkNumber,
-    point: usize,
+    (point, parting): (usize, Parting),
 ) -> Option<Begun> {
     let seed = seed ^ LIGHT_SEED;
     let mut stream = Stream::new(seed, number.walk, number.sample);
@@ -45,12 +47,14 @@ pub(super) fn light_walk(
         } else {
             First::Anything
         },
+        parting,
     };
     walk.run(scene, &setup.guide, From::Light, &start.end, &mut stream, limits);
     Some(Begun {
         ends,
         sender: start.sender,
         stream,
+        limits,
     })
 }
 

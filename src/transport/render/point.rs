@@ -203,6 +203,10 @@ impl Point {
             p: self.surface.p,
             from,
         };
+        let own = match self.site {
+            Site::Volume(_) => own * Spectral::splat(guide.lean(at, back, to).factor),
+            _ => own,
+        };
         scene
             .lanes()
             .mean(guide.toward(&scene.media, at, to).densities(own))

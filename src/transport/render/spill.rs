@@ -34,8 +34,10 @@ struct Straight {
     seen: f32,
     factor: f32,
     point: u16,
+    lineage: u8,
     interfaces: u8,
     lanes: u8,
+    unused: [u8; 3],
 }
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -50,8 +52,10 @@ fn append(out: &mut Vec<u8>, pixel: u32, s: &Splat) {
         seen: s.seen,
         factor: s.factor,
         point: s.point,
+        lineage: s.lineage,
         interfaces: s.interfaces,
         lanes: s.lanes,
+        unused: [0; 3],
     };
     out.extend_from_slice(bytemuck::bytes_of(&straight));
     if s.interfaces > 0 {
@@ -83,6 +87,7 @@ fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
                 factor: s.factor,
                 dir,
                 point: s.point,
+                lineage: s.lineage,
                 interfaces: s.interfaces,
                 lanes: s.lanes,
             },
@@ -270,6 +275,7 @@ mod tests {
                         [0.0; 3]
                     },
                     point: point as u16 + 1,
+                    lineage: point as u8,
                     interfaces: u8::from(bent),
                     lanes: 7,
                 };

@@ -29,6 +29,8 @@ pub(super) struct Splat {
     pub dir: [f32; 3],
     /// Number of the point in its walk.
     pub point: u16,
+    /// The branch of the walk that it is on ([`super::parting`]).
+    pub lineage: u8,
     /// Interfaces on the way.
     pub interfaces: u8,
     /// Bits of the wavelengths that take this way.
@@ -166,6 +168,7 @@ mod tests {
             factor: 2.0,
             dir: [0.0, walk.sample as f32, 1.0],
             point,
+            lineage: 5,
             interfaces: 2,
             lanes: 7,
         };

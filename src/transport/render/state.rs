@@ -27,6 +27,7 @@ impl From {
 }
 
 /// The state of a path at its current ray.
+#[derive(Clone)]
 pub(super) struct State {
     pub ray: Ray,
     /// Where the ray really starts (its origin is moved off the surface, and rounded); behind a hit, where it was met.

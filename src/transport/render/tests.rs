@@ -29,7 +29,7 @@ use tensor::memory::Arrays;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
 /// A room with a ball that mirrors, a rough one, and light of every kind.
-fn scene(integrator: Integrator, plain: bool) -> Scene {
+pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
     let (n, k) = (
         Spectral::new([0.4, 1.5, 0.2, 2.0]),
         Spectral::new([2.5, 1.9, 3.4, 2.0]),

@@ -2,21 +2,18 @@
 //! ([`super::flight`]) in between.
 
 use super::environment::Chosen;
-use super::flight::{Flight, Hero, Landing, mean_transmittance};
-use super::guide::{At, Guide};
-use super::parted::part;
+use super::flight::{Flight, Landing, mean_transmittance};
+use super::guide::Guide;
+use super::onward::{Onward, Progress, scatter_in, scatter_on};
+use super::parting::{Branch, Parting};
 use super::point::{End, Point, Site};
-use super::polarized::quarter_turn;
 use super::roulette::{Odds, survives};
 use super::state::{Beam, From};
 use crate::geometry::ray::{Ray, Surface};
-use crate::material::{Lanes, Sampled};
 use crate::scene::Scene;
-use glam::Vec3A;
 use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
-use tensor::label;
 
 /// Most likely survival of Russian roulette. Light that large particles scatter forward is found by few of all walks, after
 /// dozens of events; what roulette takes from the others they would have to make up for.
@@ -32,6 +29,12 @@ pub(super) struct Walk {
     pub glows: Vec<Glow>,
     /// Rays traced.
     pub rays: u32,
+    /// Number of the first point that the present branch does not share with those before.
+    pub fresh: usize,
+    /// Which ways the present branch took where the walk parted, a bit each, the first lowest.
+    pub lineage: u8,
+    /// Branches that are still to be walked.
+    pending: Vec<Branch>,
 }
 
 /// A walk that has left the scene.
@@ -59,89 +62,6 @@ pub(super) struct Glow {
     pub chosen: Chosen,
 }
 
-/// A walk on its way.
-struct Progress {
-    flight: Flight,
-    /// With which the present direction was drawn, per steradian; 1 in delta lobes.
-    density: f32,
-    /// The same for light that is met by chance.
-    chosen: Chosen,
-    /// Throughput of a walk that has lost nothing.
-    full: f32,
-    /// What may come from where the walk goes now, over what may come from elsewhere.
-    hope: f32,
-    interactions: u32,
-    labelled: bool,
-}
-
-/// How a walk goes on from a point.
-enum Onward {
-    /// Along a direction.
-    Toward(Vec3A),
-    /// Straight through a sheet, which is no point of its own, as on a line between points.
-    Straight,
-    Nowhere,
-}
-
-/// Samples where a walk that came from direction `back` to a surface goes on, and the density of that (1 for delta lobes). The
-/// interaction is in the true direction of the light; for light it is per flux.
-#[inline]
-fn onward(
-    scene: &Scene,
-    from: From,
-    s: &Surface,
-    back: Vec3A,
-    lanes: &mut Lanes,
-    stream: &mut Stream,
-) -> Option<(Sampled, f32)> {
-    let (materials, id, before) = (&scene.materials, s.material, *lanes);
-    let mut sampled = materials.sample(id, s, back, lanes, stream)?;
-    let density = if sampled.delta {
-        1.0
-    } else {
-        materials.pdf(id, s, back, sampled.wi)
-    };
-    if from == From::Camera {
-        return Some((sampled, density));
-    }
-    // The other way through the surface.
-    let (cos_in, cos_out) = (s.ng.dot(back).abs(), s.ng.dot(sampled.wi).abs());
-    if cos_in <= 0.0 {
-        return None;
-    }
-    let all = before.count() as usize == scene.wavelengths.count();
-    if !sampled.delta && (all || sampled.filling.is_none()) {
-        *lanes = before;
-        if density <= 0.0 {
-            return None;
-        }
-        let factor = Spectral::splat(cos_out / (cos_in * density));
-        sampled.scatter = materials.eval(id, s, sampled.wi, back)?.scaled(factor);
-        return Some((sampled, density));
-    }
-    sampled.scatter = sampled.scatter.reversed();
-    if !materials.is_crystal(id) {
-        // Shading normals are not the same from both sides (Veach 1997, sect. 5.3).
-        let (shading_in, shading_out) = if sampled.delta && sampled.filling.is_none() {
-            // Mirrors turn their own normals.
-            (1.0, 1.0)
-        } else {
-            (s.ns.dot(back).abs(), s.ns.dot(sampled.wi).abs())
-        };
-        let factor = shading_in * cos_out / (cos_in * shading_out).max(f32::MIN_POSITIVE);
-        sampled.scatter = sampled.scatter.scaled(Spectral::splat(factor));
-    }
-    if let Some(far) = sampled.filling
-        && !materials.is_crystal(id)
-        && let Some(near) = materials.beyond(id, s, sampled.wi, *lanes)
-    {
-        // Radiance grows with the squared index, flux does not. (Light never stops inside a crystal.)
-        let ratio = far.index / near.index;
-        sampled.scatter = sampled.scatter.scaled(Spectral::splat(ratio * ratio));
-    }
-    Some((sampled, density))
-}
-
 /// Where a walk may stop.
 #[derive(Clone, Copy)]
 pub(super) struct Limits {
@@ -154,6 +74,7 @@ pub(super) struct Limits {
     /// Someone asks what it did.
     pub labelled: bool,
     pub first: First,
+    pub parting: Parting,
 }
 
 /// What a walk wants of its first point, lest it end.
@@ -167,7 +88,7 @@ pub(super) enum First {
 }
 
 impl Walk {
-    /// Walks from an end.
+    /// Walks from an end; of a walk that parts, the first branch.
     pub fn run(
         &mut self,
         scene: &Scene,
@@ -181,6 +102,8 @@ impl Walk {
         self.escape = None;
         self.glows.clear();
         self.rays = 0;
+        (self.fresh, self.lineage) = (0, 0);
+        self.pending.clear();
         let mut progress = Progress {
             flight: Flight::start(scene, from, end, stream),
             density: end.density,
@@ -189,6 +112,7 @@ impl Walk {
             hope: 1.0,
             interactions: 0,
             labelled: limits.labelled,
+            parted: 0,
         };
         self.points.push(Point::end(scene, end));
         while self.step(scene, guide, &mut progress, stream, limits) {
@@ -207,6 +131,27 @@ impl Walk {
         }
     }
 
+    /// Walks the next branch; false if there is none. Points before [`Self::fresh`] were those of branches before.
+    pub fn next_branch(&mut self, scene: &Scene, guide: &Guide, limits: Limits) -> bool {
+        let Some(Branch {
+            points,
+            mut progress,
+            lineage,
+            mut stream,
+        }) = self.pending.pop()
+        else {
+            return false;
+        };
+        self.points.truncate(points);
+        self.escape = None;
+        self.glows.clear();
+        (self.fresh, self.lineage) = (points, lineage);
+        if self.depart(scene, guide, &mut progress, &mut stream, limits) {
+            while self.step(scene, guide, &mut progress, &mut stream, limits) {}
+        }
+        true
+    }
+
     /// Flies to the next point and draws where to go from there; false where the walk ends.
     fn step(
         &mut self,
@@ -219,6 +164,22 @@ impl Walk {
         if !self.land(scene, progress, stream, limits) {
             return false;
         }
+        let left = limits
+            .parting
+            .part(guide, &self.points, self.lineage, progress, stream);
+        self.pending.extend(left);
+        self.depart(scene, guide, progress, stream, limits)
+    }
+
+    /// Draws where to go from the last point; false where the walk ends.
+    fn depart(
+        &mut self,
+        scene: &Scene,
+        guide: &Guide,
+        progress: &mut Progress,
+        stream: &mut Stream,
+        limits: Limits,
+    ) -> bool {
         // Points are large, and stay where they are made.
         let [.., before, point] = &mut self.points[..] else {
             return false;
@@ -315,169 +276,160 @@ impl Walk {
     }
 }
 
-/// Draws where a walk goes from a surface.
-fn scatter_on(
-    scene: &Scene,
-    guide: &Guide,
-    [before, point]: [&mut Point; 2],
-    progress: &mut Progress,
-    stream: &mut Stream,
-) -> Onward {
-    let (flight, surface, back) = (&mut progress.flight, &point.surface, point.back);
-    let mut lanes = flight.state.lanes;
-    let id = surface.material;
-    if scene.sheets && scene.materials.has_extended_lobe(id) {
-        // A surface that is a sheet in part is a point of as many walks only as do not go straight on: what is connected
-        // to it counts for all of them.
-        let straight = scene.materials.straight_chance(id, surface, back, lanes);
-        if straight > 0.0 && straight < 1.0 {
-            point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::ray::Ray;
+    use crate::material::filling::Filling;
+    use crate::medium::Media;
+    use crate::medium::bulk::{Bulk, Optics, PhaseOptics};
+    use crate::medium::henyey_greenstein::HenyeyGreenstein;
+    use crate::medium::nesting::{Boundary, Nest};
+    use crate::render::point::End;
+    use crate::render::tests::scene;
+    use crate::scene::Integrator;
+    use glam::Vec3A;
+    use optics::polarization::chain::Chain;
+
+    const G: f32 = 0.9;
+
+    /// Particles that walks come to.
+    const LAST: usize = 36;
+
+    /// A milk without end, to a walk that never gets far, and walks in it that turn and lean toward a place beside their way.
+    fn milk() -> (Scene, Guide, End) {
+        let mut scene = scene(Integrator::Bidirectional, true);
+        scene.media = Media::default();
+        let bulk = Bulk {
+            absorption: 0.0,
+            scattering: 1e6,
+            index: 1.0,
+            asymmetry: f64::from(G),
+            c_sca: 0.0,
+            c_abs: 0.0,
+        };
+        scene.media.push(&Optics {
+            bulk: vec![bulk; 4],
+            phase: PhaseOptics::HenyeyGreenstein(HenyeyGreenstein::new(Spectral::splat(G), 0.0, 0.0)),
+        });
+        scene.boundaries[0] = Boundary {
+            medium: 0,
+            priority: 0,
+            object: 0,
+        };
+        scene.settings.rr_depth = u32::MAX;
+        let mut guide = Guide::none(&scene.media);
+        guide.add(0, From::Camera, Vec3A::new(0.8, 0.0, -0.6));
+        let mut nest = Nest::default();
+        nest.cross(&scene.boundaries, 0, true);
+        let end = End {
+            ray: Ray {
+                origin: Vec3A::ZERO,
+                dir: Vec3A::Z,
+            },
+            chain: Chain::start(Spectral::ONE),
+            frame: Vec3A::X,
+            density: 1.0,
+            filling: Filling::VACUUM,
+            nest,
+        };
+        (scene, guide, end)
+    }
+
+    fn limits(parting: Parting) -> Limits {
+        Limits {
+            interactions: u32::MAX,
+            point: LAST,
+            escapes: false,
+            labelled: false,
+            first: First::Anything,
+            parting,
         }
     }
-    let turning = point.medium(scene).map(|medium| At {
-        medium,
-        p: surface.p,
-        from: flight.end,
-    });
-    if let Some(at) = turning.filter(|at| guide.turns(at.medium, at.from)) {
-        return scatter_or_turn(scene, guide, at, [before, point], progress, stream);
-    }
-    let Some((mut next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
-        return Onward::Nowhere;
-    };
-    if progress.labelled {
-        let drawn = (&mut next, density);
-        flight.state.label |= part(scene, flight.end, surface, back, drawn, stream);
-    }
-    if lanes != flight.state.lanes {
-        flight.hero = Hero::only(lanes);
-    }
-    flight.state.lanes = lanes;
-    flight.push(&next.scatter);
-    if scene.sheets && next.delta && next.wi == -back && next.filling.is_none() {
-        return Onward::Straight;
-    }
-    progress.density = density;
-    progress.hope = 1.0;
-    progress.chosen = Chosen {
-        density: if next.delta { 0.0 } else { density },
-        from: surface.p,
-    };
-    let reverse = if next.delta {
-        1.0
-    } else {
-        point.density(scene, guide, flight.end.other(), next.wi, back)
-    };
-    before.reverse = reverse * point.spread;
-    if surface.ng.dot(back) * surface.ng.dot(next.wi) < 0.0 {
-        let enters = surface.ng.dot(next.wi) < 0.0;
-        flight.nest.cross(&scene.boundaries, surface.material, enters);
-    }
-    if let (From::Camera, Some(filling)) = (flight.end, next.filling) {
-        // Radiance falls with the squared index, and rises again on the way out: nothing is lost.
-        let ratio = flight.state.filling.index / filling.index;
-        progress.full *= ratio * ratio;
-    }
-    flight.state.filling = next.filling.unwrap_or(flight.state.filling);
-    point.delta = next.delta;
-    Onward::Toward(next.wi)
-}
 
-/// Draws where a walk goes from a Lambert surface in a medium where walks turn.
-fn scatter_or_turn(
-    scene: &Scene,
-    guide: &Guide,
-    at: At,
-    [before, point]: [&mut Point; 2],
-    progress: &mut Progress,
-    stream: &mut Stream,
-) -> Onward {
-    let (flight, s, back) = (&mut progress.flight, &point.surface, point.back);
-    let (materials, id, mut lanes) = (&scene.materials, s.material, flight.state.lanes);
-    let wi = match guide.turn(at, stream) {
-        Some(wo) => scene
-            .media
-            .sample_direction(at.medium, wo, flight.hero.lane, stream),
-        None => match materials.sample(id, s, back, &mut lanes, stream) {
-            Some(sampled) => sampled.wi,
-            None => return Onward::Nowhere,
-        },
-    };
-    let own = Spectral::splat(materials.pdf(id, s, back, wi));
-    let toward = guide.toward(&scene.media, at, wi);
-    let densities = toward.densities(own);
-    let scatter = match flight.end {
-        From::Camera => point.scatter(scene, back, wi),
-        From::Light => point.scatter_flux(scene, wi, back),
-    };
-    let (Some(scatter), Some(drawn)) = (scatter, flight.hero.event(densities)) else {
-        return Onward::Nowhere;
-    };
-    flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
-    flight.state.label |= label::DIFFUSE;
-    progress.density = scene.lanes().mean(densities);
-    progress.hope = scene.lanes().mean(toward.hopes);
-    progress.chosen = Chosen {
-        density: progress.density,
-        from: s.p,
-    };
-    before.reverse = point.density(scene, guide, flight.end.other(), wi, back) * point.spread;
-    Onward::Toward(wi)
-}
-
-/// Draws where a walk goes from a particle of medium number `id`.
-fn scatter_in(
-    scene: &Scene,
-    guide: &Guide,
-    id: u32,
-    [before, point]: [&mut Point; 2],
-    progress: &mut Progress,
-    stream: &mut Stream,
-) -> Onward {
-    let flight = &mut progress.flight;
-    let lane = flight.hero.lane;
-    let (back, from) = (point.back, flight.end);
-    let at = At {
-        medium: id,
-        p: point.surface.p,
-        from,
-    };
-    let turns = guide.turn(at, stream);
-    let mut wi = scene
-        .media
-        .sample_direction(id, turns.unwrap_or(back), lane, stream);
-    let mut scatter = scene.media.eval(id, back, wi);
-    let mut polarized = flight.polarized(&scatter);
-    if let Some(factor) = polarized
-        && turns.is_none()
-        && 2.0 * stream.uniform() >= factor.to_array()[lane]
-    {
-        wi = quarter_turn(wi, back);
-        scatter = scene.media.eval(id, back, wi);
-        polarized = flight.polarized(&scatter);
+    /// What a walk's branches count for at the last particle, and that times the cosine to the walk's first direction.
+    fn counts(walk: &Walk) -> [f64; 2] {
+        let Some(point) = walk.points.get(LAST).filter(|_| walk.fresh <= LAST) else {
+            return [0.0; 2];
+        };
+        let weight = f64::from(point.chain.max_m00());
+        [weight, weight * f64::from(-point.back.z)]
     }
-    let own = scene.media.densities_toward(id, back, wi);
-    let toward = guide.toward(&scene.media, at, wi);
-    let drawn = toward.densities(polarized.map_or(own, |factor| own * factor));
-    let Some(drawn) = flight.hero.event(drawn) else {
-        return Onward::Nowhere;
-    };
-    // The same from both sides: particles are their own mirror images.
-    flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
-    flight.state.label |= label::MEDIUM;
-    // For weights, which are to be functions of the path alone, as of unpolarized light.
-    progress.density = scene.lanes().mean(toward.densities(own));
-    progress.hope = scene.lanes().mean(toward.hopes);
-    progress.chosen = Chosen {
-        density: progress.density,
-        from: point.surface.p,
-    };
-    // Particles scatter alike both ways, but walks from the other end turn elsewhere.
-    let other = At {
-        from: from.other(),
-        ..at
-    };
-    let reverse = guide.toward(&scene.media, other, back).densities(own);
-    before.reverse = scene.lanes().mean(reverse) * point.spread;
-    Onward::Toward(wi)
+
+    /// Mean and standard error of both over walks, and the variance of the first.
+    fn means(walks: u32, parting: Parting, guide: &Guide) -> ([(f64, f64); 2], f64) {
+        let (scene, _, end) = milk();
+        let mut walk = Walk::default();
+        let (mut sum, mut square) = ([0.0; 2], [0.0; 2]);
+        for n in 0..walks {
+            let mut stream = Stream::new(3, n, 0);
+            walk.run(&scene, guide, From::Camera, &end, &mut stream, limits(parting));
+            let mut all = counts(&walk);
+            while walk.next_branch(&scene, guide, limits(parting)) {
+                let more = counts(&walk);
+                all = [all[0] + more[0], all[1] + more[1]];
+            }
+            for k in 0..2 {
+                sum[k] += all[k];
+                square[k] += all[k] * all[k];
+            }
+        }
+        let n = f64::from(walks);
+        let of = |k: usize| {
+            let mean: f64 = sum[k] / n;
+            (mean, ((square[k] / n - mean * mean) / n).sqrt())
+        };
+        ([of(0), of(1)], of(0).1.powi(2) * n)
+    }
+
+    /// Without absorption walks count for one on average after any number of particles, and their mean cosine is gⁿ (n particles
+    /// turn them), whether they turn, lean and part or not; and parting lowers the variance of what they count for by more than half.
+    #[test]
+    fn walks_count_for_one_however_they_part() {
+        let (_, guide, _) = milk();
+        let mut variances = [0.0; 2];
+        for (parting, variance) in [Parting::Never, Parting::All].into_iter().zip(&mut variances) {
+            let (found, spread) = means(40_000, parting, &guide);
+            *variance = spread;
+            let wanted = [1.0, f64::from(G).powi(LAST as i32 - 1)];
+            for ((mean, error), wanted) in found.into_iter().zip(wanted) {
+                assert!(error < 0.05, "{error}");
+                assert!(
+                    (mean - wanted).abs() < 5.0 * error,
+                    "{mean} +- {error}, not {wanted}"
+                );
+            }
+        }
+        assert!(variances[1] < 0.5 * variances[0], "{variances:?}");
+    }
+
+    /// A lineage that is followed leads over the same points.
+    #[test]
+    fn lineages_are_found_again() {
+        let (scene, guide, end) = milk();
+        let [mut walk, mut again] = [Walk::default(), Walk::default()];
+        let mut branches = 0;
+        for n in 0..200 {
+            let start = || Stream::new(3, n, 0);
+            walk.run(
+                &scene,
+                &guide,
+                From::Camera,
+                &end,
+                &mut start(),
+                limits(Parting::All),
+            );
+            while walk.next_branch(&scene, &guide, limits(Parting::All)) {
+                branches += 1;
+                let follow = limits(Parting::Follow(walk.lineage));
+                again.run(&scene, &guide, From::Camera, &end, &mut start(), follow);
+                for (k, point) in walk.points.iter().enumerate().skip(walk.fresh) {
+                    let other = &again.points[k];
+                    assert_eq!((point.surface.p, point.back), (other.surface.p, other.back));
+                    assert_eq!(point.chain.max_m00(), other.chain.max_m00());
+                }
+            }
+        }
+        assert!(branches > 200, "{branches}");
+    }
 }

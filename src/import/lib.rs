@@ -1,21 +1,27 @@
-//! Meshes from files: Wavefront OBJ, PLY (ASCII and binary) and glTF 2.0 (`.gltf`, `.glb`).
+//! Meshes from files: Wavefront OBJ, PLY (ASCII and binary) and glTF 2.0 (`.gltf`, `.glb`), and what else of scenes is read or
+//! asked triangle by triangle and pixel by pixel: whether surfaces are closed, pictures, places of many copies.
 //!
 //! The parsers are pure functions of the bytes and hold up against arbitrary input: a broken file gives an
 //! [`ImportError`] that says where it is broken, never a panic, and no allocation exceeds what the file's own length
 //! supports. All of them finish a mesh the same way: triangles without area are dropped, then unused vertices,
 //! normals are made unit length (or dropped where one has no length), and the result is validated.
 
+#![warn(missing_docs)]
+
 mod accessor;
 pub mod appearance;
+pub mod closed;
 mod error;
 mod gltf;
 mod gltf_materials;
 pub mod mtl;
 mod obj;
 mod part;
+pub mod picture;
+pub mod places;
 mod ply;
 mod ply_binary;
-pub(crate) mod write_ply;
+pub mod write_ply;
 
 #[cfg(test)]
 mod fuzz;
@@ -28,7 +34,7 @@ pub use self::error::{ImportError, ImportProblem};
 pub use self::gltf::{gltf_buffers, parse_gltf};
 pub use self::gltf_materials::appearances as gltf_appearances;
 pub use self::obj::parse_obj;
-pub use self::part::MeshPart;
+pub use self::part::{MeshPart, lies_within};
 pub use self::ply::{has_colours as ply_has_colours, parse_ply};
 
 /// Loads every mesh of a file; the format follows from the extension (`.obj`, `.ply`, `.gltf`, `.glb`, in any case).

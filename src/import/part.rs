@@ -49,6 +49,13 @@ pub(super) fn finish(
     }
 }
 
+/// True if every coordinate is finite and within `limit` (metres) of 0.
+#[must_use]
+pub fn lies_within(mesh: &Mesh, limit: f64) -> bool {
+    let sane = |p: &Vec3| p.is_finite() && f64::from(p.abs().max_element()) < limit;
+    mesh.positions.par_iter().with_min_len(1 << 14).all(sane)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,7 +3,8 @@
 use transport::geometry::mesh::Mesh;
 
 /// Positions, and normals and texture coordinates where the mesh has them, with f32 as they are.
-pub(crate) fn write(mesh: &Mesh) -> Vec<u8> {
+#[must_use]
+pub fn write(mesh: &Mesh) -> Vec<u8> {
     let mut head = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n",
         mesh.positions.len()

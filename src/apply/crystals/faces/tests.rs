@@ -1,0 +1,171 @@
+//! The application on a roof of two faces over a striped ground, of which all is known.
+
+use super::predicted::Glass;
+use super::{CrystalFaces, METRICS};
+use crate::application::{Application, Outcome};
+use crate::crystals::mineral::Mineral;
+use crate::error::ApplyError;
+use crate::map::Map;
+use crate::observation::Observation;
+use crate::observation::tests::slice;
+use crate::paths::Path;
+use crate::paths::tests::labelled;
+use crate::pinhole::{Pinhole, Rig};
+use nalgebra::Vector3;
+use tensor::label::{DIFFUSE, GLOSSY};
+
+const SIZE: usize = 16;
+const ALPHA: f64 = 0.3;
+
+fn device(x: f64) -> Pinhole {
+    let axes = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+    Pinhole::new([SIZE; 2], [100.0; 2], [SIZE as f64 / 2.0; 2], [x, 0.0, 0.2], axes)
+}
+
+/// The left face leans by `lean` degrees to the left, the right face by 2° less to the right, so that the half vector, some 6° to the
+/// right, is nearer to its normal; the outermost columns are ground alone.
+fn normal(pixel: usize, lean: f64) -> Vector3<f64> {
+    let angle = if pixel % SIZE < SIZE / 2 {
+        -lean
+    } else {
+        lean - 2.0
+    };
+    let (sin, cos) = angle.to_radians().sin_cos();
+    Vector3::new(sin, 0.0, cos)
+}
+
+fn is_face(pixel: usize) -> bool {
+    (1..SIZE - 1).contains(&(pixel % SIZE))
+}
+
+/// Faces lean by `lean` degrees, and are said to lean by `told`; the surface reflects `shine` times as glass does.
+fn observation(variant: u64, [lean, told]: [f64; 2], shine: f64) -> Observation {
+    let rig = Rig {
+        camera: device(-0.02),
+        projector: device(0.02),
+    };
+    let glass = Glass {
+        index: Mineral::Quartz.indices(550.0).iter().sum::<f64>() / 2.0,
+        alpha: ALPHA,
+    };
+    let point = |pixel: usize| rig.camera.point(pixel % SIZE, pixel / SIZE, 0.2);
+    let surface = |pixel: usize| {
+        if is_face(pixel) {
+            shine * glass.reflected(&rig, point(pixel), normal(pixel, lean))
+        } else {
+            0.0
+        }
+    };
+    // Stripes, much brighter than the surface.
+    let ground = |pixel: usize| if pixel / SIZE % 4 < 2 { 4.0 } else { 1.0 };
+    let light = |behind: f64| {
+        slice([SIZE, SIZE, 1, 3], 0.0, |p, _, e, _| match e {
+            0 => surface(p) + behind * ground(p),
+            5 => surface(p),
+            10 | 15 => -surface(p),
+            _ => 0.0,
+        })
+    };
+    let map = |channels, f: &dyn Fn(usize) -> Vec<f64>| {
+        Map::from_fn(SIZE, SIZE, channels, |x, y, o| {
+            o.copy_from_slice(&f(y * SIZE + x));
+        })
+    };
+    let vector = |v: Vector3<f64>| v.iter().copied().collect::<Vec<f64>>();
+    let paths = labelled([SIZE; 2], 4, 3, |pixel, p| match p {
+        Path {
+            label: GLOSSY,
+            bounces: 1,
+        } => surface(pixel),
+        Path { label, bounces: 3 } if label == GLOSSY | DIFFUSE => ground(pixel),
+        _ => 0.0,
+    });
+    Observation {
+        variant,
+        values: [("roughness".to_owned(), ALPHA)].into(),
+        truth: [
+            ("crystal", map(1, &|p| vec![f64::from(u8::from(is_face(p)))])),
+            ("normal", map(3, &|p| vector(normal(p, told)))),
+            ("position", map(3, &|p| vector(point(p)))),
+        ]
+        .map(|(name, m)| (name.to_owned(), m))
+        .into(),
+        slices: [
+            ("polarimetric", light(1.0)),
+            ("epipolar", light(0.5)),
+            ("paths", paths),
+        ]
+        .map(|(name, s)| (name.to_owned(), s))
+        .into(),
+        rig: Some(rig),
+        ..Observation::default()
+    }
+}
+
+fn run(o: Observation) -> Outcome {
+    CrystalFaces
+        .run(std::slice::from_ref(&o), std::slice::from_ref(&o))
+        .expect("it runs")
+}
+
+fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
+    let is = |s: &&crate::application::Score| s.method == method && s.metric == METRICS[metric].name;
+    outcome.scores.iter().find(is).expect("a score").value
+}
+
+#[test]
+fn circular_light_shows_the_faces_alone() {
+    let outcome = run(observation(4, [8.0; 2], 1.0));
+    for method in ["-(3,3), epipolar", "-(3,3), all light", "true normals"] {
+        for metric in [0, 2, 4] {
+            let value = score(&outcome, method, metric);
+            assert!(value > 0.99, "{method}, {}: {value}", METRICS[metric].name);
+        }
+        assert!(score(&outcome, method, 3) < 0.1, "{method}");
+    }
+    // The ground hides them.
+    assert!(score(&outcome, "intensity", 0) < 0.5 && score(&outcome, "intensity", 3) > 0.9);
+    assert!(score(&outcome, "-(3,3), non-epipolar", 0).abs() < 0.5);
+    assert_eq!(outcome.pictures.len(), 8);
+}
+
+/// Planted: normals that are not the faces' are found, and so is a surface that turns nothing.
+#[test]
+fn wrong_normals_and_dull_faces_are_found() {
+    let outcome = run(observation(4, [8.0, -20.0], 1.0));
+    assert!(score(&outcome, "-(3,3), epipolar", 0) < 0.5);
+    let outcome = run(observation(4, [8.0; 2], 0.0));
+    assert_eq!(score(&outcome, "-(3,3), epipolar", 0), 0.0);
+    assert!(score(&outcome, "-(3,3), epipolar", 1).is_nan());
+}
+
+#[test]
+fn what_is_missing_is_said() {
+    let whole = observation(4, [8.0; 2], 1.0);
+    let failed = |change: &dyn Fn(&mut Observation)| {
+        let mut o = whole.clone();
+        change(&mut o);
+        let all = [o];
+        CrystalFaces.run(&all, &all).expect_err("it lacks something")
+    };
+    assert!(failed(&|o| o.rig = None).to_string().contains("calibrated rig"));
+    assert!(
+        failed(&|o| _ = o.values.remove("roughness"))
+            .to_string()
+            .contains("roughness")
+    );
+    assert!(
+        failed(&|o| drop(o.slices.remove("paths")))
+            .to_string()
+            .contains("paths")
+    );
+    assert!(
+        failed(&|o| drop(o.truth.remove("position")))
+            .to_string()
+            .contains("position")
+    );
+    let bare = failed(&|o| o.truth.get_mut("crystal").expect("it").data.fill(0.0));
+    assert!(bare.to_string().contains("no pixel of one face"), "{bare}");
+    let small = failed(&|o| o.truth.get_mut("normal").expect("it").width -= 1);
+    assert!(matches!(small, ApplyError::Sizes { .. }), "{small}");
+}

@@ -1,0 +1,105 @@
+//! Places of many copies: text, or NumPy's `.npy`.
+
+use glam::{DAffine3, DMat3, DVec3};
+use npyz::{DType, NpyFile, Order, TypeChar};
+
+/// The maps that a file lists, by what it holds: an array of n × 3 × 4 or n × 4 × 4 numbers if it begins as a `.npy` file does
+/// ([`is_array`]), else a matrix a line.
+///
+/// # Errors
+/// What is wrong, and where in the file, to be put behind its name.
+pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
+    if is_array(bytes) {
+        array(bytes)
+    } else {
+        text(bytes)
+    }
+}
+
+/// True of what begins as a `.npy` file does.
+#[must_use]
+pub fn is_array(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\x93NUMPY")
+}
+
+/// The map of the first three rows of a matrix, whose fourth must say nothing.
+fn affine(rows: &[f64]) -> Result<DAffine3, String> {
+    if let Some(v) = rows.iter().find(|v| !v.is_finite()) {
+        return Err(format!("{v} is not a number"));
+    }
+    if rows.len() == 16 && rows[12..] != [0.0, 0.0, 0.0, 1.0] {
+        return Err("the last row of a 4×4 matrix is not 0 0 0 1".into());
+    }
+    let column = |j: usize| DVec3::new(rows[j], rows[4 + j], rows[8 + j]);
+    Ok(DAffine3::from_mat3_translation(
+        DMat3::from_cols(column(0), column(1), column(2)),
+        column(3),
+    ))
+}
+
+fn text(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
+    let text = std::str::from_utf8(bytes).map_err(|_| " is neither text nor a .npy file".to_owned())?;
+    let mut out = vec![];
+    for (line, number) in text.lines().zip(1..) {
+        let line = line.split('#').next().unwrap_or_default();
+        let words = line.split([' ', ',', ';', '\t']).filter(|w| !w.is_empty());
+        let values = words.map(|w| {
+            w.parse::<f64>()
+                .map_err(|_| format!(", line {number}: `{w}` is no number"))
+        });
+        let values = values.collect::<Result<Vec<f64>, String>>()?;
+        match values.len() {
+            0 => {}
+            12 | 16 => out.push(affine(&values).map_err(|e| format!(", line {number}: {e}"))?),
+            n => return Err(format!(", line {number}: {n} numbers")),
+        }
+    }
+    Ok(out)
+}
+
+fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
+    let wrong = |e: std::io::Error| format!(": {e}");
+    let file = NpyFile::new(bytes).map_err(wrong)?;
+    let shape = file.shape().to_vec();
+    let (n, rows) = match shape[..] {
+        [n, rows @ (3 | 4), 4] => (n as usize, rows as usize),
+        _ => return Err(format!(": its shape is {shape:?}")),
+    };
+    // Before anything is set aside for what a damaged head promises.
+    if shape
+        .iter()
+        .try_fold(1_u64, |n, k| n.checked_mul(*k))
+        .is_none_or(|n| n > bytes.len() as u64)
+    {
+        return Err(": it ends too early".into());
+    }
+    let by_column = file.order() == Order::Fortran;
+    let size = match file.dtype() {
+        DType::Plain(plain) if plain.type_char() == TypeChar::Float => plain.size_field(),
+        _ => 0,
+    };
+    let values: Vec<f64> = match size {
+        8 => file.into_vec().map_err(wrong)?,
+        4 => {
+            let values: Vec<f32> = file.into_vec().map_err(wrong)?;
+            values.into_iter().map(f64::from).collect()
+        }
+        _ => return Err(": its numbers are not f4 or f8".into()),
+    };
+    if n.checked_mul(4 * rows) != Some(values.len()) {
+        return Err(": it ends too early".into());
+    }
+    let copy = |i: usize| -> Vec<f64> {
+        let at = |r: usize, c: usize| {
+            if by_column {
+                values[i + n * (r + rows * c)]
+            } else {
+                values[(i * rows + r) * 4 + c]
+            }
+        };
+        (0..4 * rows).map(|k| at(k / 4, k % 4)).collect()
+    };
+    (0..n)
+        .map(|i| affine(&copy(i)).map_err(|e| format!(", matrix {i}: {e}")))
+        .collect()
+}

@@ -1,0 +1,277 @@
+//! How a walk goes on from a surface or a particle.
+
+use super::environment::Chosen;
+use super::flight::{Flight, Hero};
+use super::guide::{At, Guide};
+use super::parted::part;
+use super::point::Point;
+use super::polarized::quarter_turn;
+use super::state::From;
+use crate::geometry::ray::Surface;
+use crate::material::{Lanes, Sampled};
+use crate::scene::Scene;
+use glam::Vec3A;
+use optics::sampling::stream::Stream;
+use optics::spectrum::Spectral;
+use tensor::label;
+
+/// A walk on its way.
+#[derive(Clone)]
+pub(super) struct Progress {
+    pub flight: Flight,
+    /// With which the present direction was drawn, per steradian; 1 in delta lobes.
+    pub density: f32,
+    /// The same for light that is met by chance.
+    pub chosen: Chosen,
+    /// Throughput of a walk that has lost nothing.
+    pub full: f32,
+    /// What may come from where the walk goes now, over what may come from elsewhere.
+    pub hope: f32,
+    pub interactions: u32,
+    pub labelled: bool,
+    /// Times that it has parted.
+    pub parted: u32,
+}
+
+/// How a walk goes on from a point.
+pub(super) enum Onward {
+    /// Along a direction.
+    Toward(Vec3A),
+    /// Straight through a sheet, which is no point of its own, as on a line between points.
+    Straight,
+    Nowhere,
+}
+
+/// Samples where a walk that came from direction `back` to a surface goes on, and the density of that (1 for delta lobes). The
+/// interaction is in the true direction of the light; for light it is per flux.
+#[inline]
+fn onward(
+    scene: &Scene,
+    from: From,
+    s: &Surface,
+    back: Vec3A,
+    lanes: &mut Lanes,
+    stream: &mut Stream,
+) -> Option<(Sampled, f32)> {
+    let (materials, id, before) = (&scene.materials, s.material, *lanes);
+    let mut sampled = materials.sample(id, s, back, lanes, stream)?;
+    let density = if sampled.delta {
+        1.0
+    } else {
+        materials.pdf(id, s, back, sampled.wi)
+    };
+    if from == From::Camera {
+        return Some((sampled, density));
+    }
+    // The other way through the surface.
+    let (cos_in, cos_out) = (s.ng.dot(back).abs(), s.ng.dot(sampled.wi).abs());
+    if cos_in <= 0.0 {
+        return None;
+    }
+    let all = before.count() as usize == scene.wavelengths.count();
+    if !sampled.delta && (all || sampled.filling.is_none()) {
+        *lanes = before;
+        if density <= 0.0 {
+            return None;
+        }
+        let factor = Spectral::splat(cos_out / (cos_in * density));
+        sampled.scatter = materials.eval(id, s, sampled.wi, back)?.scaled(factor);
+        return Some((sampled, density));
+    }
+    sampled.scatter = sampled.scatter.reversed();
+    if !materials.is_crystal(id) {
+        // Shading normals are not the same from both sides (Veach 1997, sect. 5.3).
+        let (shading_in, shading_out) = if sampled.delta && sampled.filling.is_none() {
+            // Mirrors turn their own normals.
+            (1.0, 1.0)
+        } else {
+            (s.ns.dot(back).abs(), s.ns.dot(sampled.wi).abs())
+        };
+        let factor = shading_in * cos_out / (cos_in * shading_out).max(f32::MIN_POSITIVE);
+        sampled.scatter = sampled.scatter.scaled(Spectral::splat(factor));
+    }
+    if let Some(far) = sampled.filling
+        && !materials.is_crystal(id)
+        && let Some(near) = materials.beyond(id, s, sampled.wi, *lanes)
+    {
+        // Radiance grows with the squared index, flux does not. (Light never stops inside a smooth crystal.)
+        let ratio = far.index / near.index;
+        sampled.scatter = sampled.scatter.scaled(Spectral::splat(ratio * ratio));
+    }
+    Some((sampled, density))
+}
+
+/// Draws where a walk goes from a surface.
+pub(super) fn scatter_on(
+    scene: &Scene,
+    guide: &Guide,
+    [before, point]: [&mut Point; 2],
+    progress: &mut Progress,
+    stream: &mut Stream,
+) -> Onward {
+    let (flight, surface, back) = (&mut progress.flight, &point.surface, point.back);
+    let mut lanes = flight.state.lanes;
+    let id = surface.material;
+    if scene.sheets && scene.materials.has_extended_lobe(id) {
+        // A surface that is a sheet in part is a point of as many walks only as do not go straight on: what is connected
+        // to it counts for all of them.
+        let straight = scene.materials.straight_chance(id, surface, back, lanes);
+        if straight > 0.0 && straight < 1.0 {
+            point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
+        }
+    }
+    let turning = point.medium(scene).map(|medium| At {
+        medium,
+        p: surface.p,
+        from: flight.end,
+    });
+    if let Some(at) = turning.filter(|at| guide.turns(at.medium, at.from)) {
+        return scatter_or_turn(scene, guide, at, [before, point], progress, stream);
+    }
+    let Some((mut next, density)) = onward(scene, flight.end, surface, back, &mut lanes, stream) else {
+        return Onward::Nowhere;
+    };
+    if progress.labelled {
+        let drawn = (&mut next, density);
+        flight.state.label |= part(scene, flight.end, surface, back, drawn, stream);
+    }
+    if lanes != flight.state.lanes {
+        flight.hero = Hero::only(lanes);
+    }
+    flight.state.lanes = lanes;
+    flight.push(&next.scatter);
+    if scene.sheets && next.delta && next.wi == -back && next.filling.is_none() {
+        return Onward::Straight;
+    }
+    progress.density = density;
+    progress.hope = 1.0;
+    progress.chosen = Chosen {
+        density: if next.delta { 0.0 } else { density },
+        from: surface.p,
+    };
+    let reverse = if next.delta {
+        1.0
+    } else {
+        point.density(scene, guide, flight.end.other(), next.wi, back)
+    };
+    before.reverse = reverse * point.spread;
+    if surface.ng.dot(back) * surface.ng.dot(next.wi) < 0.0 {
+        let enters = surface.ng.dot(next.wi) < 0.0;
+        flight.nest.cross(&scene.boundaries, surface.material, enters);
+    }
+    if let (From::Camera, Some(filling)) = (flight.end, next.filling) {
+        // Radiance falls with the squared index, and rises again on the way out: nothing is lost.
+        let ratio = flight.state.filling.index / filling.index;
+        progress.full *= ratio * ratio;
+    }
+    flight.state.filling = next.filling.unwrap_or(flight.state.filling);
+    point.delta = next.delta;
+    Onward::Toward(next.wi)
+}
+
+/// Draws where a walk goes from a Lambert surface in a medium where walks turn.
+fn scatter_or_turn(
+    scene: &Scene,
+    guide: &Guide,
+    at: At,
+    [before, point]: [&mut Point; 2],
+    progress: &mut Progress,
+    stream: &mut Stream,
+) -> Onward {
+    let (flight, s, back) = (&mut progress.flight, &point.surface, point.back);
+    let (materials, id, mut lanes) = (&scene.materials, s.material, flight.state.lanes);
+    let wi = match guide.turn(at, stream) {
+        Some(wo) => scene
+            .media
+            .sample_direction(at.medium, wo, flight.hero.lane, stream),
+        None => match materials.sample(id, s, back, &mut lanes, stream) {
+            Some(sampled) => sampled.wi,
+            None => return Onward::Nowhere,
+        },
+    };
+    let own = Spectral::splat(materials.pdf(id, s, back, wi));
+    let toward = guide.toward(&scene.media, at, wi);
+    let densities = toward.densities(own);
+    let scatter = match flight.end {
+        From::Camera => point.scatter(scene, back, wi),
+        From::Light => point.scatter_flux(scene, wi, back),
+    };
+    let (Some(scatter), Some(drawn)) = (scatter, flight.hero.event(densities)) else {
+        return Onward::Nowhere;
+    };
+    flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+    flight.state.label |= label::DIFFUSE;
+    progress.density = scene.lanes().mean(densities);
+    progress.hope = scene.lanes().mean(toward.hopes);
+    progress.chosen = Chosen {
+        density: progress.density,
+        from: s.p,
+    };
+    before.reverse = point.density(scene, guide, flight.end.other(), wi, back) * point.spread;
+    Onward::Toward(wi)
+}
+
+/// Draws where a walk goes from a particle of medium number `id`.
+pub(super) fn scatter_in(
+    scene: &Scene,
+    guide: &Guide,
+    id: u32,
+    [before, point]: [&mut Point; 2],
+    progress: &mut Progress,
+    stream: &mut Stream,
+) -> Onward {
+    let flight = &mut progress.flight;
+    let lane = flight.hero.lane;
+    let (back, from) = (point.back, flight.end);
+    let at = At {
+        medium: id,
+        p: point.surface.p,
+        from,
+    };
+    let turns = guide.turn(at, stream);
+    let mut wi = scene
+        .media
+        .sample_direction(id, turns.unwrap_or(back), lane, stream);
+    let mut scatter = scene.media.eval(id, back, wi);
+    let mut polarized = flight.polarized(&scatter);
+    if let Some(factor) = polarized
+        && turns.is_none()
+        && 2.0 * stream.uniform() >= factor.to_array()[lane]
+    {
+        wi = quarter_turn(wi, back);
+        scatter = scene.media.eval(id, back, wi);
+        polarized = flight.polarized(&scatter);
+    }
+    let mut lean = guide.lean(at, back, wi);
+    if turns.is_none() && lean.factor != 1.0 && 2.0 * stream.uniform() >= lean.factor {
+        lean.factor = 2.0 - lean.factor;
+        (wi, lean.partner) = (lean.partner, wi);
+        // Partners scatter alike, by the same angle in the same plane, and to polarized light half a turn is none.
+    }
+    let unguided = scene.media.densities_toward(id, back, wi);
+    let own = unguided * Spectral::splat(lean.factor);
+    let toward = guide.toward(&scene.media, at, wi);
+    let drawn = toward.densities(polarized.map_or(own, |factor| own * factor));
+    let Some(drawn) = flight.hero.event(drawn) else {
+        return Onward::Nowhere;
+    };
+    // The same from both sides: particles are their own mirror images.
+    flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
+    flight.state.label |= label::MEDIUM;
+    // For weights, which are to be functions of the path alone, as of unpolarized light.
+    progress.density = scene.lanes().mean(toward.densities(own));
+    progress.hope = scene.lanes().mean(toward.hopes);
+    progress.chosen = Chosen {
+        density: progress.density,
+        from: point.surface.p,
+    };
+    // Particles scatter alike both ways, but walks from the other end turn elsewhere.
+    let other = At {
+        from: from.other(),
+        ..at
+    };
+    let own = unguided * Spectral::splat(guide.lean(other, wi, back).factor);
+    let reverse = guide.toward(&scene.media, other, back).densities(own);
+    before.reverse = scene.lanes().mean(reverse) * point.spread;
+    Onward::Toward(wi)
+}
