@@ -93,15 +93,21 @@ impl Guide {
     /// How a walk that came from direction `back` to a particle leans toward its targets.
     #[inline]
     pub fn lean(&self, at: At, back: Vec3A, to: Vec3A) -> Lean {
+        let targets = self.targets(at.medium, at.from);
+        if targets.is_empty() {
+            return Lean {
+                partner: to,
+                factor: 1.0,
+            };
+        }
         // Of unit length anew: what rounding adds would grow threefold with every particle.
         let partner = (back * (2.0 * back.dot(to)) - to).normalize();
         let mut pull = Vec3A::ZERO;
-        let targets = self.targets(at.medium, at.from);
         for target in targets {
             pull += (*target - at.p).normalize_or_zero();
         }
         // The mean of directions: what pulls two ways pulls less.
-        let more = pull.dot(to - partner) * (0.5 * LEAN / targets.len().max(1) as f32);
+        let more = pull.dot(to - partner) * (0.5 * LEAN / targets.len() as f32);
         Lean {
             partner,
             factor: 1.0 + more,

@@ -2,7 +2,7 @@
 
 use super::environment::Chosen;
 use super::flight::{Flight, Hero};
-use super::guide::{At, Guide};
+use super::guide::{At, Guide, Lean};
 use super::parted::part;
 use super::point::Point;
 use super::polarized::quarter_turn;
@@ -242,14 +242,13 @@ pub(super) fn scatter_in(
         scatter = scene.media.eval(id, back, wi);
         polarized = flight.polarized(&scatter);
     }
-    let mut lean = guide.lean(at, back, wi);
-    if turns.is_none() && lean.factor != 1.0 && 2.0 * stream.uniform() >= lean.factor {
-        lean.factor = 2.0 - lean.factor;
-        (wi, lean.partner) = (lean.partner, wi);
+    let Lean { partner, mut factor } = guide.lean(at, back, wi);
+    if turns.is_none() && factor != 1.0 && 2.0 * stream.uniform() >= factor {
         // Partners scatter alike, by the same angle in the same plane, and to polarized light half a turn is none.
+        (wi, factor) = (partner, 2.0 - factor);
     }
     let unguided = scene.media.densities_toward(id, back, wi);
-    let own = unguided * Spectral::splat(lean.factor);
+    let own = unguided * Spectral::splat(factor);
     let toward = guide.toward(&scene.media, at, wi);
     let drawn = toward.densities(polarized.map_or(own, |factor| own * factor));
     let Some(drawn) = flight.hero.event(drawn) else {
