@@ -33,31 +33,37 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     let Ok(length) = u32::try_from(bytes.len()) else {
         return Content::Dense;
     };
+    let found: Vec<u64>;
+    let touched = if let Some(touched) = touched {
+        touched
+    } else {
+        found = bytes.chunks(64 * STRETCH).map(|c| filled(c, STRETCH)).collect();
+        &found
+    };
     // Alternating runs: zeros up to the first, others up to the second, and so on.
     let mut ends = Vec::new();
     let (mut in_zeros, mut others) = (true, 0);
-    for (n, stretch) in bytes.chunks(STRETCH).enumerate() {
-        let nothing = match touched {
-            Some(bits) => bits[n / 64] >> (n % 64) & 1 == 0,
-            None => is_zero(stretch),
-        };
-        if nothing {
-            if !in_zeros {
-                ends.push(n * STRETCH);
-                in_zeros = true;
+    for (n, (stretches, &touched)) in bytes.chunks(64 * STRETCH).zip(touched).enumerate() {
+        let mut m = 0;
+        while m < stretches.len().div_ceil(STRETCH) {
+            let nothing = touched >> m & 1 == 0;
+            if nothing && in_zeros {
+                // To the next that is touched.
+                m += (touched >> m).trailing_zeros() as usize;
+                continue;
             }
-            continue;
-        }
-        for (m, piece) in stretch.chunks(PIECE).enumerate() {
-            let zero = match piece.try_into() {
-                Ok(whole) => u128::from_ne_bytes(whole) == 0,
-                Err(_) => is_zero(piece),
-            };
-            others += if zero { 0 } else { piece.len() };
-            if zero != in_zeros {
-                ends.push(n * STRETCH + m * PIECE);
-                in_zeros = zero;
+            let stretch = &stretches[m * STRETCH..stretches.len().min((m + 1) * STRETCH)];
+            let filled = if nothing { 0 } else { filled(stretch, PIECE) };
+            others += filled.count_ones() as usize * PIECE;
+            // A bit where a piece is not as the one before it; the last stretch may have fewer pieces.
+            let pieces = (1 << stretch.len().div_ceil(PIECE)) - 1;
+            let mut turns = (filled ^ (filled << 1 | u64::from(!in_zeros))) & pieces;
+            while turns != 0 {
+                ends.push((n * 64 + m) * STRETCH + turns.trailing_zeros() as usize * PIECE);
+                turns &= turns - 1;
+                in_zeros = !in_zeros;
             }
+            m += 1;
         }
         if others * RARITY > bytes.len() {
             return Content::Dense;
@@ -68,7 +74,8 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     }
     ends.push(bytes.len());
     // Magic number; then: four bytes of size, one segment, no checksum.
-    let mut frame = vec![0x28, 0xB5, 0x2F, 0xFD, 0xA0];
+    let mut frame = Vec::with_capacity(9 + others + 4 * (ends.len() + bytes.len() / MAX_BLOCK));
+    frame.extend([0x28, 0xB5, 0x2F, 0xFD, 0xA0]);
     frame.extend(length.to_le_bytes());
     let mut at = 0;
     for (run, &end) in ends.iter().enumerate() {
@@ -85,8 +92,19 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     Content::Sparse(frame)
 }
 
+/// A bit for each of up to 64 parts of so many bytes, set where they are not all zero; the first one lowest.
+#[inline]
+fn filled(bytes: &[u8], part: usize) -> u64 {
+    let parts = bytes.chunks(part).enumerate();
+    parts.fold(0, |bits, (n, part)| bits | u64::from(!is_zero(part)) << n)
+}
+
+#[inline]
 fn is_zero(bytes: &[u8]) -> bool {
-    bytes.iter().fold(0, |all, b| all | b) == 0
+    match bytes.try_into() {
+        Ok(piece) => u128::from_ne_bytes(piece) == 0,
+        Err(_) => bytes.iter().fold(0, |all, b| all | b) == 0,
+    }
 }
 
 /// The content size that one Zstandard frame declares, if the bytes are exactly one complete frame that declares it.

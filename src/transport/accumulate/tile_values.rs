@@ -58,6 +58,13 @@ impl Scratch {
         }
     }
 
+    /// Marks the stretch of a number as written to.
+    #[inline]
+    fn touch(&mut self, number: usize) {
+        let stretch = number / STRETCH;
+        self.touched[stretch / 64] |= 1 << (stretch % 64);
+    }
+
     /// Sets what was written to zero.
     fn clear(&mut self) {
         for (word, bits) in self.touched.iter_mut().enumerate() {
@@ -225,41 +232,20 @@ impl TileValues {
     }
 
     /// Gives a part of the slice to a sink, chunk by chunk.
+    ///
+    /// What depends on the sink is compiled where the sink is known, with that crate's effort: loops over entries are functions
+    /// of their own, which do not.
     fn put_part<S: Sink>(&self, part: &Part, sink: &S, scratch: &mut Scratch) -> Result<(), S::Error> {
-        let Part {
-            plan, layout, cells, ..
-        } = part;
-        let trailing = if plan.elements == 16 { 3 } else { 1 };
-        let inner = Grid::new(layout, 2..layout.axes.len() - trailing);
-        let mut placed = Vec::new();
-        for (number, entry) in self.entries.iter().enumerate() {
-            let local = entry.key / plan.cells();
-            let cell = entry.key - local * plan.cells();
-            if cells.contains(&cell) {
-                let (chunk, at, volume) = inner.place(cell - cells.start);
-                placed.push(Placed {
-                    chunk,
-                    at: local as usize * volume + at,
-                    entry: number as u32,
-                });
-            }
-        }
-        if inner.chunks > 1 {
-            placed.sort_unstable_by_key(|p| p.chunk);
-        }
+        let (grid, placed) = self.placed(part);
         // A chunk holds all elements of the matrix or, where that would be too much, a part of its rows and columns.
-        let chunk = |kind| layout.find(kind).map_or(1, |i| layout.axes[i].chunk as u32);
+        let chunk = |kind| {
+            part.layout
+                .find(kind)
+                .map_or(1, |i| part.layout.axes[i].chunk as u32)
+        };
         let block = [chunk(AxisKind::StokesOut), chunk(AxisKind::StokesIn)];
         for group in placed.chunk_by(|a, b| a.chunk == b.chunk) {
-            let extent = group.iter().fold(Extent { rows: 0, cols: 0 }, |e, p| {
-                e.with(self.entries[p.entry as usize].extent)
-            });
-            // Few cells have more than M00, and only they are looked at for the rest.
-            let having = |more: fn(Extent) -> bool| -> Vec<Placed> {
-                let more = |p: &&Placed| more(self.entries[p.entry as usize].extent);
-                group.iter().filter(more).copied().collect()
-            };
-            let (tall, wide) = (having(|e| e.rows > 1), having(|e| e.cols > 1));
+            let Sorted { extent, tall, wide } = self.sorted(group);
             for row in (0..extent.rows).step_by(block[0] as usize) {
                 for column in (0..extent.cols).step_by(block[1] as usize) {
                     let matrix = Block {
@@ -272,7 +258,7 @@ impl TileValues {
                         _ => &wide,
                     };
                     let cells = ChunkCells {
-                        grid: &inner,
+                        grid: &grid,
                         group,
                         matrix,
                     };
@@ -283,6 +269,48 @@ impl TileValues {
         Ok(())
     }
 
+    /// Where the entries of a part go, chunk by chunk.
+    fn placed(&self, part: &Part) -> (Grid, Vec<Placed>) {
+        let Part {
+            plan, layout, cells, ..
+        } = part;
+        let trailing = if plan.elements == 16 { 3 } else { 1 };
+        let grid = Grid::new(layout, 2..layout.axes.len() - trailing);
+        let mut placed = Vec::with_capacity(self.entries.len());
+        for (number, entry) in self.entries.iter().enumerate() {
+            let local = entry.key / plan.cells();
+            let cell = entry.key - local * plan.cells();
+            if cells.contains(&cell) {
+                let (chunk, at, volume) = grid.place(cell - cells.start);
+                placed.push(Placed {
+                    chunk,
+                    at: local as usize * volume + at,
+                    entry: number as u32,
+                });
+            }
+        }
+        if grid.chunks > 1 {
+            placed.sort_unstable_by_key(|p| p.chunk);
+        }
+        (grid, placed)
+    }
+
+    /// Looks at the entries of a chunk.
+    fn sorted(&self, group: &[Placed]) -> Sorted {
+        let extent_of = |p: &Placed| self.entries[p.entry as usize].extent;
+        // Few cells have more than M00, and only they are looked at for the rest.
+        let having = |more: fn(Extent) -> bool| -> Vec<Placed> {
+            group.iter().filter(|p| more(extent_of(p))).copied().collect()
+        };
+        Sorted {
+            extent: group
+                .iter()
+                .fold(Extent { rows: 0, cols: 0 }, |e, p| e.with(extent_of(p))),
+            tall: having(|e| e.rows > 1),
+            wide: having(|e| e.cols > 1),
+        }
+    }
+
     /// Gives one chunk of both fields to a sink.
     fn put_chunk<S: Sink>(
         &self,
@@ -291,9 +319,30 @@ impl TileValues {
         sink: &S,
         scratch: &mut Scratch,
     ) -> Result<(), S::Error> {
-        let Part {
-            number, plan, fields, ..
-        } = part;
+        let (start, shape) = self.filled(part, cells, scratch);
+        let length = shape.iter().product::<u64>() as usize;
+        let written = [
+            (part.fields[0], &scratch.means),
+            (part.fields[1], &scratch.errors),
+        ]
+        .into_iter()
+        .try_for_each(|(field, data)| {
+            sink.put(&Piece {
+                slice: part.number,
+                field,
+                start: &start,
+                shape: &shape,
+                data: &data[..length],
+                touched: &scratch.touched,
+            })
+        });
+        scratch.clear();
+        written
+    }
+
+    /// Fills the scratch with one chunk: its first indices and its shape.
+    fn filled(&self, part: &Part, cells: &ChunkCells, scratch: &mut Scratch) -> (Vec<u64>, Vec<u64>) {
+        let plan = part.plan;
         let ChunkCells { grid, group, matrix } = cells;
         let (mut start, mut shape) = (self.start.to_vec(), self.shape.to_vec());
         grid.extend(group[0].chunk, &mut start, &mut shape);
@@ -303,8 +352,7 @@ impl TileValues {
         }
         start.push(0);
         shape.push(plan.wavelengths as u64);
-        let length = shape.iter().product::<u64>() as usize;
-        scratch.reserve(length);
+        scratch.reserve(shape.iter().product::<u64>() as usize);
         // The number of wavelengths as a constant, because copies of unknown length become calls.
         let scatter = match plan.wavelengths {
             1 => Self::scatter::<1>,
@@ -313,20 +361,7 @@ impl TileValues {
             _ => Self::scatter::<4>,
         };
         scatter(self, group, matrix, scratch);
-        let written = [(fields[0], &scratch.means), (fields[1], &scratch.errors)]
-            .into_iter()
-            .try_for_each(|(field, data)| {
-                sink.put(&Piece {
-                    slice: *number,
-                    field,
-                    start: &start,
-                    shape: &shape,
-                    data: &data[..length],
-                    touched: &scratch.touched,
-                })
-            });
-        scratch.clear();
-        written
+        (start, shape)
     }
 
     /// Puts the values of some entries in their places.
@@ -339,14 +374,22 @@ impl TileValues {
                     let [mean, variance] = self.values[(entry.first + i * entry.extent.cols + j) as usize];
                     scratch.means[at..at + L].copy_from_slice(&mean.to_array()[..L]);
                     scratch.errors[at..at + L].copy_from_slice(&variance.sqrt().to_array()[..L]);
-                    for end in [at, at + L - 1] {
-                        let stretch = end / STRETCH;
-                        scratch.touched[stretch / 64] |= 1 << (stretch % 64);
-                    }
+                    scratch.touch(at);
+                    scratch.touch(at + L - 1);
                 }
             }
         }
     }
+}
+
+/// What is known of the entries of a chunk together.
+struct Sorted {
+    /// Largest rows and columns of their matrices.
+    extent: Extent,
+    /// Those of more than one row.
+    tall: Vec<Placed>,
+    /// Those of more than one column.
+    wide: Vec<Placed>,
 }
 
 /// What two fields of one layout hold of a slice: a range of its cells.
