@@ -154,6 +154,7 @@ fn mark(stores: &[&TensorStore], slices: &[Vec<StoredSlice>]) -> Value {
         "method": "non-local means, one weight for all numbers of a pair of pixels",
         "weights_from": if stores.len() > 1 { "the other render" } else { "the render itself" },
         "reach_px": REACH,
+        "outliers": if stores.len() == 2 { "of one render alone, replaced by the mean of their neighbours" } else { "kept" },
         "strengths": STRENGTHS,
         "of": stores.iter().map(of).collect::<Vec<_>>(),
         "copied": copied,

@@ -27,7 +27,7 @@ SCENES = {
     "disco_ball": (128, FOUR),
     "coins_mirror": (256, FOUR),
     "fruits": (128, FOUR),
-    "milky_tank": (48, FOUR),
+    "milky_tank": (192, FOUR),
     "sss_statue": (96, FOUR),
     "crystals": (128, FOUR),
 }

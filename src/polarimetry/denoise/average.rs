@@ -5,11 +5,12 @@
 //! > b² = (F - M)² - V + 2 V ∂F/∂M - P
 //!
 //! is an estimate (see [`super::weights`]): far too noisy for one pixel, it is averaged over a box, and what is below zero counts as
-//! zero.
+//! zero. What F would have more if outliers had not been replaced ([`super::outliers`]) is a bias besides, and its square is added.
 
 use super::around::around;
 use super::guide::unit;
 use super::likeness::{WINDOW, neighbour};
+use super::outliers::replace;
 use super::variance::variances;
 use super::weights::{Sums, Weights, add, other};
 use super::{CALM, Values};
@@ -28,7 +29,12 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
     if out.mean.is_empty() {
         return out;
     }
-    let (scaled, scale) = scaled(renders, &weights.known);
+    let (mut scaled, scale) = scaled(renders, &weights.known);
+    let taken: Vec<Vec<f32>> = scaled
+        .iter_mut()
+        .zip(&weights.outliers)
+        .map(|(r, outliers)| replace(r, outliers, &weights.known))
+        .collect();
     let noise: Vec<Vec<f32>> = scaled.iter().map(|r| variances(r, &weights.known)).collect();
     let row = weights.size[1] * channels;
     // Propagated variances and what is estimated of the bias.
@@ -51,6 +57,8 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
                 sums.clear();
                 // M and V.
                 let (mut rendered, mut own) = (vec![0.0_f32; channels], vec![0.0_f32; channels]);
+                // What the mean would have more with the outliers.
+                let mut left = vec![0.0_f32; channels];
                 for (render, share) in weights.shares.iter().enumerate() {
                     let of = &weights.of[render][window.clone()];
                     let slopes = &weights.slopes[render][window.clone()];
@@ -64,6 +72,9 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
                             (share * w).powi(2),
                             &noise[render][q * channels..][..channels],
                         );
+                        if weights.outliers[render][q] {
+                            add(&mut left, share * w, &taken[render][q * channels..][..channels]);
+                        }
                     }
                     add(&mut rendered, *share, &scaled[render].mean[at.clone()]);
                     add(&mut own, share * share, &noise[render][at.clone()]);
@@ -72,6 +83,7 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
                     bias[c] =
                         (sums.mean[c] - rendered[c]).powi(2) - own[c] + 2.0 * sums.common[c] - spread[c];
                     mean[c] = sums.mean[c] / scale;
+                    spread[c] += left[c] * left[c];
                 }
             }
         });

@@ -4,6 +4,7 @@
 //! pixels are resolved, it is their sum, and beside it the profile of M00 over them in at most `PROFILE` groups of neighbouring
 //! entries, so that pixels at different depths differ. Variances are added up as if entries were independent.
 
+use super::outliers::{outliers, replace};
 use super::{Size, Values};
 use tensor::axes::{Axis, AxisKind};
 
@@ -22,6 +23,8 @@ pub struct Guide {
     pub judge: Vec<usize>,
     /// Pixels whose numbers are all finite. Those of others are zero here.
     pub known: Vec<bool>,
+    /// For each render, pixels in whose place their neighbours stand.
+    pub outliers: Vec<Vec<bool>>,
     /// Pixels that have no error at all: nothing is to be gained there.
     pub still: Vec<bool>,
 }
@@ -181,13 +184,18 @@ impl Guide {
                 .map(|(i, v)| finite(i, v.sqrt()))
                 .collect(),
         };
-        let renders = renders.into_iter().map(values).collect();
+        let mut renders: Vec<Values> = renders.into_iter().map(values).collect();
+        let outliers = outliers(&renders, lanes, &known);
+        for (render, outliers) in renders.iter_mut().zip(&outliers) {
+            replace(render, outliers, &known);
+        }
         Self {
             size,
             renders,
             shares,
             judge,
             known,
+            outliers,
             still,
         }
     }

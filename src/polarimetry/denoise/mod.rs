@@ -12,12 +12,14 @@
 //! Li et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]). The stated error is the
 //! propagated one and, added in squares, what the same estimate says of the bias ([`average`]).
 //!
-//! Of two renders of one scene each is averaged with weights from the other, so that they do not follow the noise that they weigh.
+//! Of two renders of one scene each is averaged with weights from the other, so that they do not follow the noise that they weigh. What
+//! one of them met once, far above all around it, is left out, and counts in the stated error ([`outliers`]).
 
 pub mod around;
 pub mod average;
 pub mod guide;
 pub mod likeness;
+pub mod outliers;
 mod variance;
 pub mod weights;
 
@@ -37,7 +39,7 @@ const PATCH: usize = 1;
 const CALM: usize = 3;
 
 /// Rows beyond a pixel's that its value and its error may depend on.
-pub const HALO: usize = CALM + 1 + CALM + REACH + PATCH;
+pub const HALO: usize = CALM + 1 + CALM + REACH + PATCH + outliers::REACH;
 
 /// Rows and columns of an image.
 pub type Size = [usize; 2];

@@ -2,7 +2,7 @@
 
 use super::average::average;
 use super::guide::{Guide, GuideBuilder};
-use super::likeness::{MIDDLE, WINDOW};
+use super::likeness::{MIDDLE, WINDOW, neighbour};
 use super::weights::Weights;
 use super::{Size, Values};
 use crate::decompose::cloude;
@@ -239,6 +239,51 @@ fn weights_are_shares() {
             );
         }
     }
+}
+
+/// What one render met once, at a hundred times the light, leaves no blot, and what it would have brought each mean counts in the
+/// stated error. In one render alone it stays, since nothing tells it from a glint.
+#[test]
+fn an_outlier_is_left_out_and_stated() {
+    let (plain, other) = (rendered_of(wall, 31, 16, 1.0), rendered_of(wall, 32, 16, 1.0));
+    let spot = 20 * SIZE[1] + 24;
+    let mut met = plain.clone();
+    let m = wall(spot);
+    for (c, element) in m.iter().enumerate() {
+        met.mean[spot * 16 + c] += 100.0 * *element as f32;
+        met.error[spot * 16 + c] += 100.0 * element.abs() as f32;
+    }
+    let renders = [met.clone(), other.clone()];
+    let weights = weights_of(&renders, &mueller());
+    let (without, with) = (denoised(&[plain, other], &mueller()), average(&weights, &renders));
+    // The weight that the spot has for a pixel; and the pixel besides itself for which it has most.
+    let weight_for = |p: usize| {
+        let o = (0..WINDOW).find(|o| neighbour(p, *o, SIZE) == Some(spot));
+        weights.of[0][p * WINDOW + o.expect("within reach")]
+    };
+    let near = (0..WINDOW)
+        .filter(|o| *o != MIDDLE)
+        .filter_map(|o| neighbour(spot, o, SIZE));
+    let beside = near
+        .max_by(|a, b| weight_for(*a).total_cmp(&weight_for(*b)))
+        .expect("some");
+    for p in [spot, beside] {
+        let weight = weight_for(p);
+        let m00 = p * 16;
+        let off = f64::from(with.mean[m00] - without.mean[m00]).abs();
+        assert!(off < 0.02 * expected(wall, p)[0], "{p}: {off}");
+        let left = 0.5 * f64::from(weight) * 100.0 * m[0];
+        let more = (f64::from(with.error[m00]).powi(2) - f64::from(without.error[m00]).powi(2))
+            .max(0.0)
+            .sqrt();
+        println!("pixel {p}: off by {off:.4}, left out {left:.4}, stated {more:.4} more");
+        assert!(
+            left > 0.1 * m[0] && (more / left - 1.0).abs() < 0.1,
+            "{p}: {more} of {left}"
+        );
+    }
+    let alone = denoised(&[met], &mueller());
+    assert!(f64::from(alone.mean[spot * 16]) > 1.5 * expected(wall, spot)[0]);
 }
 
 /// The rim of the disc keeps its step, pixel by pixel.

@@ -36,6 +36,8 @@ pub struct Weights {
     pub shares: Vec<f32>,
     /// Pixels whose numbers are finite.
     pub known: Vec<bool>,
+    /// For each render, pixels in whose place their neighbours stand.
+    pub outliers: Vec<Vec<bool>>,
     /// Pixels that are averaged: known, and with an error. Others stay as they are.
     pub moved: Vec<bool>,
 }
@@ -77,6 +79,7 @@ impl Weights {
             slopes,
             shares: guide.shares.clone(),
             known: guide.known.clone(),
+            outliers: guide.outliers.clone(),
             moved,
         }
     }

@@ -1,0 +1,155 @@
+//! Single contributions that stand far above all that is known of a pixel: met once in one of two renders.
+//!
+//! A rare strong path brings a pixel a value whose standard error is about the value itself. Against that error it differs from nothing,
+//! so a mean takes it in, and what was one bright pixel becomes a faint blot as wide as the window. Of two renders the other one tells it
+//! from a glint, which both show. A pixel of one render is an outlier if at some wavelength
+//!
+//! > M00(p) > [`ABOVE`] max(M00 of its neighbours in both renders, and of itself in the other),
+//!
+//! its standard error is more than a quarter of it, and most of those others met light at all (where they did not, rare paths are what
+//! light there is). In its place stands the mean of its neighbours, which is realizable as they are. That leaves light out: what the
+//! denoised value would have had more is a bias, and counts in its stated error ([`super::average`]).
+
+use super::{Size, Values};
+
+/// How far above the others an outlier is. Where paths are few, light that is met once is most of the light: three times was found to lose
+/// more of a mirror room's glints than it mends (`tests/suite/denoise.rs`), five times loses nothing there.
+const ABOVE: f32 = 5.0;
+
+/// Least standard error over the value: that of sixteen equal contributions among many samples without.
+const UNSURE: f32 = 0.25;
+
+/// Rows beyond a pixel's that what stands in its place depends on.
+pub const REACH: usize = 2;
+
+/// For each of two renders its outliers, by their first `lanes` channels: M00 at each wavelength. Of one render there are none.
+#[must_use]
+pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<bool>> {
+    let [a, b] = renders else {
+        return vec![vec![false; known.len()]; renders.len()];
+    };
+    let is = |own: &Values, other: &Values, p: usize| {
+        let near: Vec<usize> = neighbours(p, own.size).filter(|q| known[*q]).collect();
+        known[p]
+            && (0..lanes).any(|lane| {
+                let at = |p: usize| p * own.channels + lane;
+                let here = own.mean[at(p)];
+                if own.error[at(p)] <= UNSURE * here {
+                    return false;
+                }
+                let others = near.iter().flat_map(|q| [own.mean[at(*q)], other.mean[at(*q)]]);
+                let (mut most, mut lit, mut all) = (0.0_f32, 0, 0);
+                for m in others.chain([other.mean[at(p)]]) {
+                    most = most.max(m);
+                    lit += usize::from(m > 0.0);
+                    all += 1;
+                }
+                2 * lit > all && here > ABOVE * most
+            })
+    };
+    let of = |own, other| (0..known.len()).map(|p| is(own, other, p)).collect();
+    vec![of(a, b), of(b, a)]
+}
+
+/// Puts the mean of its known neighbours that are no outliers, and of their variances, in the place of every outlier, and gives what was
+/// taken off.
+pub fn replace(values: &mut Values, outliers: &[bool], known: &[bool]) -> Vec<f32> {
+    let n = values.channels;
+    let mut taken = vec![0.0; values.mean.len()];
+    for p in (0..outliers.len()).filter(|p| outliers[*p]) {
+        let near: Vec<usize> = neighbours(p, values.size)
+            .filter(|q| known[*q] && !outliers[*q])
+            .collect();
+        if near.is_empty() {
+            continue;
+        }
+        let mean = |of: &dyn Fn(usize) -> f32| near.iter().map(|q| of(*q)).sum::<f32>() / near.len() as f32;
+        for c in 0..n {
+            let light = mean(&|q| values.mean[q * n + c]);
+            let variance = mean(&|q| values.error[q * n + c].powi(2));
+            taken[p * n + c] = values.mean[p * n + c] - light;
+            values.mean[p * n + c] = light;
+            values.error[p * n + c] = variance.sqrt();
+        }
+    }
+    taken
+}
+
+/// The eight pixels around one, as far as the image goes.
+fn neighbours(p: usize, [height, width]: Size) -> impl Iterator<Item = usize> {
+    let (y, x) = (p / width, p % width);
+    let rows = y.saturating_sub(1)..(y + 2).min(height);
+    let columns = x.saturating_sub(1)..(x + 2).min(width);
+    let all = rows.flat_map(move |y| columns.clone().map(move |x| y * width + x));
+    all.filter(move |q| *q != p)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = [5, 5];
+    const SPOT: usize = 12;
+
+    /// A grey image with one bright pixel of a value and an error.
+    fn spot(value: f32, error: f32) -> Values {
+        let (mut mean, mut errors) = (vec![1.0; 25], vec![0.1; 25]);
+        (mean[SPOT], errors[SPOT]) = (value, error);
+        Values {
+            size: SIZE,
+            channels: 1,
+            mean,
+            error: errors,
+        }
+    }
+
+    fn found(renders: &[Values]) -> Vec<Vec<usize>> {
+        let all = outliers(renders, 1, &[true; 25]);
+        all.iter()
+            .map(|of| (0..25).filter(|p| of[*p]).collect())
+            .collect()
+    }
+
+    #[test]
+    fn what_one_render_met_once_is_one() {
+        let plain = spot(1.0, 0.1);
+        assert_eq!(found(&[spot(50.0, 49.0), plain.clone()]), [vec![SPOT], vec![]]);
+        assert_eq!(found(&[plain.clone(), spot(50.0, 49.0)]), [vec![], vec![SPOT]]);
+        // A glint that both show, one that is known well, a little more light, and one render alone.
+        for renders in [
+            &[spot(50.0, 49.0), spot(30.0, 29.0)][..],
+            &[spot(50.0, 2.0), plain.clone()],
+            &[spot(1.9, 1.0), plain.clone()],
+            &[spot(50.0, 49.0)],
+        ] {
+            assert!(found(renders).iter().all(Vec::is_empty));
+        }
+        // In the dark rare paths are all there is.
+        let dark = Values {
+            mean: vec![0.0; 25],
+            ..plain
+        };
+        let mut once = dark.clone();
+        (once.mean[SPOT], once.error[SPOT]) = (1.0, 1.0);
+        assert!(found(&[once, dark]).iter().all(Vec::is_empty));
+    }
+
+    #[test]
+    fn its_neighbours_stand_in_its_place() {
+        let mut values = spot(50.0, 49.0);
+        let of: Vec<bool> = (0..25).map(|p| p == SPOT).collect();
+        let taken = replace(&mut values, &of, &[true; 25]);
+        assert_eq!((values.mean[SPOT], taken[SPOT]), (1.0, 49.0));
+        assert!((values.error[SPOT] - 0.1).abs() < 1e-6);
+        assert_eq!(taken.iter().filter(|t| **t != 0.0).count(), 1);
+        // Alone in the image it stays.
+        let mut alone = Values {
+            size: [1, 1],
+            channels: 1,
+            mean: vec![50.0],
+            error: vec![49.0],
+        };
+        assert_eq!(replace(&mut alone, &[true], &[true]), [0.0]);
+        assert_eq!(alone.mean, [50.0]);
+    }
+}
