@@ -30,6 +30,12 @@ const SHARE: f32 = 0.06;
 /// How much more often than by chance walks lean toward a target, at most: below 1, so that they may go anywhere.
 const LEAN: f32 = 0.9;
 
+/// Events in which a walk turns and leans; then it goes on as particles send it. What it counts for is a product of as many factors, whose
+/// tail grows with their number beyond what parting makes up for: of a lossless slab of depth 32 and asymmetry 0.82, whose light meets
+/// hundreds of particles, walks that were guided all the way showed 5 to 14 % less than there is in up to 36,000 samples, with errors that
+/// said 2 %. (The milky tank's paths have no more than 49.)
+pub(super) const MOST_EVENTS: u32 = 48;
+
 /// Targets in a medium for the walks of one side.
 const MOST: usize = 4;
 

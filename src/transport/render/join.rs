@@ -395,6 +395,7 @@ impl<'a> Joiner<'a> {
                 own: p.forward,
                 other: p.reverse,
                 connects: !p.delta || i + 1 == walk.len(),
+                particle: matches!(p.site, Site::Volume(_)),
             }));
         }
         let (z, y) = (&camera[camera.len() - 1], &light[light.len() - 1]);

@@ -2,7 +2,7 @@
 
 use super::environment::Chosen;
 use super::flight::{Flight, Hero};
-use super::guide::{At, Guide, Lean};
+use super::guide::{self, At, Guide, Lean};
 use super::parted::part;
 use super::point::Point;
 use super::polarized::quarter_turn;
@@ -228,7 +228,8 @@ pub(super) fn scatter_in(
         p: point.surface.p,
         from,
     };
-    let turns = guide.turn(at, stream);
+    let guided = progress.interactions < guide::MOST_EVENTS;
+    let turns = guided.then(|| guide.turn(at, stream)).flatten();
     let mut wi = scene
         .media
         .sample_direction(id, turns.unwrap_or(back), lane, stream);
@@ -243,21 +244,26 @@ pub(super) fn scatter_in(
         polarized = flight.polarized(&scatter);
     }
     let Lean { partner, mut factor } = guide.lean(at, back, wi);
-    if turns.is_none() && factor != 1.0 && 2.0 * stream.uniform() >= factor {
+    if guided && turns.is_none() && factor != 1.0 && 2.0 * stream.uniform() >= factor {
         // Partners scatter alike, by the same angle in the same plane, and to polarized light half a turn is none.
         (wi, factor) = (partner, 2.0 - factor);
     }
     let unguided = scene.media.densities_toward(id, back, wi);
     let own = unguided * Spectral::splat(factor);
     let toward = guide.toward(&scene.media, at, wi);
-    let drawn = toward.densities(polarized.map_or(own, |factor| own * factor));
+    let by = |own: Spectral| polarized.map_or(own, |factor| own * factor);
+    let drawn = if guided {
+        toward.densities(by(own))
+    } else {
+        by(unguided)
+    };
     let Some(drawn) = flight.hero.event(drawn) else {
         return Onward::Nowhere;
     };
     // The same from both sides: particles are their own mirror images.
     flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
     flight.state.label |= label::MEDIUM;
-    // For weights, which are to be functions of the path alone, as of unpolarized light.
+    // For weights, which are to be functions of the path alone, as of unpolarized light, and as if all events were guided.
     progress.density = scene.lanes().mean(toward.densities(own));
     progress.hope = scene.lanes().mean(toward.hopes);
     progress.chosen = Chosen {

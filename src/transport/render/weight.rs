@@ -5,6 +5,11 @@
 //! of times that it is tried, the power heuristic weighs it by (n p)² / Σ (n' p')². Ratios of densities are products along
 //! the path: where the camera takes point i over from the light, p changes by its density from the camera over that from
 //! the light.
+//!
+//! That heuristic takes strategies for independent of each other. Connections inside a medium are not: two walks of hundreds of particles
+//! come near each other or they do not, and if they do all of their many connections bring something at once. On a path with m
+//! particles each connection of two walks thus counts as a try in m (Grittmann, Georgiev & Slusallek 2021, "Correlation-aware
+//! multiple importance sampling for bidirectional rendering algorithms", in its simplest form): all together they weigh as much as one.
 
 use crate::strategy::{Strategies, Strategy};
 
@@ -16,6 +21,8 @@ pub(super) struct Densities {
     pub other: f32,
     /// False if it scatters light into a single direction, so that lines cannot end there.
     pub connects: bool,
+    /// In a medium.
+    pub particle: bool,
 }
 
 /// How often strategies are tried.
@@ -31,9 +38,10 @@ pub(super) struct Tries {
 }
 
 impl Tries {
-    /// Of the strategy with `s` points from the light and `t` from the camera. An emitter alone is connected to always.
+    /// Of the strategy with `s` points from the light and `t` from the camera, on a path with so many particles. An emitter alone is
+    /// connected to always.
     #[inline]
-    fn of(self, s: usize, t: usize) -> f64 {
+    fn of(self, s: usize, t: usize, particles: usize) -> f64 {
         let strategy = match (s, t) {
             (1, _) => Strategy::NextEvent,
             (_, 1) => Strategy::LightTracing,
@@ -45,7 +53,7 @@ impl Tries {
         let light = if s > 1 { f64::from(self.light) } else { 1.0 };
         let times = match strategy {
             Strategy::LightTracing => f64::from(self.splats),
-            Strategy::VertexConnection => f64::from(self.connections),
+            Strategy::VertexConnection => f64::from(self.connections) / particles.max(1) as f64,
             _ => 1.0,
         };
         light * times
@@ -57,7 +65,8 @@ impl Tries {
 #[inline]
 pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: Tries) -> f32 {
     let (s, t) = (light.len(), camera.len());
-    let own = tries.of(s, t);
+    let particles = light.iter().chain(camera).filter(|p| p.particle).count();
+    let own = tries.of(s, t, particles);
     let mut sum = own * own;
     for (walk, is_light) in [(camera, false), (light, true)] {
         let mut ratio = 1.0;
@@ -66,7 +75,7 @@ pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: 
             ratio *= f64::from(walk[i].other) / f64::from(walk[i].own);
             if walk[i].connects && walk[i - 1].connects {
                 let (s, t) = if is_light { (i, s + t - i) } else { (s + t - i, i) };
-                let np = tries.of(s, t) * ratio;
+                let np = tries.of(s, t, particles) * ratio;
                 sum += np * np;
             }
         }
@@ -86,14 +95,15 @@ mod tests {
         for _ in 0..2000 {
             let inner = 1 + (stream.uniform() * 7.0) as usize;
             let draw = |stream: &mut Stream| (6.0 * (stream.uniform() - 0.5)).exp();
-            // Densities from the light and from the camera; both ends connect.
-            let points: Vec<(f32, f32, bool)> = (0..inner + 2)
+            // Densities from the light and from the camera; both ends connect, and none of them is a particle.
+            let points: Vec<(f32, f32, bool, bool)> = (0..inner + 2)
                 .map(|i| {
                     let ends = i == 0 || i == inner + 1;
                     (
                         draw(&mut stream),
                         draw(&mut stream),
                         ends || stream.uniform() < 0.6,
+                        !ends && stream.uniform() < 0.5,
                     )
                 })
                 .collect();
@@ -109,9 +119,14 @@ mod tests {
                 if !points[s - 1].2 || !points[s].2 {
                     continue;
                 }
-                let of = |own: f32, other: f32, connects| Densities { own, other, connects };
-                let light: Vec<_> = light.iter().map(|p| of(p.0, p.1, p.2)).collect();
-                let camera: Vec<_> = camera.iter().rev().map(|p| of(p.1, p.0, p.2)).collect();
+                let of = |own: f32, other: f32, connects, particle| Densities {
+                    own,
+                    other,
+                    connects,
+                    particle,
+                };
+                let light: Vec<_> = light.iter().map(|p| of(p.0, p.1, p.2, p.3)).collect();
+                let camera: Vec<_> = camera.iter().rev().map(|p| of(p.1, p.0, p.2, p.3)).collect();
                 sum += power_heuristic(&light, &camera, tries);
                 count += 1;
             }
