@@ -166,12 +166,18 @@ pub fn create(
     force: bool,
 ) -> Result<FrameStore, RunStoreError> {
     let store = FrameStore::create(path, layout(steps), &attributes(steps, rig, sample), force)?;
+    write_maps(&store, steps)?;
+    Ok(store)
+}
+
+/// Writes which shot of each mask lights what a place sees.
+fn write_maps(store: &FrameStore, steps: &Steps) -> Result<(), RunStoreError> {
     for mask in &steps.masks {
         let of = |s: &Option<u32>| s.map_or(-1.0, f64::from);
         let values: Vec<f64> = mask.shot_of.iter().map(of).collect();
         store.write_map(&format!("shot_of_{}", mask.name), "1", &values)?;
     }
-    Ok(store)
+    Ok(())
 }
 
 /// Opens the store of a run that was begun with the same plan and rig.
@@ -210,6 +216,8 @@ pub fn resume(
             what: "the frames' shape".into(),
         });
     }
+    // The store is there before they are: a kill between the two leaves it without.
+    write_maps(&store, steps)?;
     Ok(store)
 }
 
