@@ -38,8 +38,11 @@ const PATCH: usize = 1;
 /// Half the width of the boxes over which estimates of errors are averaged before they choose.
 const CALM: usize = 3;
 
+/// Rows beyond a pixel's that tell whether it is an outlier, and those beyond its neighbours' that stand in its place.
+const SPOT: usize = 2;
+
 /// Rows beyond a pixel's that its value and its error may depend on.
-pub const HALO: usize = CALM + 1 + CALM + REACH + PATCH + outliers::REACH;
+pub const HALO: usize = CALM + 1 + CALM + REACH + PATCH + SPOT;
 
 /// Rows and columns of an image.
 pub type Size = [usize; 2];

@@ -19,9 +19,6 @@ const ABOVE: f32 = 5.0;
 /// Least standard error over the value: that of sixteen equal contributions among many samples without.
 const UNSURE: f32 = 0.25;
 
-/// Rows beyond a pixel's that what stands in its place depends on.
-pub const REACH: usize = 2;
-
 /// For each of two renders its outliers, by their first `lanes` channels: M00 at each wavelength. Of one render there are none.
 #[must_use]
 pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<bool>> {

@@ -4,6 +4,7 @@
 //! contributions to an element are added before they are squared, so the variance is that of independent ones. A pixel is finished before the next begins, so what is live is small:
 //! the cells of one pixel (sparse, in f64), then the finished values of one tile (sparse, in f32).
 
+mod grid;
 pub mod plan;
 mod selected;
 mod tile_values;
