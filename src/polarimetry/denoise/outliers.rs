@@ -4,7 +4,7 @@
 //! so a mean takes it in, and what was one bright pixel becomes a faint blot as wide as the window. Of two renders the other one tells it
 //! from a glint, which both show. A pixel of one render is an outlier if at some wavelength
 //!
-//! > M00(p) > [`ABOVE`] max(M00 of its neighbours in both renders, and of itself in the other),
+//! > M00(p) > 5 max(M00 of its neighbours in both renders, and of itself in the other),
 //!
 //! its standard error is more than a quarter of it, and most of those others met light at all (where they did not, rare paths are what
 //! light there is). In its place stands the mean of its neighbours, which is realizable as they are. That leaves light out: what the
