@@ -26,7 +26,7 @@ SCENES = {
     "gold_mirror": (64, ["mueller"]),
     "disco_ball": (128, FOUR),
     "coins_mirror": (256, FOUR),
-    "fruits": (512, FOUR),
+    "fruits": (128, FOUR),
     "milky_tank": (192, FOUR),
     "sss_statue": (192, FOUR),
     "crystals": (128, FOUR),
