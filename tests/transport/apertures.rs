@@ -3,6 +3,7 @@
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
+use crate::optics::samples_factor;
 use crate::support::scene_of;
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -15,7 +16,7 @@ const LAMP: DVec3 = DVec3::new(0.09, 0.4, 0.45);
 
 /// The tank, seen through one broad pixel, with a plate of Lambert's kind in the water.
 fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
-    let spp = spp * std::env::var("SAMPLES").map_or(1, |n| n.parse::<u32>().expect("a factor"));
+    let spp = spp * samples_factor();
     format!(
         "wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 40\nseed = {seed}\nrr_depth = 5\ntile = 1\n\
          [camera]\nresolution = [2, 2]\nfov_x_deg = 8\n\

@@ -5,7 +5,7 @@
 
 use crate::bidirectional::{FOG, WALLS};
 use crate::manifold::transmission;
-use crate::optics::{C, Device, GOLD, GOLD_KEYS, amplitudes, plate};
+use crate::optics::{C, Device, GOLD, GOLD_KEYS, amplitudes, plate, samples_factor};
 use crate::support::scene_of;
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -22,7 +22,7 @@ const SIZE: u32 = 12;
 const ALBEDO: f64 = 0.6;
 
 fn samples(spp: u32) -> u32 {
-    spp * std::env::var("SAMPLES").map_or(1, |n| n.parse::<u32>().expect("a factor"))
+    spp * samples_factor()
 }
 
 /// Bins of a slice: means and standard errors, pixel by pixel.

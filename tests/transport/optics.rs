@@ -182,6 +182,11 @@ impl Device {
     }
 }
 
+/// By how much the variable `SAMPLES` multiplies the samples of tests that ask.
+pub fn samples_factor() -> u32 {
+    std::env::var("SAMPLES").map_or(1, |n| n.parse().expect("a factor"))
+}
+
 /// The head of a scene file, without Russian roulette.
 pub fn head(spp: u32, max_depth: u32, seed: u32) -> String {
     format!(

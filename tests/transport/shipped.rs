@@ -2,6 +2,7 @@
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples, so that totals are known to a given share.
 
+use crate::optics::samples_factor;
 use crate::support::edit;
 use std::path::Path;
 use sunstone::tensor::axes::AxisKind::Wavelength;
@@ -52,7 +53,7 @@ fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 
 /// Renders both ways. Totals may differ by 5 of their errors, and by `most` of themselves; so may pixels by 5, and those whose
 /// error is known by z² of `spread` together.
 fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
-    let factor = std::env::var("SAMPLES").map_or(1, |n| n.parse::<u32>().expect("a factor"));
+    let factor = samples_factor();
     let [[a, e], [b, f]] = [
         image(file, Integrator::Path, spp[0] * factor, 1),
         image(file, Integrator::Bidirectional, spp[1] * factor, 2),

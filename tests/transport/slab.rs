@@ -5,7 +5,7 @@
 //! wavelength in water that Ramella-Roman, Prahl & Jacques (2005, Opt. Express 13, 4420) use: 1.59 in 1.33, 632.8 nm.
 
 use crate::doubling::{Scattering, Slab, direction, horizontal, rayleigh};
-use crate::optics::{Device, M, amplitudes, head, mueller, project, turn};
+use crate::optics::{Device, M, amplitudes, head, mueller, project, samples_factor, turn};
 use crate::support::render_text;
 use glam::DVec3;
 use sunstone::transport::medium::bulk::{Amount, Ensemble};
@@ -212,7 +212,7 @@ fn mie_slabs_are_as_doubling_says() {
 /// [`crate::published_slabs`], which holds doubling to it) and where it is not. The variable `SAMPLES` multiplies the samples.
 #[test]
 fn rayleigh_slabs_of_all_depths() {
-    let factor = std::env::var("SAMPLES").map_or(1, |n| n.parse::<u32>().expect("a factor"));
+    let factor = samples_factor();
     for (tau, mu_in, spp, views) in [
         (0.1, 0.6, 20_000, [[0.4, 60.0], [-0.4, 10.0]]),
         (0.5, 0.2, 12_000, [[0.4, 60.0], [1.0, 0.0]]),
@@ -253,7 +253,7 @@ fn mie_slabs_of_depth_32() {
 }
 
 fn mie_slabs(cases: &[(f64, u32, [[f64; 2]; 2])]) {
-    let factor = std::env::var("SAMPLES").map_or(1, |n| n.parse::<u32>().expect("a factor"));
+    let factor = samples_factor();
     let sizes = [500.0, 1000.0].map(|nm| {
         let ensemble = spheres(WATER, nm);
         let g = ensemble.bulk(0.0).asymmetry;
@@ -322,7 +322,7 @@ fn slabs_under_glass_are_as_adding_says() {
     let [own, through] = pane(0.6);
     // Nothing is lost, and a quarter to a tenth of what is sent up comes back.
     assert!((own[(0, 0)] + through[(0, 0)] - 1.0).abs() < 1e-12);
-    let factor = std::env::var("SAMPLES").map_or(1, |n| n.parse::<u32>().expect("a factor"));
+    let factor = samples_factor();
     for (seed, out) in [[0.9, 70.0], [0.6, -150.0]].into_iter().enumerate() {
         let seen = view([0.8, 25.0], out);
         let [got, sigma, want] = both_under(

@@ -26,7 +26,6 @@ pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<boo
         return vec![vec![false; known.len()]; renders.len()];
     };
     let is = |own: &Values, other: &Values, p: usize| {
-        let near: Vec<usize> = neighbours(p, own.size).filter(|q| known[*q]).collect();
         known[p]
             && (0..lanes).any(|lane| {
                 let at = |p: usize| p * own.channels + lane;
@@ -34,7 +33,8 @@ pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<boo
                 if own.error[at(p)] <= UNSURE * here {
                     return false;
                 }
-                let others = near.iter().flat_map(|q| [own.mean[at(*q)], other.mean[at(*q)]]);
+                let near = neighbours(p, own.size).filter(|q| known[*q]);
+                let others = near.flat_map(|q| [own.mean[at(q)], other.mean[at(q)]]);
                 let (mut most, mut lit, mut all) = (0.0_f32, 0, 0);
                 for m in others.chain([other.mean[at(p)]]) {
                     most = most.max(m);

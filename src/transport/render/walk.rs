@@ -351,26 +351,26 @@ mod tests {
         }
     }
 
-    /// What a walk's branches count for at the last particle, and that times the cosine to the walk's first direction.
-    fn counts(walk: &Walk) -> [f64; 2] {
-        let Some(point) = walk.points.get(LAST).filter(|_| walk.fresh <= LAST) else {
+    /// What a walk's branches count for at a particle, and that times the cosine to the walk's first direction.
+    fn counts(walk: &Walk, at: usize) -> [f64; 2] {
+        let Some(point) = walk.points.get(at).filter(|_| walk.fresh <= at) else {
             return [0.0; 2];
         };
         let weight = f64::from(point.chain.max_m00());
         [weight, weight * f64::from(-point.back.z)]
     }
 
-    /// Mean and standard error of both over walks, and the variance of the first.
-    fn means(walks: u32, parting: Parting, guide: &Guide) -> ([(f64, f64); 2], f64) {
+    /// Mean and standard error of both over walks to a particle, and the variance of the first.
+    fn means(walks: u32, at: usize, parting: Parting, guide: &Guide) -> ([(f64, f64); 2], f64) {
         let (scene, _, end) = milk();
-        let mut walk = Walk::default();
+        let (mut walk, limits) = (Walk::default(), limits_to(at, parting));
         let (mut sum, mut square) = ([0.0; 2], [0.0; 2]);
         for n in 0..walks {
             let mut stream = Stream::new(3, n, 0);
-            walk.run(&scene, guide, From::Camera, &end, &mut stream, limits(parting));
-            let mut all = counts(&walk);
-            while walk.next_branch(&scene, guide, limits(parting)) {
-                let more = counts(&walk);
+            walk.run(&scene, guide, From::Camera, &end, &mut stream, limits);
+            let mut all = counts(&walk, at);
+            while walk.next_branch(&scene, guide, limits) {
+                let more = counts(&walk, at);
                 all = [all[0] + more[0], all[1] + more[1]];
             }
             for k in 0..2 {
@@ -393,7 +393,7 @@ mod tests {
         let (_, guide, _) = milk();
         let mut variances = [0.0; 2];
         for (parting, variance) in [Parting::Never, Parting::All].into_iter().zip(&mut variances) {
-            let (found, spread) = means(40_000, parting, &guide);
+            let (found, spread) = means(40_000, LAST, parting, &guide);
             *variance = spread;
             let wanted = [1.0, f64::from(G).powi(LAST as i32 - 1)];
             for ((mean, error), wanted) in found.into_iter().zip(wanted) {
@@ -410,29 +410,8 @@ mod tests {
     /// After hundreds of particles they still do, which few walks show where all events are guided.
     #[test]
     fn long_walks_count_for_one() {
-        const FAR: usize = 200;
-        const WALKS: u32 = 4000;
-        let (scene, guide, end) = milk();
-        let (mut walk, limits) = (Walk::default(), limits_to(FAR, Parting::All));
-        let (mut sum, mut square) = (0.0, 0.0);
-        for n in 0..WALKS {
-            let mut stream = Stream::new(4, n, 0);
-            walk.run(&scene, &guide, From::Camera, &end, &mut stream, limits);
-            let mut all = 0.0;
-            loop {
-                if let Some(point) = walk.points.get(FAR).filter(|_| walk.fresh <= FAR) {
-                    all += f64::from(point.chain.max_m00());
-                }
-                if !walk.next_branch(&scene, &guide, limits) {
-                    break;
-                }
-            }
-            sum += all;
-            square += all * all;
-        }
-        let n = f64::from(WALKS);
-        let mean: f64 = sum / n;
-        let error = ((square / n - mean * mean) / n).sqrt();
+        let (_, guide, _) = milk();
+        let ([(mean, error), _], _) = means(4000, 200, Parting::All, &guide);
         println!("{mean} +- {error}");
         // Guided all the way: 0.50 +- 0.13.
         assert!(error < 0.08, "{mean} +- {error}");
