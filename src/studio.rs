@@ -264,7 +264,9 @@ fn is_locked(e: &RenderError<SinkError>) -> bool {
 fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     match e {
         RenderError::Sink(
-            SinkError::Create(CreateError::Exists { .. } | CreateError::NotAStore { .. })
+            SinkError::Create(
+                CreateError::Exists { .. } | CreateError::NotAStore { .. } | CreateError::Within { .. },
+            )
             | SinkError::Open(
                 OpenError::NotAStore { .. } | OpenError::Missing { .. } | OpenError::Damaged { .. },
             )

@@ -8,7 +8,7 @@
 use crate::input;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Numbers the temporary files of this process.
@@ -35,6 +35,23 @@ pub fn is_same(a: &Path, b: &Path) -> bool {
         (Ok(a_path), Ok(b_path)) => a_path == b_path || is_same_node(a, b),
         _ => false,
     }
+}
+
+/// A path, of which the end need not exist, without links and dots.
+#[must_use]
+pub fn real(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut found = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => {
+                found.pop();
+            }
+            part => found.push(part),
+        }
+        found = found.canonicalize().unwrap_or(found);
+    }
+    found
 }
 
 /// Hard links have different names.

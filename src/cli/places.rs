@@ -2,10 +2,11 @@
 //! written.
 
 use super::failure::Failure;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use sunstone::base::input::is_special;
-use sunstone::base::whole_file::is_same;
+use sunstone::base::whole_file::{is_same, real};
 use sunstone::store::place::is_address;
+use sunstone::store::zarr::around;
 
 /// Extensions of files that people know, none of which a folder or a store is named with by intent.
 const OF_FILES: [&str; 28] = [
@@ -67,19 +68,21 @@ pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a Path
     Ok(())
 }
 
+/// Refuses folders that files are written into if they are stores.
+pub fn no_stores<'a>(folders: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
+    let files: Vec<PathBuf> = folders.into_iter().map(|folder| folder.join("file")).collect();
+    files.iter().try_for_each(outside_stores)
+}
+
 /// Refuses what would be written into a store: a render that is kept is whole as it is.
-pub fn outside_stores<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
-    for output in outputs {
-        let real = real(output);
-        if let Some(store) = real.ancestors().find(|a| a.join("zarr.json").is_file()) {
-            return Err(Failure::input(format!(
-                "{}: it lies in a store ({}); write elsewhere",
-                output.display(),
-                store.display()
-            )));
-        }
-    }
-    Ok(())
+fn outside_stores(output: &PathBuf) -> Result<(), Failure> {
+    around(output).map_or(Ok(()), |store| {
+        Err(Failure::input(format!(
+            "{}: it lies in a store ({}); write elsewhere",
+            output.display(),
+            store.display()
+        )))
+    })
 }
 
 /// Refuses a file whose extension is not one of those that name what is written, `what`.
@@ -155,6 +158,7 @@ fn check<'a>(
                 ));
             }
         }
+        outside_stores(output)?;
         for other in &outputs[..i] {
             if is_same(other, output) || self::real(other) == real {
                 return refused("two outputs cannot be one file; give them different names".into());
@@ -167,22 +171,6 @@ fn check<'a>(
 /// Whether a real path lies in a store.
 fn is_within(real: &Path, store: &Path) -> bool {
     store.join("zarr.json").exists() && store.canonicalize().is_ok_and(|store| real.starts_with(store))
-}
-
-/// A path, of which the end need not exist, without links and dots.
-fn real(path: &Path) -> PathBuf {
-    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let mut found = PathBuf::new();
-    for part in absolute.components() {
-        match part {
-            Component::ParentDir => {
-                found.pop();
-            }
-            part => found.push(part),
-        }
-        found = found.canonicalize().unwrap_or(found);
-    }
-    found
 }
 
 /// A wavelength of a command line, nanometres.

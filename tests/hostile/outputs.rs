@@ -146,6 +146,10 @@ pub fn cases() -> Vec<Case> {
         } else {
             cases.push(make("a folder", &out).put(out.clone(), Put::Folder));
         }
+        if !line.contains("t.zarr") {
+            let case = make("in another store", &format!("t.zarr/{out}"));
+            cases.push(case.put("t.zarr", Put::Copy("t.zarr")));
+        }
         if store {
             cases.push(
                 make("a folder of something", &out).put(format!("{out}/f"), Put::Text("precious".into())),

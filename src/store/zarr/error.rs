@@ -22,6 +22,14 @@ pub enum CreateError {
         /// Where the store should go.
         path: PathBuf,
     },
+    /// It would lie in a store, which is whole as it is and is replaced as a whole.
+    #[error("{path} lies in a store ({store}): choose another `-o`")]
+    Within {
+        /// Where the store should go.
+        path: PathBuf,
+        /// The store around it.
+        store: PathBuf,
+    },
     /// A slice cannot be laid out.
     #[error("slice `{name}`: {reason}")]
     Slice {

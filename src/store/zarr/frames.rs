@@ -122,6 +122,7 @@ impl FrameStore {
         attributes: &Map<String, Value>,
         replace: bool,
     ) -> Result<Self, CreateError> {
+        super::refuse_within(path)?;
         let lock = Lock::take(path).map_err(|e| CreateError::locked(path, e))?;
         let failed = |cause: String| CreateError::Write {
             path: path.to_owned(),

@@ -45,7 +45,7 @@ mod verify;
 use base::lock::Lock;
 use base::{staging, whole_file};
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::{Map, Value};
@@ -191,6 +191,7 @@ impl TensorStore {
         if std::fs::symlink_metadata(&path).is_ok() && !replace {
             return Err(CreateError::Exists { path }.into());
         }
+        refuse_within(&path)?;
         let lock = Lock::take(&path).map_err(|e| CreateError::locked(&path, e))?;
         let failed = |cause: String| CreateError::Write {
             path: path.clone(),
@@ -455,6 +456,23 @@ impl TensorStore {
 #[cfg(test)]
 pub(crate) fn reseal(path: &Path) {
     Manifest::write(path).expect("a folder");
+}
+
+/// The store in which a path would lie, if there is one.
+#[must_use]
+pub fn around(path: &Path) -> Option<PathBuf> {
+    let real = whole_file::real(path);
+    real.ancestors().skip(1).find(|a| is_store(a)).map(Path::to_owned)
+}
+
+/// Refuses to make a store in another.
+fn refuse_within(path: &Path) -> Result<(), CreateError> {
+    around(path).map_or(Ok(()), |store| {
+        Err(CreateError::Within {
+            path: path.to_owned(),
+            store,
+        })
+    })
 }
 
 fn is_store(path: &Path) -> bool {
