@@ -25,7 +25,8 @@ pub struct Guide {
     pub known: Vec<bool>,
     /// For each render, pixels in whose place their neighbours stand.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels that have no error at all: nothing is to be gained there.
+    /// Pixels with light and no error at all: nothing is to be gained there. (A pixel without light among noisy ones met none by chance, as
+    /// they would have in other samples: left as it is it would be a black speck, and the image darker than the light is.)
     pub still: Vec<bool>,
 }
 
@@ -160,7 +161,9 @@ impl Guide {
             (0..pixels).map(|p| renders.iter().all(|r| of(p, r))).collect()
         };
         let known = every(&|m, v| m.is_finite() && v.is_finite());
-        let still = every(&|_, v| v == 0.0);
+        // What met no light tells nothing of its error.
+        let (exact, dark) = (every(&|_, v| v == 0.0), every(&|m, _| m == 0.0));
+        let still = exact.iter().zip(&dark).map(|(e, d)| *e && !d).collect();
         let largest = renders
             .iter()
             .flat_map(|r| r.mean.iter().zip(&r.variance))

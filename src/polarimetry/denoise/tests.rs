@@ -461,3 +461,41 @@ fn depth_separates() {
     let edge = (8 * size[1] + 11) * WINDOW;
     assert!(mixed.of[0][edge + MIDDLE + 1] > 0.0 && weights.of[0][edge + MIDDLE + 1] == 0.0);
 }
+
+/// A wall whose light comes by rare paths: one sample in ten of sixteen, so that a sixth of the pixels meet none and state no error. None
+/// of these is left black within the wall, and the wall keeps its light: of 1,920 pixels within five standard errors of their mean.
+#[test]
+fn what_met_no_light_by_chance_is_no_black_speck() {
+    let (n, rare) = (16, 0.1);
+    let render = |seed: u64| {
+        let mut random = Normal(seed);
+        let (mut mean, mut error) = (vec![], vec![]);
+        for p in 0..SIZE[0] * SIZE[1] {
+            let met = (0..n).filter(|_| random.uniform() < rare).count() as f64;
+            let part = met / f64::from(n);
+            let deviation = (part * (1.0 - part) / f64::from(n - 1)).sqrt();
+            for m in wall(p) {
+                mean.push((m * part / rare) as f32);
+                error.push((m.abs() * deviation / rare) as f32);
+            }
+        }
+        Values {
+            size: SIZE,
+            channels: 16,
+            mean,
+            error,
+        }
+    };
+    let light = |v: &Values| v.mean.chunks(16).map(|m| f64::from(m[0])).sum::<f64>();
+    let dark = |v: &Values| v.mean.chunks(16).filter(|m| m[0] == 0.0).count();
+    for renders in [vec![render(31)], vec![render(32), render(33)]] {
+        let out = denoised(&renders, &mueller());
+        let before = renders.iter().map(dark).min().expect("a render");
+        assert!(before > 250 && dark(&out) == 0, "{before} were dark, {} are", dark(&out));
+        let pixels = (SIZE[0] * SIZE[1] * renders.len() * n as usize) as f64;
+        let bound = 5.0 * ((1.0 - rare) / rare / pixels).sqrt();
+        let kept = light(&out) / (SIZE[0] * SIZE[1]) as f64 / wall(0)[0];
+        println!("{before} dark pixels, {kept:.4} of the light, bound {bound:.4}");
+        assert!((kept - 1.0).abs() < bound, "{kept}");
+    }
+}
