@@ -281,27 +281,6 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("tags.toml", "power_cut", "counter", 30, None),
 ];
 
-/// A kill between a store's appearance and its last map: resumed, the run has its maps.
-#[test]
-fn maps_that_a_killed_run_did_not_write_are_written() {
-    let sound = Bench::new("");
-    assert!(sound.run("camera.toml", "s.zarr", &[]).status.success());
-    let broken = Bench::new("[[bench.faults]]\nkind = \"interlock\"\ninstrument = \"camera\"\nat = 2\n");
-    assert_eq!(broken.run("camera.toml", "s.zarr", &[]).status.code(), Some(1));
-    for mask in ["dark", "full", "epipolar"] {
-        let map = broken.path(&format!("s.zarr/frames/shot_of_{mask}"));
-        std::fs::remove_dir_all(map).expect("a map");
-    }
-    let rig = broken.path("sound.toml");
-    let output = broken.run(
-        "camera.toml",
-        "s.zarr",
-        &["--resume", "--rig", &rig.to_string_lossy()],
-    );
-    assert!(output.status.success(), "{}", text(&output));
-    assert_same(&broken.content("s.zarr"), &sound.content("s.zarr"), "resumed");
-}
-
 /// Every fault ends recovered, or in one clear error with all data safe: resumed on a sound rig, the bytes are the same.
 #[test]
 fn faults_lose_nothing() {

@@ -491,7 +491,11 @@ fn what_met_no_light_by_chance_is_no_black_speck() {
     for renders in [vec![render(31)], vec![render(32), render(33)]] {
         let out = denoised(&renders, &mueller());
         let before = renders.iter().map(dark).min().expect("a render");
-        assert!(before > 250 && dark(&out) == 0, "{before} were dark, {} are", dark(&out));
+        assert!(
+            before > 250 && dark(&out) == 0,
+            "{before} were dark, {} are",
+            dark(&out)
+        );
         let pixels = (SIZE[0] * SIZE[1] * renders.len() * n as usize) as f64;
         let bound = 5.0 * ((1.0 - rare) / rare / pixels).sqrt();
         let kept = light(&out) / (SIZE[0] * SIZE[1]) as f64 / wall(0)[0];

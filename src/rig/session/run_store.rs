@@ -1,6 +1,7 @@
 //! The store of a run: raw frames over named axes, and all that is needed to make Mueller matrices of them.
 
 use super::journal::{self, Event, FrameRecord};
+use super::masks::Mask;
 use super::plan::Work;
 use super::rig_file::RigPlan;
 use super::steps::Steps;
@@ -8,7 +9,7 @@ use super::writer::{DiskError, remove_log};
 use polarimetry::capture::scheme_file;
 use serde_json::{Map, Value, json};
 use std::path::Path;
-use store::zarr::frames::{FrameAxis, FrameLayout, FrameNumber, FrameStore};
+use store::zarr::frames::{FrameAxis, FrameLayout, FrameMap, FrameNumber, FrameStore};
 use store::zarr::{CreateError, OpenError};
 
 /// Why a run's store cannot be written.
@@ -165,19 +166,25 @@ pub fn create(
     sample: Option<&str>,
     force: bool,
 ) -> Result<FrameStore, RunStoreError> {
-    let store = FrameStore::create(path, layout(steps), &attributes(steps, rig, sample), force)?;
-    write_maps(&store, steps)?;
-    Ok(store)
+    let attributes = attributes(steps, rig, sample);
+    Ok(FrameStore::create(
+        path,
+        &layout(steps),
+        &maps(steps),
+        &attributes,
+        force,
+    )?)
 }
 
-/// Writes which shot of each mask lights what a place sees.
-fn write_maps(store: &FrameStore, steps: &Steps) -> Result<(), RunStoreError> {
-    for mask in &steps.masks {
-        let of = |s: &Option<u32>| s.map_or(-1.0, f64::from);
-        let values: Vec<f64> = mask.shot_of.iter().map(of).collect();
-        store.write_map(&format!("shot_of_{}", mask.name), "1", &values)?;
-    }
-    Ok(())
+/// Which shot of each mask lights what a place sees.
+fn maps(steps: &Steps) -> Vec<FrameMap> {
+    let of = |s: &Option<u32>| s.map_or(-1.0, f64::from);
+    let map = |mask: &Mask| FrameMap {
+        name: format!("shot_of_{}", mask.name),
+        units: "1".into(),
+        values: mask.shot_of.iter().map(of).collect(),
+    };
+    steps.masks.iter().map(map).collect()
 }
 
 /// Opens the store of a run that was begun with the same plan and rig.
@@ -216,8 +223,6 @@ pub fn resume(
             what: "the frames' shape".into(),
         });
     }
-    // The store is there before they are: a kill between the two leaves it without.
-    write_maps(&store, steps)?;
     Ok(store)
 }
 

@@ -34,6 +34,17 @@ pub struct FrameAxis {
     pub coords: Vec<f64>,
 }
 
+/// A number for each place of a frame, the same for all frames.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameMap {
+    /// Its name: letters, digits, `_`.
+    pub name: String,
+    /// Its unit (UDUNITS); `1` of plain numbers.
+    pub units: String,
+    /// The numbers, row-major.
+    pub values: Vec<f64>,
+}
+
 /// How wide the numbers of a frame are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameNumber {
@@ -112,13 +123,15 @@ pub struct FrameStore {
 }
 
 impl FrameStore {
-    /// Makes an empty store, in the place of an old one where `replace` allows it. Nobody else writes it until it is dropped.
+    /// Makes a store without frames, in the place of an old one where `replace` allows it; it appears with its maps, or not at
+    /// all. Nobody else writes it until it is dropped.
     ///
     /// # Errors
-    /// If something is there, another process writes it, or the file system refuses.
+    /// If something is there, another process writes it, a map has not as many numbers as a frame, or the file system refuses.
     pub fn create(
         path: &Path,
-        layout: FrameLayout,
+        layout: &FrameLayout,
+        maps: &[FrameMap],
         attributes: &Map<String, Value>,
         replace: bool,
     ) -> Result<Self, CreateError> {
@@ -141,8 +154,11 @@ impl FrameStore {
         // Whoever is killed here leaves a whole store without frames, or none.
         let part = staging::part_of(path);
         staging::remove(&part).map_err(io)?;
-        Self::lay_out(&part, &layout, attributes)?;
-        staging::put(&part, path).map_err(io)?;
+        Self::lay_out(&part, layout, maps, attributes)
+            .and_then(|()| staging::put(&part, path).map_err(io))
+            .inspect_err(|_| {
+                let _ = staging::remove(&part);
+            })?;
         Self::over(AtomicDirectory::new(path), Some(lock)).map_err(|e| failed(e.to_string()))
     }
 
@@ -150,6 +166,7 @@ impl FrameStore {
     fn lay_out(
         path: &Path,
         layout: &FrameLayout,
+        maps: &[FrameMap],
         attributes: &Map<String, Value>,
     ) -> Result<(), CreateError> {
         let failed = |cause: String| CreateError::Write {
@@ -172,6 +189,14 @@ impl FrameStore {
                 &axis.coords,
             )
             .map_err(|e| failed(e.to_string()))?;
+        }
+        let of_frame = &layout.axes[layout.run_axes..];
+        let names: Vec<&str> = of_frame.iter().map(|a| a.name.as_str()).collect();
+        let shape = &layout.shape()[layout.run_axes..];
+        for map in maps {
+            let node = format!("/{GROUP}/{}", map.name);
+            column(&storage, &node, &names, &map.units, shape, &map.values)
+                .map_err(|e| failed(e.to_string()))?;
         }
         let description = Description {
             shape: layout.shape(),
@@ -350,22 +375,7 @@ impl FrameStore {
         })
     }
 
-    /// Writes one number a place of a frame.
-    ///
-    /// # Errors
-    /// As [`Self::write_column`].
-    pub fn write_map(&self, name: &str, units: &str, values: &[f64]) -> Result<(), CreateError> {
-        let axes = &self.layout.axes[self.layout.run_axes..];
-        let names: Vec<&str> = axes.iter().map(|a| a.name.as_str()).collect();
-        let shape: Vec<u64> = axes.iter().map(|a| a.coords.len() as u64).collect();
-        let node = format!("/{GROUP}/{name}");
-        column(&self.storage, &node, &names, units, &shape, values).map_err(|e| CreateError::Write {
-            path: self.path().join(GROUP).join(name),
-            cause: e.to_string(),
-        })
-    }
-
-    /// Reads a map of [`Self::write_map`]; `None` if there is none.
+    /// Reads a map; `None` if there is none.
     ///
     /// # Errors
     /// If it is damaged.

@@ -21,7 +21,24 @@ fn what_is_written_is_read() {
             gathered,
             number,
         };
-        let store = FrameStore::create(&path, layout.clone(), &Map::new(), false).expect("a store");
+        let map = FrameMap {
+            name: "shot_of".into(),
+            units: "1".into(),
+            values: (0..layout.frame_len()).map(|i| i as f64).collect(),
+        };
+        let short = FrameMap {
+            values: vec![0.0; 3],
+            ..map.clone()
+        };
+        // What cannot be made whole is not there.
+        let maps = [map.clone(), short];
+        assert!(FrameStore::create(&path, &layout, &maps, &Map::new(), false).is_err());
+        assert!(!path.exists() && !staging::part_of(&path).exists());
+        let store = FrameStore::create(&path, &layout, &maps[..1], &Map::new(), false).expect("a store");
+        assert_eq!(
+            store.read_map("shot_of").expect("reads"),
+            Some(map.values.clone())
+        );
         let chunks = layout.frames() / layout.frames_per_chunk();
         let len = layout.frames_per_chunk() * layout.frame_len();
         let chunk = |i: usize| -> Vec<u32> { (0..len).map(|k| (i * 1000 + k) as u32).collect() };
@@ -47,9 +64,10 @@ fn what_is_written_is_read() {
         }
         assert_eq!(read.read_column("angle").expect("reads"), Some(angles));
         assert_eq!(read.read_column("none").expect("reads"), None);
+        assert_eq!(read.read_map("shot_of").expect("reads"), Some(map.values));
         assert!(crate::zarr::verify(&path).expect("finished").faults.is_empty());
         assert!(matches!(
-            FrameStore::create(&path, layout, &Map::new(), false),
+            FrameStore::create(&path, &layout, &[], &Map::new(), false),
             Err(CreateError::Exists { .. })
         ));
     }
