@@ -4,9 +4,13 @@
 //! pixels are resolved, it is their sum, and beside it the profile of M00 over them in at most `PROFILE` groups of neighbouring
 //! entries, so that pixels at different depths differ. Variances are added up as if entries were independent.
 
-use super::outliers::{outliers, replace};
+use super::outliers::{neighbours, outliers, replace};
 use super::{Size, Values};
 use tensor::axes::{Axis, AxisKind};
+
+/// Share of a pixel's neighbours that met light, of all renders, above which it would have met some in other samples. In the dark, where
+/// one path in many pixels brings light, a mean would make a blot of it.
+const LIT: f64 = 0.25;
 
 /// Most groups of a profile.
 const PROFILE: usize = 256;
@@ -25,8 +29,8 @@ pub struct Guide {
     pub known: Vec<bool>,
     /// For each render, pixels in whose place their neighbours stand.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels with light and no error at all: nothing is to be gained there. (A pixel without light among noisy ones met none by chance, as
-    /// they would have in other samples: left as it is it would be a black speck, and the image darker than the light is.)
+    /// Pixels that have no error at all: nothing is to be gained there. Those without light are none of these where more than a quarter of
+    /// their neighbours met some: they met none by chance, and as they are they would be black specks, and the image too dark.
     pub still: Vec<bool>,
 }
 
@@ -161,9 +165,18 @@ impl Guide {
             (0..pixels).map(|p| renders.iter().all(|r| of(p, r))).collect()
         };
         let known = every(&|m, v| m.is_finite() && v.is_finite());
-        // What met no light tells nothing of its error.
-        let (exact, dark) = (every(&|_, v| v == 0.0), every(&|m, _| m == 0.0));
-        let still = exact.iter().zip(&dark).map(|(e, d)| *e && !d).collect();
+        let met =
+            |p: usize, r: &GuideBuilder| r.mean[p * channels..(p + 1) * channels].iter().any(|m| *m != 0.0);
+        // What met no light by chance tells nothing of its error.
+        let speck = |p: usize| {
+            let near = neighbours(p, size).flat_map(|q| renders.iter().map(move |r| met(q, r)));
+            let (lit, all) = near.fold((0.0, 0.0), |(lit, all), m| {
+                (lit + f64::from(u8::from(m)), all + 1.0)
+            });
+            lit > LIT * all && !renders.iter().any(|r| met(p, r))
+        };
+        let exact = every(&|_, v| v == 0.0);
+        let still = (0..pixels).map(|p| exact[p] && !speck(p)).collect();
         let largest = renders
             .iter()
             .flat_map(|r| r.mean.iter().zip(&r.variance))

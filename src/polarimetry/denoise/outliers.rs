@@ -73,7 +73,7 @@ pub fn replace(values: &mut Values, outliers: &[bool], known: &[bool]) -> Vec<f3
 }
 
 /// The eight pixels around one, as far as the image goes.
-fn neighbours(p: usize, [height, width]: Size) -> impl Iterator<Item = usize> {
+pub(super) fn neighbours(p: usize, [height, width]: Size) -> impl Iterator<Item = usize> {
     let (y, x) = (p / width, p % width);
     let rows = y.saturating_sub(1)..(y + 2).min(height);
     let columns = x.saturating_sub(1)..(x + 2).min(width);

@@ -503,3 +503,20 @@ fn what_met_no_light_by_chance_is_no_black_speck() {
         assert!((kept - 1.0).abs() < bound, "{kept}");
     }
 }
+
+/// One path in an image that is dark else: it brings no other pixel light.
+#[test]
+fn one_path_in_the_dark_makes_no_blot() {
+    let n = SIZE[0] * SIZE[1];
+    let (at, mut values) = (20 * SIZE[1] + 24, rendered_of(|_| [0.0; 16], 41, 4, 1.0));
+    for c in 0..16 {
+        values.mean[16 * at + c] = wall(at)[c] as f32;
+        values.error[16 * at + c] = values.mean[16 * at + c].abs();
+    }
+    let dark = rendered_of(|_| [0.0; 16], 42, 4, 1.0);
+    for renders in [vec![values.clone()], vec![values.clone(), dark]] {
+        let out = denoised(&renders, &mueller());
+        let lit: Vec<usize> = (0..n).filter(|p| out.mean[16 * p] != 0.0).collect();
+        assert_eq!(lit, [at]);
+    }
+}

@@ -38,7 +38,7 @@ pub struct Weights {
     pub known: Vec<bool>,
     /// For each render, pixels in whose place their neighbours stand.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels that are averaged: known, and with an error or without light. Others stay as they are.
+    /// Pixels that are averaged: known, and with an error or dark among lit ones. Others stay as they are.
     pub moved: Vec<bool>,
 }
 
