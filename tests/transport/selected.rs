@@ -43,8 +43,30 @@ polarization = "mueller"
 bounces = true
 "#;
 
+/// A band about the epipolar line of each camera pixel: by chance alone where it is resolved, and with paths of its own.
+const ALONG: &str = r#"
+[[slices]]
+name = "along"
+projector = { epipolar = { half_width_px = 0.5, along = "u" } }
+bounces = true
+"#;
+const BAND: &str = r#"
+[[slices]]
+name = "band"
+projector = { epipolar = { half_width_px = 0.5 } }
+bounces = true
+"#;
+
+/// Projector pixels in a row where a band is few of all.
+const WIDE: u32 = 256;
+
 fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
-    let mut scene = scene_of(&mirror_room(SIZE as u32, SIZE as u32, spp, 8, slices));
+    room_of(SIZE as u32, slices, seed, spp)
+}
+
+/// The room before a projector of so many pixels in a row.
+fn room_of(projector: u32, slices: &str, seed: u64, spp: u32) -> Arrays {
+    let mut scene = scene_of(&mirror_room(SIZE as u32, projector, spp, 8, slices));
     scene.set_integrator(Integrator::Path);
     (scene.settings.seed, scene.settings.replicates) = (seed, spp);
     let mut arrays = Arrays::default();
@@ -69,6 +91,8 @@ fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
         "block" => (0..4)
             .map(|i| ([6 + i % 2, 7 + i / 2], vec![(V, i / 2), (U, i % 2)]))
             .collect(),
+        // What is resolved is summed beforehand.
+        "band" => vec![([0, 0], vec![])],
         _ => (0..4).map(|v| ([9, 4 + v], vec![(V, v), (U, 0)])).collect(),
     }
 }
@@ -164,12 +188,39 @@ fn few_s_primes_bring_what_chance_brings() {
     }
 }
 
+/// The same of bands about epipolar lines.
+#[test]
+fn bands_bring_what_chance_brings() {
+    let (by_chance, drawn) = (room_of(WIDE, ALONG, 1, SPP), room_of(WIDE, BAND, 2, SPP));
+    let [mean, mut error] = of(&by_chance, "along");
+    // No path of a sample is in two columns with one number of bounces: variances add, or nearly.
+    error.data.iter_mut().for_each(|e| *e *= *e);
+    let mut error = error.sum(U);
+    error.data.iter_mut().for_each(|e| *e = e.sqrt());
+    let (all, few) = ([mean.sum(U), error], of(&drawn, "band"));
+    let (all, few) = ([&all[0], &all[1]], [&few[0], &few[1]]);
+    let [worst, ratio] = compare(all, few, "band", 1.0);
+    let [planted, _] = compare(all, few, "band", 2.0);
+    println!("band: {worst:.2} σ, twice {planted:.1} σ; variances of chance {ratio:.1} times as large");
+    assert!(worst < 5.0, "{worst} standard errors");
+    assert!(planted > 5.0, "paths that count twice are not found");
+    assert!(ratio > 1.2, "variances fall by {ratio} alone");
+}
+
 /// Other slices do not notice.
 #[test]
 fn other_slices_keep_their_bits() {
     let others = "[[slices]]\nname = \"photo\"\npolarization = \"mueller\"\n".to_owned() + ALL;
     let (alone, beside) = (room(&others, 3, 4), room(&(FEW.to_owned() + &others), 3, 4));
     for slice in ["photo", "matrices", "flight"] {
+        assert_eq!(of(&alone, slice), of(&beside, slice), "{slice}");
+    }
+    let others = "[[slices]]\nname = \"photo\"\npolarization = \"mueller\"\n".to_owned() + ALONG;
+    let (alone, beside) = (
+        room_of(WIDE, &others, 3, 4),
+        room_of(WIDE, &(BAND.to_owned() + &others), 3, 4),
+    );
+    for slice in ["photo", "along"] {
         assert_eq!(of(&alone, slice), of(&beside, slice), "{slice}");
     }
 }

@@ -51,6 +51,16 @@ fn deviations_of_added_passes_are_as_stated() {
     room(Integrator::Caustics, 256);
 }
 
+/// The same of a band about epipolar lines whose s' are drawn.
+#[test]
+fn deviations_of_drawn_s_primes_are_as_stated() {
+    let band = "[[slices]]\nname = \"band\"\nprojector = { epipolar = { half_width_px = 0.5 } }\nsplit_first_bounce = true\n";
+    let mut scene = scene_of(&mirror_room(16, 256, 256, 16, band));
+    scene.settings.replicates = 256;
+    scene.set_integrator(Integrator::Path);
+    honest("drawn s'", &mut scene, 1.0);
+}
+
 /// Most of these elements are hit by chance: how many are left out says nothing.
 fn room(integrator: Integrator, replicates: u32) {
     let mut scene = scene_of(&mirror_room(16, 16, 256, 16, SLICES));

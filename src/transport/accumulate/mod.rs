@@ -14,7 +14,7 @@ use optics::polarization::extent::Extent;
 use optics::spectrum::Spectral;
 pub use plan::{Contribution, Contributions, NO_PIXEL, SlicePlan};
 use plan::{DROPPED, EVERY};
-pub use selected::Selected;
+pub use selected::{Selected, chance_in};
 use tensor::sink::{SampleCounts, Sink, TileRecord};
 use tile_values::{KeyMap, Scratch, TileValues};
 pub use totals::Counted;
@@ -253,6 +253,8 @@ pub struct TileAccumulator<'a> {
     keeping: Vec<usize>,
     /// Whether slices have paths of their own.
     aimed: bool,
+    /// Chances of s' in each slice's band about the epipolar line of the current camera pixel, 0 where it has none.
+    in_band: Vec<f32>,
 }
 
 impl<'a> TileAccumulator<'a> {
@@ -274,6 +276,7 @@ impl<'a> TileAccumulator<'a> {
             pixel: 0,
             keeping: Vec::new(),
             aimed: plans.iter().any(|p| p.selected().is_some()),
+            in_band: vec![0.0; plans.len()],
         }
     }
 
@@ -313,6 +316,14 @@ impl<'a> TileAccumulator<'a> {
         !self.keeping.is_empty()
     }
 
+    /// Says which s' are drawn for the current pixel, for each slice: those of its band, or none.
+    #[inline]
+    pub fn set_bands(&mut self, bands: &[Vec<u32>]) {
+        for (chance, band) in self.in_band.iter_mut().zip(bands) {
+            *chance = chance_in(band);
+        }
+    }
+
     /// Adds all contributions of one camera sample of the current pixel, whose elements are among `elements`, and which is one of
     /// the group number `group`; groups come one after the other.
     #[inline]
@@ -342,7 +353,7 @@ impl<'a> TileAccumulator<'a> {
                 }
                 if let Some((cell, mut weight)) = plan.cell(c, pixel) {
                     if AIMED {
-                        weight *= plan.share(c);
+                        weight *= plan.share(c, self.in_band[*k]);
                     }
                     let (extent, values) = if plan.elements == 1 {
                         // The matrix is asked for its intensity alone.

@@ -231,12 +231,13 @@ impl SlicePlan {
         self.selected.as_ref()
     }
 
-    /// The slice's share of a contribution that both chance and a drawn s' can make: the balance heuristic.
+    /// The slice's share of a contribution that both chance and a drawn s' can make: the balance heuristic; `in_band` as for
+    /// [`Selected::chance`].
     #[inline]
-    pub(super) fn share(&self, c: &Contribution) -> f32 {
+    pub(super) fn share(&self, c: &Contribution, in_band: f32) -> f32 {
         match &self.selected {
             Some(selected) if c.rival > 0.0 => {
-                let rival = selected.chance(c.pixel) * c.rival;
+                let rival = selected.chance(c.pixel, in_band) * c.rival;
                 if c.slice == EVERY {
                     1.0 / (1.0 + rival)
                 } else {

@@ -11,13 +11,67 @@ use glam::{DMat3, DVec2, DVec3};
 #[derive(Clone, Debug)]
 pub struct Epipolar {
     essential: DMat3,
-    projector_width: u32,
+    /// Columns and rows of the projector.
+    size: [u32; 2],
     /// Focal lengths, and the normalized coordinates of the centre of the first pixel.
     focal: DVec2,
     first: DVec2,
     /// Of a lens that distorts, per projector pixel, row-major: normalized x, y and the gradient of each by pixel column
     /// and row; empty otherwise.
     pixels: Vec<[f32; 6]>,
+    /// What bounds these in squares of `SIDE` pixels, row by row.
+    squares: Vec<Square>,
+}
+
+/// How much farther than the half width pixels are looked at, pixels: more than rounding makes of a distance.
+const ROOM: f32 = 1.0;
+
+/// Pixels along each side of a square.
+const SIDE: u32 = 16;
+
+/// Bounds of the pixels of a lens that distorts: the middle of their normalized x, y, how far they reach from it, and the largest
+/// absolute derivatives of x and y by column and row.
+#[derive(Clone, Debug)]
+struct Square {
+    middle: [f32; 2],
+    reach: [f32; 2],
+    steepest: [f32; 4],
+}
+
+impl Square {
+    fn of(pixels: impl Iterator<Item = [f32; 6]>) -> Self {
+        let (mut least, mut most, mut steepest) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2], [0.0_f32; 4]);
+        for pixel in pixels {
+            for k in 0..2 {
+                least[k] = least[k].min(pixel[k]);
+                most[k] = most[k].max(pixel[k]);
+            }
+            for k in 0..4 {
+                steepest[k] = steepest[k].max(pixel[2 + k].abs());
+            }
+        }
+        let each = |f: fn(f32, f32) -> f32| [f(least[0], most[0]), f(least[1], most[1])];
+        Self {
+            middle: each(|lo, hi| 0.5 * (lo + hi)),
+            reach: each(|lo, hi| 0.5 * (hi - lo)),
+            steepest,
+        }
+    }
+
+    /// False if none of its pixels is as near to a line as this.
+    fn may_reach(&self, [a, b, c]: [f32; 3], px: f32) -> bool {
+        let ([x, y], [dx, dy], [xu, xv, yu, yv]) = (self.middle, self.reach, self.steepest);
+        let (a_abs, b_abs) = (a.abs(), b.abs());
+        let least = (a * x + b * y + c).abs() - (a_abs * dx + b_abs * dy);
+        let (gu, gv) = (a_abs * xu + b_abs * yu, a_abs * xv + b_abs * yv);
+        least <= px * (gu * gu + gv * gv).sqrt()
+    }
+}
+
+/// The pixels of square number `[x, y]` of a projector of that size.
+fn pixels_of([x, y]: [u32; 2], [w, h]: [u32; 2]) -> impl Iterator<Item = u32> {
+    let along = move |i: u32, n: u32| SIDE * i..(SIDE * (i + 1)).min(n);
+    along(y, h).flat_map(move |v| along(x, w).map(move |u| v * w + u))
 }
 
 /// The epipolar line of one camera pixel, a·x + b·y + c = 0: on the projector's normalized plane where its lens distorts;
@@ -70,12 +124,16 @@ impl Epipolar {
                 );
             }
         }
+        let squares = (0..rows.div_ceil(SIDE)).flat_map(|y| (0..w.div_ceil(SIDE)).map(move |x| [x, y]));
+        let squares = squares.map(|at| Square::of(pixels_of(at, [w, h]).map(|p| pixels[p as usize])));
+        let squares = squares.collect();
         Some(Self {
             essential,
-            projector_width: w,
+            size: [w, h],
             focal: projector.focal,
             first: projector.normalized(DVec2::splat(0.5))?,
             pixels,
+            squares,
         })
     }
 
@@ -102,13 +160,50 @@ impl Epipolar {
     pub fn distance_px(&self, line: EpipolarLine, pixel: u32) -> f32 {
         let [a, b, c] = line.0;
         if self.pixels.is_empty() {
-            let (u, v) = (pixel % self.projector_width, pixel / self.projector_width);
+            let (u, v) = (pixel % self.size[0], pixel / self.size[0]);
             return (a * u as f32 + b * v as f32 + c).abs();
         }
         let [x, y, xu, xv, yu, yv] = self.pixels[pixel as usize];
         let e = a * x + b * y + c;
         let (gu, gv) = (a * xu + b * yu, a * xv + b * yv);
         e.abs() / (gu * gu + gv * gv).sqrt().max(f32::MIN_POSITIVE)
+    }
+
+    /// Lists the projector pixels within so many pixels of a line by [`Self::distance_px`], in any order.
+    pub fn list_within(&self, line: EpipolarLine, half_width_px: f32, out: &mut Vec<u32>) {
+        out.clear();
+        // Not `<=`: as slices compare.
+        let within = |pixel: &u32| {
+            let beyond = self.distance_px(line, *pixel) > half_width_px;
+            !beyond
+        };
+        let ([a, b, c], [w, h]) = (line.0, self.size);
+        if !self.pixels.is_empty() {
+            for (square, number) in self.squares.iter().zip(0..) {
+                if square.may_reach(line.0, half_width_px + ROOM) {
+                    let columns = w.div_ceil(SIDE);
+                    out.extend(pixels_of([number % columns, number / columns], self.size).filter(within));
+                }
+            }
+            return;
+        }
+        if a.abs().max(b.abs()) < 0.5 {
+            // The epipole: no line.
+            out.extend((0..w * h).filter(within));
+            return;
+        }
+        // Down the rows if it is steep, else along the columns.
+        let steep = a.abs() > b.abs();
+        let (minor, major, steps, last) = if steep { (b, a, h, w - 1) } else { (a, b, w, h - 1) };
+        let reach = half_width_px / major.abs() + ROOM;
+        for step in 0..steps {
+            let middle = -(minor * step as f32 + c) / major;
+            let from = (middle - reach).max(0.0) as i64;
+            let to = (middle + reach).min(last as f32).floor() as i64;
+            let near = (from..=to).map(|i| i as u32);
+            let numbers = near.map(|i| if steep { step * w + i } else { i * w + step });
+            out.extend(numbers.filter(within));
+        }
     }
 }
 
@@ -118,6 +213,7 @@ mod tests {
     use crate::device::distortion::Distortion;
     use crate::device::distortion::opencv::Opencv;
     use glam::{Mat3A, Quat, Vec3A};
+    use optics::sampling::stream::Stream;
 
     /// Any point that both devices see lies on the epipolar line of its camera pixel, distortion and all.
     #[test]
@@ -160,6 +256,68 @@ mod tests {
         }
         assert!(seen > 300, "{seen}");
         assert!(worst < 0.75, "{worst}");
+    }
+
+    /// 20 pairs of devices a lens, 40 camera pixels each, two half widths: what is listed is what all pixels' distances say. Poses
+    /// are such that lines are flat, steep, oblique, and beside the image.
+    #[test]
+    fn lists_hold_what_is_within() {
+        let mut stream = Stream::new(7, 0, 0);
+        let mut kinds = [0; 4];
+        for case in 0..60 {
+            let mut between = |lo: f32, hi: f32| lo + (hi - lo) * stream.uniform();
+            let lens = Opencv {
+                k1: f64::from(between(-0.15, 0.1)),
+                p1: f64::from(between(-0.003, 0.003)),
+                ..Opencv::default()
+            };
+            let turn = 0.2 * (case % 3) as f32;
+            let mut device = |size: [u32; 2], at: Vec3A, lens: Distortion| {
+                let angles = [0; 3].map(|_| between(-turn - 0.02, turn + 0.02));
+                let focal = DVec2::splat(f64::from(size[0]) * 1.1);
+                let [w, h] = size.map(f64::from);
+                Pinhole::new(
+                    size,
+                    focal,
+                    DVec2::new(0.5 * w, 0.5 * h),
+                    lens,
+                    at,
+                    Mat3A::from_quat(Quat::from_euler(
+                        glam::EulerRot::XYZ,
+                        angles[0],
+                        angles[1],
+                        angles[2],
+                    )),
+                )
+                .expect("a device")
+            };
+            let way = [Vec3A::X, Vec3A::Y, Vec3A::new(0.5, -0.4, 0.1)][case / 3 % 3];
+            let distorts = if case % 2 == 0 {
+                lens.into()
+            } else {
+                Distortion::default()
+            };
+            let camera = device([64, 48], Vec3A::ZERO, lens.into());
+            let projector = device([75, 53], 0.3 * way, distorts);
+            let epipolar = Epipolar::new(&camera, &projector).expect("two centres");
+            let mut listed = vec![9];
+            for k in 0..40 {
+                let line = epipolar.line(&camera, k * 29 % 64, k * 17 % 48);
+                for half_width in [0.5, 2.3] {
+                    epipolar.list_within(line, half_width, &mut listed);
+                    listed.sort_unstable();
+                    let all = 0..75 * 53;
+                    let want: Vec<u32> = all
+                        .filter(|p| epipolar.distance_px(line, *p) <= half_width)
+                        .collect();
+                    assert_eq!(listed, want, "case {case}, line {line:?}");
+                    let [a, b, _] = line.0;
+                    kinds[usize::from(want.is_empty())] += 1;
+                    kinds[2 + usize::from(a.abs() > b.abs())] += 1;
+                }
+            }
+        }
+        assert!(kinds.iter().all(|n| *n > 100), "{kinds:?}");
     }
 
     #[test]

@@ -8,8 +8,8 @@ use super::selected::Aim;
 use super::shared_light::SharedLight;
 use super::tiles;
 use super::tracer::{Pass, Prepared, TileParts, Tracer, WALKS_AT_ONCE, tiles_at_once};
-use crate::accumulate::{Counted, NO_PIXEL, SlicePlan, TileAccumulator, TileSums};
-use crate::device::epipolar::Epipolar;
+use crate::accumulate::{Counted, NO_PIXEL, Selected, SlicePlan, TileAccumulator, TileSums};
+use crate::device::epipolar::{Epipolar, EpipolarLine};
 use crate::scene::Scene;
 use optics::spectrum::Spectral;
 use rayon::prelude::*;
@@ -95,12 +95,35 @@ impl<'a> Cpu<'a> {
         self.plans.iter().any(SlicePlan::needs_labels)
     }
 
-    /// The slices of a camera pixel for which s' are drawn.
-    fn aims(&self, x: u32, y: u32) -> impl Iterator<Item = Aim<'_>> {
-        (0..).zip(self.plans).filter_map(move |(slice, plan)| {
+    /// The slices of a camera pixel for which s' are drawn, with their bands.
+    fn aims<'b>(&'b self, [x, y]: [u32; 2], bands: &'b [Vec<u32>]) -> impl Iterator<Item = Aim<'b>> {
+        let plans = (0..).zip(self.plans).zip(bands);
+        plans.filter_map(move |((slice, plan), band)| {
             let selected = plan.selected()?;
-            plan.camera_index(x, y).map(|_| Aim { slice, selected })
+            plan.camera_index(x, y)?;
+            let none = matches!(selected, Selected::Band { .. }) && band.is_empty();
+            (!none).then_some(Aim {
+                slice,
+                selected,
+                band,
+            })
         })
+    }
+
+    /// Lists the band of each slice that draws from one about the line of a camera pixel; none where it has too many pixels.
+    fn list_bands(&self, [x, y]: [u32; 2], line: Option<(&Epipolar, EpipolarLine)>, bands: &mut [Vec<u32>]) {
+        for (plan, band) in self.plans.iter().zip(bands) {
+            let Some(&Selected::Band { half_width_px, most }) = plan.selected() else {
+                continue;
+            };
+            band.clear();
+            if let (Some((epipolar, line)), Some(_)) = (line, plan.camera_index(x, y)) {
+                epipolar.list_within(line, half_width_px, band);
+                if band.len() > most {
+                    band.clear();
+                }
+            }
+        }
     }
 
     fn tile(&self, prepared: &Prepared, tile: u32, accumulator: &mut TileAccumulator, tracer: &mut Tracer) {
@@ -110,14 +133,15 @@ impl<'a> Cpu<'a> {
         let spp = self.samples_of(tile);
         let (columns, rows) = (&pixels.x, &pixels.y);
         accumulator.begin_tile(tile, [columns.start, rows.start], [columns.end, rows.end]);
-        let mut aims = Vec::new();
+        let mut bands = vec![Vec::new(); self.plans.len()];
         for (x, y) in rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y))) {
             if !accumulator.begin_pixel(x, y) {
                 continue;
             }
             let line = self.epipolar.as_ref().map(|e| (e, e.line(&scene.camera, x, y)));
-            aims.clear();
-            aims.extend(self.aims(x, y));
+            self.list_bands([x, y], line, &mut bands);
+            accumulator.set_bands(&bands);
+            let aims: Vec<Aim> = self.aims([x, y], &bands).collect();
             let wants = Wants {
                 aims: &aims,
                 labels: self.labelled(),

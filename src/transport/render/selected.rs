@@ -14,7 +14,7 @@
 use super::connect::{Vertex, connect_known};
 use super::sheets::Connection;
 use super::state::State;
-use crate::accumulate::{Contributions, NO_PIXEL, Selected};
+use crate::accumulate::{Contributions, NO_PIXEL, Selected, chance_in};
 use crate::device::projector::Projector;
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::rounding::{END_GAP, met};
@@ -35,6 +35,8 @@ pub(super) struct Aim<'a> {
     /// Its number.
     pub slice: u32,
     pub selected: &'a Selected,
+    /// Its band about the camera pixel's epipolar line, where it has one.
+    pub band: &'a [u32],
 }
 
 /// A surface point that a drawn projector pixel lights.
@@ -137,7 +139,7 @@ fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &
     let (pinhole, mut rays) = (&projector.pinhole, 0);
     let mut stream = Stream::new(scene.settings.seed ^ SEED, camera_pixel, sample);
     for aim in aims {
-        let pixel = aim.selected.draw(camera_pixel, &mut stream);
+        let pixel = aim.selected.draw(camera_pixel, aim.band, &mut stream);
         let [jx, jy] = stream.uniform2();
         let width = pinhole.resolution[0];
         let corner = DVec2::new(f64::from(pixel % width), f64::from(pixel / width));
@@ -168,7 +170,7 @@ fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &
             wi: -ray.dir,
             distance,
             irradiance: projector.irradiance * Spectral::splat(factor),
-            chance: aim.selected.chance(pixel),
+            chance: aim.selected.chance(pixel, chance_in(aim.band)),
         });
     }
     rays
