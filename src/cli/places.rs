@@ -71,11 +71,11 @@ pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a Path
 /// Refuses folders that files are written into if they are stores.
 pub fn no_stores<'a>(folders: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
     let files: Vec<PathBuf> = folders.into_iter().map(|folder| folder.join("file")).collect();
-    files.iter().try_for_each(outside_stores)
+    files.iter().try_for_each(|file| outside_stores(file))
 }
 
 /// Refuses what would be written into a store: a render that is kept is whole as it is.
-fn outside_stores(output: &PathBuf) -> Result<(), Failure> {
+fn outside_stores(output: &Path) -> Result<(), Failure> {
     around(output).map_or(Ok(()), |store| {
         Err(Failure::input(format!(
             "{}: it lies in a store ({}); write elsewhere",
