@@ -136,7 +136,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         a.capture.as_ref(),
     ];
     places::folders(inputs, [Some(&folder), Some(&settings.renders)])?;
-    places::no_stores([&folder, &settings.renders])?;
+    places::outside_stores([&folder, &settings.renders])?;
     let progress = Progress::start();
     // A scene file that is missing or wrong leaves no folder behind.
     Studio::open(&file, &settings.renders, &progress)?.variant(application.plan().train.first().copied())?;

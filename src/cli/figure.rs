@@ -175,7 +175,7 @@ fn folder(store: &Path) -> PathBuf {
 pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
     let out = a.and_then(|a| a.output.clone()).unwrap_or_else(|| folder(path));
     places::folders([Some(&path.to_owned())], [Some(&out)])?;
-    places::no_stores([&out])?;
+    places::outside_stores([&out])?;
     let store = super::source::store(path, a.is_some_and(|a| a.partial))?;
     let format = a.map_or("png", |a| a.format.name());
     for figure in figures::listed(&store, a.map_or(&[], |a| &a.names))? {

@@ -109,7 +109,7 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
     };
     let scenes = settings.scenes.iter();
     places::folders(inputs.iter().chain(scenes).map(Some), [Some(&settings.renders)])?;
-    places::no_stores([&settings.renders])?;
+    places::outside_stores(outputs.iter().chain([&settings.renders]))?;
     let progress = Progress::start();
     let mut all = vec![];
     for source in &sources {

@@ -68,21 +68,23 @@ pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a Path
     Ok(())
 }
 
-/// Refuses folders that files are written into if they are stores.
-pub fn no_stores<'a>(folders: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
-    let files: Vec<PathBuf> = folders.into_iter().map(|folder| folder.join("file")).collect();
-    files.iter().try_for_each(|file| outside_stores(file))
+/// Refuses what would be written into a store, or into anything else of Zarr: a render that is kept is whole as it is.
+pub fn outside_stores<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
+    for output in outputs {
+        let real = real(output);
+        if let Some(store) = real.ancestors().find(|a| a.join("zarr.json").is_file()) {
+            return Err(lies_in(output, store));
+        }
+    }
+    Ok(())
 }
 
-/// Refuses what would be written into a store: a render that is kept is whole as it is.
-fn outside_stores(output: &Path) -> Result<(), Failure> {
-    around(output).map_or(Ok(()), |store| {
-        Err(Failure::input(format!(
-            "{}: it lies in a store ({}); write elsewhere",
-            output.display(),
-            store.display()
-        )))
-    })
+fn lies_in(output: &Path, store: &Path) -> Failure {
+    Failure::input(format!(
+        "{}: it lies in a store ({}); write elsewhere",
+        output.display(),
+        store.display()
+    ))
 }
 
 /// Refuses a file whose extension is not one of those that name what is written, `what`.
@@ -158,7 +160,9 @@ fn check<'a>(
                 ));
             }
         }
-        outside_stores(output)?;
+        if let Some(store) = around(output) {
+            return Err(lies_in(output, &store));
+        }
         for other in &outputs[..i] {
             if is_same(other, output) || self::real(other) == real {
                 return refused("two outputs cannot be one file; give them different names".into());
