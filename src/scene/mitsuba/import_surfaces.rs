@@ -75,7 +75,10 @@ pub(super) fn metal<'a>(
         reflectance,
     };
     match (name, n, k) {
-        (None, n, k) => Ok(metal(None, n.or_else(|| bare(0.0)), k.or_else(|| bare(1.0)))),
+        (None, n, k) => {
+            let [none, one] = import::metal::PERFECT;
+            Ok(metal(None, n.or_else(|| bare(none)), k.or_else(|| bare(one))))
+        }
         (Some(name), None, None) => match constants::find(name) {
             Ok(found) => {
                 importer.note(format!(
