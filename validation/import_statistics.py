@@ -83,7 +83,7 @@ def import_mesh(path, toml):
     kind = MESHES[path.suffix.lower()]
     materials = ", materials = true" if kind == "gltf" or kind == "obj" and "mtllib" in path.read_text(errors="replace") else ""
     toml.write_text(MESH_SCENE.format(kind=kind, file=json.dumps(str(path)), materials=materials))
-    code, said = command("check", toml)
+    code, said = command("info", toml)
     return {"file": str(path), "kind": path.suffix.lower()[1:], "imported": code == 0,
             "reason": None if code == 0 else reason(said), "notes": notes_of(said) if code == 0 else []}
 

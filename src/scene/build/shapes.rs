@@ -49,7 +49,11 @@ impl Placed {
         let mut mesh = match self.form {
             Form::Quadric(kind, map) => {
                 let quadric = Quadric::new(kind, affine(map), self.material);
-                return Ok(Solid::Quadric(if self.flipped { quadric.flipped() } else { quadric }));
+                return Ok(Solid::Quadric(if self.flipped {
+                    quadric.flipped()
+                } else {
+                    quadric
+                }));
             }
             Form::Rectangle(map) => moved(ctx, Mesh::rectangle(), map, object)?,
             Form::Cube(map) => moved(ctx, Mesh::cube(), map, object)?,

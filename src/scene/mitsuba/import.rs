@@ -255,8 +255,14 @@ fn unused(importer: &mut Importer) {
             _ => true,
         };
         if alone && !node.id.as_deref().is_some_and(|id| named.contains(&id)) {
-            let id = node.id.as_deref().map_or(String::new(), |id| format!(" (id `{id}`)"));
-            importer.note(format!("the {} `{}`{id} is not used: nothing refers to it", node.tag, node.kind));
+            let id = node
+                .id
+                .as_deref()
+                .map_or(String::new(), |id| format!(" (id `{id}`)"));
+            importer.note(format!(
+                "the {} `{}`{id} is not used: nothing refers to it",
+                node.tag, node.kind
+            ));
         }
     }
 }
@@ -312,7 +318,9 @@ impl<'a> Parts<'a> {
         let source = importer.source;
         match node.tag.as_str() {
             "sensor" if self.sensor.is_none() => self.sensor = Some(node),
-            "sensor" => importer.note("the scene has several sensors: the first is imported, which Mitsuba renders"),
+            "sensor" => {
+                importer.note("the scene has several sensors: the first is imported, which Mitsuba renders")
+            }
             "integrator" if self.integrator.is_none() => self.integrator = Some(node),
             "integrator" => return Err(source.error(&node.span, "a second integrator", "keep one")),
             "bsdf" => self.bsdfs.push(node),

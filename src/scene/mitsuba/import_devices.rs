@@ -149,8 +149,14 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
 fn camera_pose(importer: &mut Importer, node: &Node) -> Result<PoseFile, InputError> {
     let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
     if place.matrix3.determinant() < 0.0 {
-        importer.note("the camera's to_world mirrors: left and right of the image are exchanged against Mitsuba's");
-        return posed(importer, node, place * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)));
+        importer.note(
+            "the camera's to_world mirrors: left and right of the image are exchanged against Mitsuba's",
+        );
+        return posed(
+            importer,
+            node,
+            place * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
+        );
     }
     posed(importer, node, place)
 }
@@ -168,7 +174,9 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     let transient = node.kind == "transient_hdr_film";
     match node.kind.as_str() {
         "hdrfilm" | "transient_hdr_film" => {}
-        "specfilm" => importer.note("specfilm: sunstone stores radiance at its wavelengths, not the film's channels"),
+        "specfilm" => {
+            importer.note("specfilm: sunstone stores radiance at its wavelengths, not the film's channels")
+        }
         "ldrfilm" => importer.note("ldrfilm: sunstone stores radiance; gamma and exposure are not applied"),
         other => {
             return importer.error(
@@ -233,14 +241,28 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     }
     let own: &[&str] = match node.kind.as_str() {
         // How an image file holds the light.
-        "ldrfilm" => &["gamma", "exposure", "tonemap_method", "key", "burn", "label", "fixed_radiance"],
+        "ldrfilm" => &[
+            "gamma",
+            "exposure",
+            "tonemap_method",
+            "key",
+            "burn",
+            "label",
+            "fixed_radiance",
+        ],
         "transient_hdr_film" => &["laser_scan_width", "laser_scan_height"],
         _ => &[],
     };
     node.finish(
         source,
         &[
-            &["file_format", "pixel_format", "component_format", "sample_border", "compensate"],
+            &[
+                "file_format",
+                "pixel_format",
+                "component_format",
+                "sample_border",
+                "compensate",
+            ],
             // Of Mitsuba 0.x.
             &["banner", "attach_log", "high_quality_edges"][..],
             own,
@@ -271,7 +293,11 @@ pub(super) fn integrator<'a>(
     while let Some(node) = next.take() {
         at = node.span.clone();
         if seen.iter().any(|n| std::ptr::eq(*n, node)) {
-            return importer.error(&node.span, "the integrator is nested in itself", "nest path in it");
+            return importer.error(
+                &node.span,
+                "the integrator is nested in itself",
+                "nest path in it",
+            );
         }
         seen.push(node);
         // Those of Mitsuba's Python package have another default.
@@ -295,11 +321,21 @@ pub(super) fn integrator<'a>(
                     );
                 }
                 if node.get("aovs").is_some() {
-                    importer.note("aovs are not rendered: `sunstone layers` writes depths, normals and positions");
+                    importer.note(
+                        "aovs are not rendered: `sunstone layers` writes depths, normals and positions",
+                    );
                 }
             }
-            "path" | "volpath" | "volpathmis" | "prb" | "prb_basic" | "prbvolpath" | "prb_projective"
-            | "ptracer" | "transient_path" | "transient_prbvolpath" => {
+            "path"
+            | "volpath"
+            | "volpathmis"
+            | "prb"
+            | "prb_basic"
+            | "prbvolpath"
+            | "prb_projective"
+            | "ptracer"
+            | "transient_path"
+            | "transient_prbvolpath" => {
                 max_depth = node
                     .integer(source, "max_depth")?
                     .unwrap_or(if differentiable { 6 } else { -1 });
@@ -310,7 +346,10 @@ pub(super) fn integrator<'a>(
             "volpath_simple" | "bdpt" | "mlt" | "pssmlt" | "erpt" | "adjoint" => {
                 max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
                 rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
-                importer.note(format!("{}: sunstone traces paths its own way, to the same image", node.kind));
+                importer.note(format!(
+                    "{}: sunstone traces paths its own way, to the same image",
+                    node.kind
+                ));
             }
             other => {
                 return importer.error(
@@ -332,8 +371,21 @@ pub(super) fn integrator<'a>(
         }
         // How the work is parted, and how many samples a strategy has of the same light.
         let work = ["samples_per_pass", "block_size", "timeout"];
-        let samples = ["shading_samples", "emitter_samples", "bsdf_samples", "use_spectral_mis"];
-        let derivatives = ["sppc", "sppp", "sppi", "guiding", "guiding_proj", "guiding_rounds", "project_seed"];
+        let samples = [
+            "shading_samples",
+            "emitter_samples",
+            "bsdf_samples",
+            "use_spectral_mis",
+        ];
+        let derivatives = [
+            "sppc",
+            "sppp",
+            "sppi",
+            "guiding",
+            "guiding_proj",
+            "guiding_rounds",
+            "project_seed",
+        ];
         node.finish(source, &[&work[..], &samples, &derivatives].concat());
     }
     if max_depth < 0 {
@@ -362,7 +414,9 @@ fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     }
     let filter = node.text(source, "temporal_filter")?.unwrap_or("box");
     if !["", "box"].contains(&filter) {
-        importer.note(format!("temporal_filter `{filter}`: sunstone's time bins are boxes"));
+        importer.note(format!(
+            "temporal_filter `{filter}`: sunstone's time bins are boxes"
+        ));
     }
     node.get("gaussian_stddev");
     Ok(())

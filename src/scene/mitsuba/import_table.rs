@@ -58,7 +58,8 @@ impl Table {
     pub fn of_bare_lights(&mut self) -> String {
         let name = "mitsuba_light".to_owned();
         if self.taken.insert(name.clone()) {
-            self.materials.insert(name.clone(), MaterialFile::diffuse(0.0).into());
+            self.materials
+                .insert(name.clone(), MaterialFile::diffuse(0.0).into());
         }
         name
     }

@@ -80,9 +80,14 @@ fn upgrade(node: &mut Node) {
         values[i] = value;
     }
     let [us, vs, uo, vo] = values;
-    let map = DAffine3::from_scale(DVec3::new(us, vs, 1.0)) * DAffine3::from_translation(DVec3::new(uo, vo, 0.0));
+    let map =
+        DAffine3::from_scale(DVec3::new(us, vs, 1.0)) * DAffine3::from_translation(DVec3::new(uo, vo, 0.0));
     node.properties.retain(|p| !names.contains(&p.name.as_str()));
-    node.properties.push(Property::new("to_uv".into(), Value::Transform(map), node.span.clone()));
+    node.properties.push(Property::new(
+        "to_uv".into(),
+        Value::Transform(map),
+        node.span.clone(),
+    ));
 }
 
 /// Mitsuba's rotation, which takes the axis as it is: a rotation only if its length is 1.
@@ -153,7 +158,10 @@ impl<'s> Reader<'s> {
     /// Reads the version of a file's root element.
     pub fn version(&mut self, root: &roxmltree::Node) -> Result<(), InputError> {
         let version = root.attribute("version").unwrap_or_default();
-        let major = version.split('.').next().and_then(|v| v.trim().parse::<u32>().ok());
+        let major = version
+            .split('.')
+            .next()
+            .and_then(|v| v.trim().parse::<u32>().ok());
         self.old = match major {
             Some(0 | 1) => true,
             Some(2 | 3) => false,
@@ -284,8 +292,13 @@ impl<'s> Reader<'s> {
         self.depth -= 1;
         (self.folders, self.folder, self.start, self.old) = outer;
         done?;
-        if let (Some(name), Some(Child { what: Inside::Node(child), .. })) =
-            (self.attribute(xml, "name")?, node.children.last_mut())
+        if let (
+            Some(name),
+            Some(Child {
+                what: Inside::Node(child),
+                ..
+            }),
+        ) = (self.attribute(xml, "name")?, node.children.last_mut())
         {
             child.name = Some(name);
         }
@@ -326,7 +339,11 @@ impl<'s> Reader<'s> {
                 self.only(xml, &["value"])?;
                 let name = self.needed(xml, "value")?;
                 let own = self.folder.join(&name);
-                let folder = if own.exists() { own } else { self.folders.find(&name) };
+                let folder = if own.exists() {
+                    own
+                } else {
+                    self.folders.find(&name)
+                };
                 if !folder.exists() {
                     return Err(self.source.error(
                         &span,
