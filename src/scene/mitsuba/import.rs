@@ -205,6 +205,11 @@ fn run(
         // What was left out would make others.
         return Ok(None);
     }
+    if importer.spectral.get() {
+        importer.note(
+            "spectra are read at the scene's wavelengths, as in Mitsuba's spectral variants; its RGB variants turn them into colours",
+        );
+    }
     check(&importer, &file, toml, files)?;
     let text = file.to_toml().map_err(|e| {
         source.error(
