@@ -10,10 +10,12 @@
 
 mod accessor;
 pub mod appearance;
+pub mod body;
 pub mod closed;
 mod error;
 mod gltf;
 mod gltf_materials;
+pub mod metal;
 pub mod mtl;
 mod obj;
 mod part;
