@@ -617,6 +617,7 @@ impl Choices<'_> {
         let mesh = |c: &mut Self| MeshFile {
             file: c.text().into(),
             flat: c.yes(),
+            smooth: c.yes(),
             materials: c.yes(),
         };
         let shape = match self.below(8) {
@@ -659,6 +660,7 @@ impl Choices<'_> {
             part_materials: self.map(|c| c.text().into()),
             interior: self.some_text(),
             priority: self.whole() as i32,
+            flip_normals: self.yes(),
             transform: self.some(Self::transform),
             emission: self.some(Self::emission),
         };

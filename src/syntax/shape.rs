@@ -27,6 +27,10 @@ pub struct ObjectFile {
     /// others' boundaries there.
     #[serde(default, skip_serializing_if = "is_default")]
     pub priority: i32,
+    /// Exchanges front and back: normals point the other way, light shines from the other side, and glass is filled outside.
+    /// Not for objects with an interior.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub flip_normals: bool,
     /// Scale, then rotate, then translate.
     pub transform: Option<Located<TransformFile>>,
     /// How it shines, if it does.
@@ -64,6 +68,9 @@ pub struct MeshFile {
     /// Ignore the file's vertex normals: flat faces.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flat: bool,
+    /// Compute vertex normals where the file has none, from the faces around each vertex weighted by their angles there.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub smooth: bool,
     /// Parts have the materials of the file (glTF's, or those of an OBJ's MTL library), as the nearest models of ours;
     /// `part_materials` goes before, and `material` is for parts without one.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -204,6 +211,7 @@ impl ShapeFile {
         let mesh = MeshFile {
             file: file.into(),
             flat: false,
+            smooth: false,
             materials: false,
         };
         match ending.as_deref() {
@@ -225,6 +233,7 @@ impl ObjectFile {
             part_materials: BTreeMap::new(),
             interior: None,
             priority: 0,
+            flip_normals: false,
             transform: None,
             emission: None,
         }

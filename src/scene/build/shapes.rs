@@ -2,6 +2,7 @@
 
 use super::context::{Context, HUGE};
 use super::devices::vector;
+use super::smooth;
 use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
 use std::collections::BTreeMap;
@@ -20,6 +21,8 @@ pub(crate) struct Placed {
     pub form: Form,
     /// Number of its material.
     pub material: u32,
+    /// Its front and back are exchanged.
+    pub flipped: bool,
 }
 
 /// The form of a [`Placed`] shape; maps take its own space to the world.
@@ -43,12 +46,23 @@ pub(crate) enum Solid {
 impl Placed {
     /// Cut into what the tracer knows.
     pub(crate) fn solid(self, ctx: &Context, object: &Located<ObjectFile>) -> Result<Solid, InputError> {
-        Ok(match self.form {
-            Form::Quadric(kind, map) => Solid::Quadric(Quadric::new(kind, affine(map), self.material)),
-            Form::Rectangle(map) => Solid::Mesh(moved(ctx, Mesh::rectangle(), map, object)?),
-            Form::Cube(map) => Solid::Mesh(moved(ctx, Mesh::cube(), map, object)?),
-            Form::Mesh(mesh) => Solid::Mesh(mesh),
-        })
+        let mut mesh = match self.form {
+            Form::Quadric(kind, map) => {
+                let quadric = Quadric::new(kind, affine(map), self.material);
+                return Ok(Solid::Quadric(if self.flipped {
+                    quadric.flipped()
+                } else {
+                    quadric
+                }));
+            }
+            Form::Rectangle(map) => moved(ctx, Mesh::rectangle(), map, object)?,
+            Form::Cube(map) => moved(ctx, Mesh::cube(), map, object)?,
+            Form::Mesh(mesh) => mesh,
+        };
+        if self.flipped {
+            mesh.flip();
+        }
+        Ok(Solid::Mesh(mesh))
     }
 }
 
@@ -109,12 +123,20 @@ pub(crate) fn place(
         Ok(Placed {
             form: Form::Quadric(kind, world),
             material,
+            flipped: object.flip_normals,
         })
     };
     let form = match &*object.shape {
         ShapeFile::Obj(m) | ShapeFile::Gltf(m) | ShapeFile::Ply(m) => {
             let parts = load(ctx, m, &object.shape)?;
-            let (mut used, mut placed) = (vec![], vec![]);
+            if m.flat && m.smooth {
+                return Err(ctx.error(
+                    object.shape.span(),
+                    "the mesh is both flat and smooth",
+                    "keep one: flat drops vertex normals, smooth computes those that the file does not have",
+                ));
+            }
+            let (mut used, mut meshes, mut numbers) = (vec![], vec![], vec![]);
             for mut part in parts {
                 let own = part
                     .material
@@ -130,8 +152,11 @@ pub(crate) fn place(
                 if m.flat {
                     part.mesh.normals.clear();
                 }
-                let form = Form::Mesh(moved(ctx, part.mesh, place, object)?);
-                placed.push(Placed { form, material });
+                meshes.push(moved(ctx, part.mesh, place, object)?);
+                numbers.push(material);
+            }
+            if m.smooth {
+                smooth::smooth(&mut meshes);
             }
             if let Some((key, name)) = object.part_materials.iter().find(|(k, _)| !used.contains(k)) {
                 return Err(ctx.error(
@@ -140,7 +165,12 @@ pub(crate) fn place(
                     "correct the part's name, or remove the line",
                 ));
             }
-            return Ok(placed);
+            let placed = |(mesh, material)| Placed {
+                form: Form::Mesh(mesh),
+                material,
+                flipped: object.flip_normals,
+            };
+            return Ok(meshes.into_iter().zip(numbers).map(placed).collect());
         }
         ShapeFile::Sphere(s) => {
             sized(ctx, s.radius, span.clone())?;
@@ -200,7 +230,11 @@ pub(crate) fn place(
             Form::Cube(place * shape)
         }
     };
-    Ok(vec![Placed { form, material }])
+    Ok(vec![Placed {
+        form,
+        material,
+        flipped: object.flip_normals,
+    }])
 }
 
 /// Reads a mesh file in the format that the shape names.

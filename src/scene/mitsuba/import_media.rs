@@ -79,7 +79,12 @@ fn homogeneous<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Medium
             phase = phase_function(importer, inner)?;
         }
     }
-    node.finish(importer.source, &["has_spectral_extinction", "sample_emitters"]);
+    if !node.boolean(importer.source, "sample_emitters")?.unwrap_or(true) {
+        importer
+            .note("sample_emitters = false of a medium: sunstone looks for emitters in media as elsewhere");
+    }
+    // How distances are sampled.
+    node.finish(importer.source, &["has_spectral_extinction"]);
     Ok(MediumFile::Homogeneous(Box::new(HomogeneousFile {
         absorption,
         scattering,
