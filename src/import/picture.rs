@@ -66,22 +66,6 @@ pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
     })
 }
 
-/// Rows of `width` texels of which the first and the last are at the poles → twice as many, less two, each in the middle of its share: a quarter
-/// and three quarters of the way from one to the next.
-#[must_use]
-pub fn from_poles(width: usize, texels: &[[f32; 4]]) -> Vec<[f32; 4]> {
-    let rows: Vec<&[[f32; 4]]> = texels.chunks(width).collect();
-    let mixed = |a: &[[f32; 4]], b: &[[f32; 4]], t: f32| -> Vec<[f32; 4]> {
-        let pairs = a.iter().zip(b);
-        let mix = |(a, b): (&[f32; 4], &[f32; 4])| std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t);
-        pairs.map(mix).collect()
-    };
-    rows.windows(2)
-        .flat_map(|w| [0.25, 0.75].map(|t| mixed(w[0], w[1], t)))
-        .flatten()
-        .collect()
-}
-
 /// A picture as a file.
 ///
 /// # Errors
