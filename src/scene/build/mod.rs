@@ -17,4 +17,5 @@ pub(crate) mod shapes;
 pub(crate) mod slices;
 pub(crate) mod surfaces;
 pub(crate) mod textures;
+mod touching;
 mod volumes;
