@@ -1,10 +1,12 @@
-//! glTF's materials (specification, section 3.9; `KHR_materials_ior`, `_transmission`, `_unlit`; `KHR_texture_transform`).
+//! glTF's materials (specification, section 3.9 and appendix B; `KHR_materials_ior`, `_transmission`, `_volume` as far as it
+//! makes a surface refract, `_pbrSpecularGlossiness`, `_unlit`; `KHR_texture_transform`). Every other key of a material is
+//! listed as unused.
 //!
 //! Its texture coordinates count from the image's upper left corner, v downward; ours from the lower left. Colours of factors
 //! are linear, those of images sRGB-encoded.
 
 use super::accessor::{broken, percent_decoded};
-use super::appearance::{Appearance, Picture, Source};
+use super::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
 use super::error::ImportError;
 use super::gltf::container;
 use gltf::json::Value;
@@ -40,6 +42,59 @@ fn number(value: &Value, missing: f64) -> f64 {
     value.as_f64().filter(|v| v.is_finite()).unwrap_or(missing)
 }
 
+/// Keys of a material that are used, or say nothing of light: `doubleSided` is about which faces a rasterizer leaves out.
+const MATERIAL: &[&str] = &[
+    "name",
+    "extras",
+    "extensions",
+    "pbrMetallicRoughness",
+    "normalTexture",
+    "alphaMode",
+    "alphaCutoff",
+    "doubleSided",
+];
+
+const METALLIC_ROUGHNESS: &[&str] = &[
+    "baseColorFactor",
+    "baseColorTexture",
+    "metallicFactor",
+    "roughnessFactor",
+    "metallicRoughnessTexture",
+];
+
+/// Extensions of materials that are read.
+const EXTENSIONS: &[&str] = &[
+    "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_unlit",
+];
+
+/// Three factors.
+fn colour(value: &Value, missing: f64) -> [f64; 3] {
+    [0, 1, 2].map(|i| number(&value[i], missing).clamp(0.0, 1.0))
+}
+
+/// A reflectance at normal incidence: of a coat as far as glass reflects, else of a mirror.
+fn specular(f0: [f64; 3], out: &mut Appearance) {
+    const MOST: f64 = 0.16;
+    let strongest = f0.into_iter().fold(0.0, f64::max);
+    out.coat = None;
+    if strongest > MOST {
+        out.mirror = f0;
+        // The extension weakens the diffuse colour by the strongest reflectance.
+        out.base = out.base.map(|v| v * (1.0 - strongest));
+    } else if strongest > 0.0 {
+        let root = strongest.sqrt();
+        out.ior = (1.0 + root) / (1.0 - root);
+        out.coat = Some(Coat {
+            ior: out.ior,
+            colour: f0.map(|v| v / strongest),
+        });
+    }
+}
+
 struct File<'a> {
     root: &'a Value,
     blob: Option<&'a [u8]>,
@@ -50,44 +105,91 @@ impl File<'_> {
         let name = m["name"]
             .as_str()
             .map_or_else(|| format!("material_{index}"), str::to_owned);
-        let mut out = Appearance::new(name);
+        let mut out = Appearance::new(name, Model::Gltf);
+        let unused = &mut out.unused;
         let pbr = &m["pbrMetallicRoughness"];
-        let factor = &pbr["baseColorFactor"];
-        out.base = [0, 1, 2].map(|i| number(&factor[i], 1.0).clamp(0.0, 1.0));
-        out.image = self.picture(&pbr["baseColorTexture"], "baseColorTexture", &mut out.unused);
+        out.base = colour(&pbr["baseColorFactor"], 1.0);
+        out.image = self.picture(&pbr["baseColorTexture"], "baseColorTexture", unused);
         out.metallic = number(&pbr["metallicFactor"], 1.0).clamp(0.0, 1.0);
-        let roughness = number(&pbr["roughnessFactor"], 1.0).clamp(0.0, 1.0);
-        out.alpha = Some((roughness * roughness).max(0.001));
-        if pbr.get("metallicRoughnessTexture").is_some() {
-            out.unused.push("metallicRoughnessTexture".into());
-        }
+        let mut roughness = number(&pbr["roughnessFactor"], 1.0).clamp(0.0, 1.0);
+        out.metallic_roughness = self.picture(
+            &pbr["metallicRoughnessTexture"],
+            "metallicRoughnessTexture",
+            unused,
+        );
+        let mut opacity = number(&pbr["baseColorFactor"][3], 1.0);
         let more = &m["extensions"];
-        out.ior = number(&more["KHR_materials_ior"]["ior"], 1.5).clamp(1.0, 5.0);
+        let glossy = &more["KHR_materials_pbrSpecularGlossiness"];
+        if glossy.is_object() {
+            (out.metallic, out.metallic_roughness) = (0.0, None);
+            out.base = colour(&glossy["diffuseFactor"], 1.0);
+            opacity = number(&glossy["diffuseFactor"][3], 1.0);
+            out.image = self.picture(&glossy["diffuseTexture"], "diffuseTexture", unused);
+            roughness = 1.0 - number(&glossy["glossinessFactor"], 1.0).clamp(0.0, 1.0);
+            specular(colour(&glossy["specularFactor"], 1.0), &mut out);
+        } else {
+            out.ior = number(&more["KHR_materials_ior"]["ior"], 1.5).clamp(1.0, 5.0);
+            out.coat = Some(Coat {
+                ior: out.ior,
+                colour: [1.0; 3],
+            });
+        }
+        out.alpha = (roughness * roughness).max(0.001);
+        let unlit = more.get("KHR_materials_unlit").is_some();
+        if unlit {
+            (out.coat, out.metallic, out.metallic_roughness) = (None, 0.0, None);
+            out.notes.push(
+                "KHR_materials_unlit shows its colour without light; here it is a diffuse surface".to_owned(),
+            );
+        }
         let glass = &more["KHR_materials_transmission"];
         out.transmission = number(&glass["transmissionFactor"], 0.0).clamp(0.0, 1.0);
-        if glass.get("transmissionTexture").is_some() {
-            out.unused.push("transmissionTexture".into());
-        }
-        let map = &m["normalTexture"];
-        let strength = number(&map["scale"], 1.0).clamp(0.0, 100.0);
-        out.normals = self
-            .picture(map, "normalTexture", &mut out.unused)
-            .map(|p| (p, strength));
-        for key in ["occlusionTexture", "emissiveTexture"] {
-            if m.get(key).is_some() {
-                out.unused.push(key.into());
+        out.refracts = number(&more["KHR_materials_volume"]["thicknessFactor"], 0.0) > 0.0;
+        match m["alphaMode"].as_str() {
+            Some("BLEND") => out.opacity = opacity.clamp(0.0, 1.0),
+            Some("MASK") => {
+                let cutoff = number(&m["alphaCutoff"], 0.5);
+                match &out.image {
+                    Some(_) if opacity > 0.0 => {
+                        out.opacity_image = out.image.clone().map(|p| (p, Opacity::Cut(cutoff / opacity)));
+                    }
+                    _ => out.opacity = f64::from(opacity >= cutoff),
+                }
             }
+            _ => {}
         }
-        if (0..3).any(|i| number(&m["emissiveFactor"][i], 0.0) > 0.0) {
-            out.unused.push("emissiveFactor".into());
+        if m["alphaMode"] == "BLEND" {
+            out.opacity_image = out.image.clone().map(|p| (p, Opacity::Alpha));
         }
-        if m["alphaMode"].as_str().is_some_and(|mode| mode != "OPAQUE") {
-            out.unused.push("alphaMode".into());
-        }
-        let read = ["KHR_materials_ior", "KHR_materials_transmission"];
-        if let Some(extensions) = more.as_object() {
-            let unread = extensions.keys().filter(|k| !read.contains(&k.as_str()));
-            out.unused.extend(unread.cloned());
+        let unused = &mut out.unused;
+        let map = &m["normalTexture"];
+        let strength = number(&map["scale"], 1.0).clamp(0.0, 10.0);
+        out.normals = self.picture(map, "normalTexture", unused).map(|p| (p, strength));
+        let dark = (0..3).all(|i| number(&m["emissiveFactor"][i], 0.0) <= 0.0);
+        for (place, known) in [
+            (m, MATERIAL),
+            (pbr, METALLIC_ROUGHNESS),
+            (&more["KHR_materials_ior"], &["ior"]),
+            (glass, &["transmissionFactor"]),
+            (&more["KHR_materials_volume"], &["thicknessFactor"]),
+            (
+                glossy,
+                &[
+                    "diffuseFactor",
+                    "diffuseTexture",
+                    "specularFactor",
+                    "glossinessFactor",
+                ],
+            ),
+            (more, EXTENSIONS),
+        ] {
+            for (key, _) in place.as_object().into_iter().flatten() {
+                // What is black, or an image of light times black, says nothing.
+                let silent = dark && ["emissiveFactor", "emissiveTexture"].contains(&key.as_str());
+                if !known.contains(&key.as_str()) && !silent {
+                    unused.push(key.clone());
+                }
+            }
         }
         out
     }
@@ -104,6 +206,11 @@ impl File<'_> {
             return None;
         }
         let sampler = &self.root["samplers"][texture["sampler"].as_u64().map_or(usize::MAX, |i| i as usize)];
+        for (key, _) in info["extensions"].as_object().into_iter().flatten() {
+            if key != "KHR_texture_transform" {
+                unused.push(format!("{key} of {what}"));
+            }
+        }
         let wrap = |key: &str| match sampler[key].as_u64() {
             Some(33071) => Wrap::Clamp,
             Some(33648) => Wrap::Mirror,
@@ -179,14 +286,69 @@ mod tests {
         ]}));
         assert_eq!(
             (all[0].name.as_str(), all[0].metallic, all[0].alpha),
-            ("material_0", 1.0, Some(1.0))
+            ("material_0", 1.0, 1.0)
         );
         let red = &all[1];
         assert_eq!(
             (red.base, red.metallic, red.alpha, red.ior),
-            ([0.8, 0.1, 0.2], 0.0, Some(0.25), 1.4)
+            ([0.8, 0.1, 0.2], 0.0, 0.25, 1.4)
         );
         assert_eq!(red.unused, ["emissiveFactor", "KHR_materials_clearcoat"]);
+    }
+
+    /// Every key is used or named as unused.
+    #[test]
+    fn every_key_is_accounted_for() {
+        let bare = read(&json!({"materials": [{}]})).remove(0);
+        for (place, key, value) in [
+            ("", "emissiveFactor", json!([1, 1, 1])),
+            ("", "occlusionTexture", json!({"index": 0})),
+            ("", "anything", json!(1)),
+            ("pbrMetallicRoughness", "diffuseFactor", json!([1, 1, 1])),
+            ("extensions", "KHR_materials_clearcoat", json!({})),
+            ("extensions", "KHR_materials_sheen", json!({})),
+            (
+                "extensions",
+                "KHR_materials_specular",
+                json!({"specularFactor": 0}),
+            ),
+            ("extensions", "KHR_materials_unlit", json!({})),
+            ("extensions", "KHR_materials_ior", json!({"ior": 1.2})),
+            (
+                "extensions",
+                "KHR_materials_transmission",
+                json!({"transmissionFactor": 1}),
+            ),
+            (
+                "extensions",
+                "KHR_materials_pbrSpecularGlossiness",
+                json!({"diffuseFactor": [0.5, 0.5, 0.5, 1]}),
+            ),
+            ("", "alphaMode", json!("MASK")),
+            ("pbrMetallicRoughness", "metallicFactor", json!(0)),
+            ("pbrMetallicRoughness", "roughnessFactor", json!(0)),
+            (
+                "pbrMetallicRoughness",
+                "baseColorFactor",
+                json!([0.5, 0.5, 0.5, 0.5]),
+            ),
+        ] {
+            let mut material = json!({});
+            let target = if place.is_empty() {
+                &mut material
+            } else {
+                &mut material[place]
+            };
+            target[key] = value;
+            // A texture that is not there is listed too.
+            let found = read(&json!({"materials": [material]})).remove(0);
+            let changed = Appearance {
+                unused: vec![],
+                ..found.clone()
+            } != bare;
+            let named = found.unused.iter().any(|u| u == key);
+            assert!(changed || named || key == "alphaMode", "{key}: {found:?}");
+        }
     }
 
     /// The extension's own example: an upright image turned by a quarter about its upper left corner.

@@ -10,12 +10,14 @@
 
 mod accessor;
 pub mod appearance;
+pub mod body;
 pub mod closed;
 mod error;
 mod gltf;
 mod gltf_deform;
 mod gltf_materials;
 mod gltf_notes;
+pub mod metal;
 pub mod mtl;
 mod notes;
 mod obj;

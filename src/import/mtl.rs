@@ -1,40 +1,79 @@
 //! MTL libraries of OBJ files (Wavefront; `Pr`, `Pm` and `norm` of the physically based extension).
+//!
+//! What its keys stand for here:
+//!
+//! - `Kd` is the albedo of the whole surface, `map_Kd` multiplies it and stands alone without it;
+//! - `Ks` makes a dielectric coat with reflectance 0.08 `Ks` at normal incidence, as Blender's importer takes it, as rough
+//!   as `Ns` says; with `illum` 3 to 9 but 6 (ray-traced reflection) and without transparency it is the reflectance of a mirror;
+//! - `illum` 0 and 1 have no highlights;
+//! - `d` (or 1 - `Tr`) is the share of the surface that is there. With `illum` 4, 6, 7 or 9 and an index `Ni` other than 1
+//!   the rest is glass.
 
-use super::appearance::{Appearance, Picture, Source};
-use std::collections::BTreeMap;
+use super::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use transport::material::texture::{Filter, Wrap};
 
-/// Names of the libraries that an OBJ file refers to.
+/// The text of a file without a byte order mark, with one kind of line ends.
+fn plain(bytes: &[u8]) -> String {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    String::from_utf8_lossy(bytes)
+        .replace("\r\n", "\n")
+        .replace('\r', "\n")
+}
+
+/// Names of the libraries that the `mtllib` lines of an OBJ file refer to. A line may name several; names may hold spaces.
+/// Each line is a list of the ways to read it: as one name, and as one name for each word.
 #[must_use]
-pub fn libraries(obj: &[u8]) -> Vec<String> {
-    let text = String::from_utf8_lossy(obj);
-    let mut names: Vec<String> = text
-        .lines()
-        .filter_map(|line| line.trim().strip_prefix("mtllib"))
-        .filter(|rest| rest.starts_with(char::is_whitespace))
-        .map(|rest| rest.trim().to_owned())
-        .collect();
-    names.dedup();
-    names
+pub fn libraries(obj: &[u8]) -> Vec<Vec<Vec<String>>> {
+    let mut lines: Vec<Vec<Vec<String>>> = vec![];
+    for line in plain(obj).lines() {
+        let line = line.split('#').next().unwrap_or("").trim();
+        let Some(rest) = line
+            .strip_prefix("mtllib")
+            .filter(|r| r.starts_with(char::is_whitespace))
+        else {
+            continue;
+        };
+        let unquoted = |name: &str| name.trim().trim_matches('"').replace('\\', "/");
+        let mut ways = vec![vec![unquoted(rest)]];
+        let words: Vec<String> = rest.split_whitespace().map(unquoted).collect();
+        if words.len() > 1 {
+            ways.push(words);
+        }
+        if !lines.contains(&ways) {
+            lines.push(ways);
+        }
+    }
+    lines
 }
 
 /// Whether vertices of an OBJ file have colours behind their coordinates.
 #[must_use]
 pub fn has_colours(obj: &[u8]) -> bool {
-    let text = String::from_utf8_lossy(obj);
+    let text = plain(obj);
     let first = text.lines().find_map(|line| line.trim().strip_prefix("v "));
     first.is_some_and(|rest| rest.split_whitespace().count() >= 6)
 }
 
-/// What a library says of a material, by its keys.
+/// What a library says of a material, by its keys in lower case.
 struct Entry {
     name: String,
-    keys: BTreeMap<String, String>,
+    /// As they are spelled, and what follows.
+    keys: BTreeMap<String, (String, String)>,
+    used: RefCell<BTreeSet<String>>,
 }
 
 impl Entry {
+    /// What follows a key, which counts as used from now on.
+    fn text(&self, key: &str) -> Option<&str> {
+        let (found, (_, value)) = self.keys.get_key_value(&key.to_lowercase())?;
+        self.used.borrow_mut().insert(found.clone());
+        Some(value)
+    }
+
     fn numbers(&self, key: &str) -> Vec<f64> {
-        let words = self.keys.get(key).map_or("", String::as_str).split_whitespace();
+        let words = self.text(key).unwrap_or("").split_whitespace();
         words
             .map_while(|w| w.parse().ok())
             .filter(|v: &f64| v.is_finite())
@@ -49,34 +88,29 @@ impl Entry {
     fn colour(&self, key: &str) -> Option<[f64; 3]> {
         let colour = match self.numbers(key)[..] {
             [r, g, b, ..] => [r, g, b],
-            [grey] => [grey; 3],
-            _ => return None,
+            [grey] | [grey, _] => [grey; 3],
+            [] => return None,
         };
         Some(colour.map(|v| v.clamp(0.0, 1.0)))
-    }
-
-    /// The text of the first of these keys that is there.
-    fn text(&self, keys: &[&str]) -> Option<&str> {
-        keys.iter().find_map(|k| self.keys.get(*k)).map(String::as_str)
     }
 }
 
 /// The materials of a library. Not by `tobj`, which panics on numbers that are none.
 #[must_use]
 pub fn parse(bytes: &[u8]) -> Vec<Appearance> {
-    let text = String::from_utf8_lossy(bytes);
     let mut all: Vec<Entry> = vec![];
-    for line in text.lines() {
+    for line in plain(bytes).lines() {
         let line = line.split('#').next().unwrap_or("").trim();
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim().to_owned();
-        match (key, all.last_mut()) {
+        match (key.to_lowercase().as_str(), all.last_mut()) {
             ("newmtl", _) => all.push(Entry {
                 name: rest,
                 keys: BTreeMap::new(),
+                used: RefCell::default(),
             }),
-            (_, Some(entry)) if !key.is_empty() => {
-                entry.keys.insert(key.to_owned(), rest);
+            (low, Some(entry)) if !key.is_empty() => {
+                entry.keys.insert(low.to_owned(), (key.to_owned(), rest));
             }
             _ => {}
         }
@@ -85,34 +119,90 @@ pub fn parse(bytes: &[u8]) -> Vec<Appearance> {
 }
 
 fn appearance(m: &Entry) -> Appearance {
-    let mut out = Appearance::new(m.name.clone());
-    let glossy = m.colour("Ks").is_some_and(|s| s.iter().any(|v| *v > 0.0));
-    out.base = m.colour("Kd").unwrap_or([0.8; 3]);
-    out.image = m.text(&["map_Kd"]).and_then(|t| picture(t, &mut out.unused));
+    let mut out = Appearance::new(m.name.clone(), Model::Mtl);
+    let illum = m.number("illum").map(|v| v as i64);
+    out.image = m.text("map_Kd").and_then(|t| picture(t, &mut out.unused));
+    let missing = if out.image.is_some() { 1.0 } else { 0.8 };
+    out.base = m.colour("Kd").unwrap_or([missing; 3]);
     out.metallic = m.number("Pm").unwrap_or(0.0).clamp(0.0, 1.0);
-    out.ior = m.number("Ni").unwrap_or(1.5).clamp(1.0, 5.0);
-    let roughness = m.number("Pr").map(|r| (r * r).clamp(0.001, 1.0));
+    let index = m.number("Ni").filter(|n| *n > 0.0);
+    out.ior = index.unwrap_or(1.5).clamp(1.0, 5.0);
+    let roughness = m.number("Pr").map(|r| r * r);
     // Blinn's exponent to Beckmann's α (Walter et al. 2007, sect. 5.1).
-    let exponent = m.number("Ns").filter(|ns| glossy && *ns >= 0.0);
-    let alpha = exponent.map(|ns| (2.0 / (ns + 2.0)).sqrt().clamp(0.001, 1.0));
-    out.alpha = roughness.or(alpha).or((out.metallic > 0.0).then_some(0.5));
-    let dissolve = m.number("d").or(m.number("Tr").map(|t| 1.0 - t));
-    out.transmission = 1.0 - dissolve.unwrap_or(1.0).clamp(0.0, 1.0);
+    let exponent = m.number("Ns").filter(|ns| *ns >= 0.0);
+    let shine = exponent.map(|ns| (2.0 / (ns + 2.0)).sqrt());
+    out.alpha = roughness.or(shine).unwrap_or(0.5).clamp(0.001, 1.0);
+    opacity(m, illum, &mut out);
+    let glossy = m.colour("Ks").filter(|_| !matches!(illum, Some(0 | 1)));
+    let strongest = glossy.map_or(0.0, |s| s.into_iter().fold(0.0, f64::max));
+    if let Some(colour) = glossy.filter(|_| strongest > 0.0) {
+        let reflects =
+            matches!(illum, Some(3 | 4 | 5 | 7 | 8 | 9)) && out.opacity == 1.0 && out.transmission == 0.0;
+        if reflects {
+            out.mirror = colour;
+            let sum = [0, 1, 2].map(|i| colour[i] + out.base[i]);
+            let most = sum.into_iter().fold(0.0, f64::max);
+            if most > 1.0 {
+                out.notes.push(format!(
+                    "Kd and Ks together reflect {most:.2} of the light; Kd is weakened to what is left"
+                ));
+                out.base = [0, 1, 2].map(|i| out.base[i].min(1.0 - colour[i]));
+            }
+        } else {
+            out.coat = Some(Coat {
+                ior: {
+                    let root = (0.08 * strongest).sqrt();
+                    (1.0 + root) / (1.0 - root)
+                },
+                colour: colour.map(|v| v / strongest),
+            });
+        }
+    } else if roughness.is_some() {
+        out.coat = Some(Coat {
+            ior: out.ior.max(1.01),
+            colour: [1.0; 3],
+        });
+    }
     out.normals = m
-        .text(&["norm"])
+        .text("norm")
         .and_then(|name| picture(name, &mut out.unused))
         .map(|p| (p, 1.0));
-    for key in [
-        "map_Bump", "map_bump", "bump", "map_Ks", "map_Ns", "map_d", "map_Pr", "map_Pm", "disp",
-    ] {
-        if m.keys.contains_key(key) {
-            out.unused.push(key.to_owned());
+    // Black says nothing, and an ambient light is none that travels.
+    let silent = |key: &str| ["ka", "ke", "ks", "tf"].contains(&key) && m.colour(key) == Some([0.0; 3]);
+    let white = |key: &str| key == "tf" && m.colour(key) == Some([1.0; 3]);
+    let used = m.used.borrow().clone();
+    for (low, (key, _)) in &m.keys {
+        if !used.contains(low) && !silent(low) && !white(low) {
+            out.unused.push(key.clone());
         }
     }
-    if m.colour("Ke").is_some_and(|e| e != [0.0; 3]) {
-        out.unused.push("Ke".to_owned());
-    }
     out
+}
+
+/// What lets light pass: `d`, `Tr` and their images.
+fn opacity(m: &Entry, illum: Option<i64>, out: &mut Appearance) {
+    let (dissolve, transparent) = (m.number("d"), m.number("Tr"));
+    let mut there = dissolve
+        .or(transparent.map(|t| 1.0 - t))
+        .unwrap_or(1.0)
+        .clamp(0.0, 1.0);
+    if dissolve.is_none() && transparent == Some(1.0) && matches!(illum, Some(0..=2)) {
+        out.notes.push(
+            "Tr is 1 beside an illum without transparency, which some programs write for opaque: taken as opaque".to_owned(),
+        );
+        there = 1.0;
+    }
+    let image = m.text("map_d").and_then(|t| picture(t, &mut out.unused));
+    let glass =
+        matches!(illum, Some(4 | 6 | 7 | 9) | None) && m.number("Ni").is_some_and(|n| n > 0.0 && n != 1.0);
+    if glass && there < 1.0 {
+        out.transmission = 1.0 - there;
+        out.refracts = true;
+        out.alpha = 0.001;
+    } else {
+        out.opacity = there;
+    }
+    out.opacity_image = image.map(|p| (p, Opacity::First));
 }
 
 /// An image with options before its name; those but `-o`, `-s` and `-clamp` are not used.
@@ -148,9 +238,10 @@ fn picture(text: &str, unused: &mut Vec<String>) -> Option<Picture> {
         i = next;
     }
     let name = words.get(i..)?.join(" ").replace('\\', "/");
+    let name = name.trim_matches('"');
     let uv = [[scale[0], 0.0, move_[0]], [0.0, scale[1], move_[1]]];
     (!name.is_empty()).then(|| Picture {
-        source: Source::File(name),
+        source: Source::File(name.to_owned()),
         uv: (uv != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(uv),
         wrap,
         filter: Filter::Bilinear,
@@ -171,7 +262,7 @@ mod tests {
         let [wall, lacquer, gold, pane] = &all[..] else {
             panic!("{all:?}")
         };
-        assert_eq!((wall.base, wall.alpha), ([0.5, 0.25, 1.0], None));
+        assert_eq!((wall.base, wall.coat), ([0.5, 0.25, 1.0], None));
         let image = wall.image.as_ref().expect("an image");
         assert_eq!(image.source, Source::File("wood grain.png".into()));
         assert_eq!(
@@ -179,15 +270,119 @@ mod tests {
             (Some([[2.0, 0.0, 0.5], [0.0, 2.0, 0.0]]), Wrap::Clamp)
         );
         assert_eq!(
-            (lacquer.alpha.map(|a| (a * 1e6).round()), lacquer.unused.len()),
-            (Some(1e5), 1)
+            ((lacquer.alpha * 1e6).round(), &lacquer.unused[..]),
+            (1e5, &["map_Bump".to_owned()][..])
         );
-        assert!((lacquer.ior - 1.6).abs() < 1e-6);
-        assert_eq!((gold.metallic, gold.alpha), (1.0, Some(0.25)));
+        // 0.08 at normal incidence.
+        let ior = lacquer.coat.expect("a coat").ior;
+        assert!((((ior - 1.0) / (ior + 1.0)).powi(2) - 0.08).abs() < 1e-12);
+        assert_eq!((gold.metallic, gold.alpha), (1.0, 0.25));
         assert_eq!(gold.unused, ["Ke"]);
-        assert!((pane.transmission - 0.9).abs() < 1e-6);
-        assert_eq!(libraries(b"mtllib a b.mtl\nv 0 0 0\nmtllibx\n"), ["a b.mtl"]);
+        assert!((pane.transmission - 0.9).abs() < 1e-6 && pane.refracts && pane.opacity == 1.0);
+    }
+
+    /// A byte order mark, other line ends, other cases and quotes change nothing; several libraries may stand on one line.
+    #[test]
+    fn spellings_of_other_programs_are_read() {
+        let plain = parse(b"newmtl a\nKd .1 .2 .3\nillum 1\n");
+        for text in [
+            "\u{feff}newmtl a\nKd .1 .2 .3\nillum 1\n",
+            "newmtl a\rKd .1 .2 .3\rillum 1\r",
+            "newmtl a\r\n\tKD\t.1 .2 .3 # red\r\nillum 1",
+            "NEWMTL a\nkd .1 .2 .3\nIllum 1",
+        ] {
+            assert_eq!(parse(text.as_bytes()), plain, "{text:?}");
+        }
+        assert_eq!(
+            libraries(b"mtllibx\nmtllib a.mtl\nmtllib a.mtl\nv 0 0 0\n"),
+            [[["a.mtl"]]]
+        );
+        assert_eq!(
+            libraries("\u{feff}mtllib a b.mtl\r\n".as_bytes()),
+            [vec![vec!["a b.mtl".to_owned()], vec!["a".into(), "b.mtl".into()]]]
+        );
         assert!(has_colours(b"v 0 0 0 1 0 0\n") && !has_colours(b"v 0 0 0\n"));
+    }
+
+    /// Every key is used or named as unused.
+    #[test]
+    fn every_key_is_accounted_for() {
+        let material = |line: &str| parse(format!("newmtl a\nKd .5 .5 .5\n{line}\n").as_bytes()).remove(0);
+        let bare = material("");
+        let mut named = 0;
+        for key in [
+            "Kd",
+            "Ks",
+            "Ka",
+            "Ke",
+            "Tf",
+            "Ns",
+            "Ni",
+            "d",
+            "Tr",
+            "illum",
+            "sharpness",
+            "map_Kd",
+            "map_Ks",
+            "map_Ka",
+            "map_Ke",
+            "map_Ns",
+            "map_d",
+            "map_Tr",
+            "map_Bump",
+            "map_bump",
+            "bump",
+            "disp",
+            "decal",
+            "refl",
+            "norm",
+            "Pr",
+            "Pm",
+            "Ps",
+            "Pc",
+            "Pcr",
+            "aniso",
+            "anisor",
+            "map_Pr",
+            "map_Pm",
+            "map_Ps",
+            "map_aat",
+            "xyz",
+            "Kx",
+        ] {
+            let found = material(&format!("{key} .25 .25 .25"));
+            let used = Appearance {
+                unused: vec![],
+                ..found.clone()
+            } != bare;
+            named += usize::from(found.unused.iter().any(|u| u == key));
+            // What changes nothing alone: a shine without a highlight, an index without glass, and no other.
+            let silent = ["Ni", "illum", "map_Kd", "norm", "map_d"].contains(&key);
+            assert!(
+                used || found.unused.iter().any(|u| u == key) || silent,
+                "{key}: {found:?}"
+            );
+        }
+        assert!(named > 20, "{named}");
+    }
+
+    /// MeshLab writes Tr 1 for what is opaque; `d` says the same in every program.
+    #[test]
+    fn transparency_follows_the_illumination_model() {
+        let material = |text: &str| parse(format!("newmtl a\n{text}\n").as_bytes()).remove(0);
+        assert_eq!(material("Tr 1.0\nillum 1").opacity, 1.0);
+        assert_eq!(material("Tr 0.25\nillum 2").opacity, 0.75);
+        assert_eq!(material("d .5").opacity, 0.5);
+        assert_eq!(material("d .5").transmission, 0.0);
+        let glass = material("d 0\nNi 1.5\nillum 6");
+        assert_eq!(
+            (glass.opacity, glass.transmission, glass.refracts),
+            (1.0, 1.0, true)
+        );
+        assert_eq!(material("Kd 0 0 0\nKs 1 1 1\nillum 3").mirror, [1.0; 3]);
+        assert_eq!(material("Kd .2 .2 .2\nKs 1 1 1\nillum 1").coat, None);
+        assert_eq!(material("map_Kd a.png").base, [1.0; 3]);
+        assert_eq!(material("illum 2").base, [0.8; 3]);
     }
 
     proptest! {

@@ -14,17 +14,20 @@ pub enum Channels {
     Numbers,
 }
 
+/// A value of a picture, decoded from sRGB (IEC 61966-2-1) if it is `encoded`.
+#[must_use]
+pub fn linear(value: f32, encoded: bool) -> f32 {
+    if !encoded {
+        value
+    } else if value <= 0.04045 {
+        value / 12.92
+    } else {
+        ((value + 0.055) / 1.055).powf(2.4)
+    }
+}
+
 /// Appends the texels of a picture, top row first: colours as red, green or blue for each wavelength, numbers as they are.
 pub fn texels(image: &DynamicImage, channels: Channels, wavelengths: &Wavelengths, out: &mut Vec<[f32; 4]>) {
-    let linear = |c: f32, encoded: bool| {
-        if !encoded || channels == Channels::LinearColours {
-            c
-        } else if c <= 0.04045 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        }
-    };
     let channel = |nm: f64| match nm {
         nm if nm < 500.0 => 2,
         nm if nm < 590.0 => 1,
@@ -34,9 +37,13 @@ pub fn texels(image: &DynamicImage, channels: Channels, wavelengths: &Wavelength
         image,
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
     );
-    out.extend(image.to_rgb32f().pixels().map(|p| match channels {
-        Channels::Numbers => [p.0[0], p.0[1], p.0[2], 0.0],
-        _ => wavelengths.map(|nm| linear(p.0[channel(nm)], encoded)).to_array(),
+    out.extend(image.to_rgb32f().pixels().map(|p| {
+        match channels {
+            Channels::Numbers => [p.0[0], p.0[1], p.0[2], 0.0],
+            _ => wavelengths
+                .map(|nm| linear(p.0[channel(nm)], encoded && channels == Channels::Colours))
+                .to_array(),
+        }
     }));
 }
 

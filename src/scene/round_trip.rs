@@ -408,11 +408,13 @@ impl Choices<'_> {
                 metal: self.some_text(),
                 n: self.some_spectrum(),
                 k: self.some_spectrum(),
+                reflectance: self.albedo(),
             }),
             3 => MaterialFile::RoughConductor(RoughConductorFile {
                 metal: self.some_text(),
                 n: self.some_spectrum(),
                 k: self.some_spectrum(),
+                reflectance: self.albedo(),
                 alpha: self.scalar(),
                 distribution: self.distribution(),
                 masking: self.masking(),
@@ -442,7 +444,13 @@ impl Choices<'_> {
                     albedo: c.albedo(),
                     alpha: c.scalar(),
                 }),
-                interreflection: self.yes(),
+                interreflection: [
+                    InterreflectionFile::Lost,
+                    InterreflectionFile::Coloured,
+                    InterreflectionFile::Linear,
+                ][self.below(3) as usize],
+                passage: [PassageFile::Smooth, PassageFile::Facets, PassageFile::SingleFacet]
+                    [self.below(3) as usize],
                 alpha: self.scalar(),
                 distribution: self.distribution(),
                 masking: self.masking(),

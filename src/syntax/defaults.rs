@@ -1,5 +1,6 @@
 //! What keys stand for that a scene file leaves out, and which values are those, so that they are left out again.
 
+use super::texture::AlbedoFile;
 use super::values::{IndexFile, SpectrumFile, TimeFile};
 pub(super) use super::values::{is_default, is_one, one};
 use base::locate::Located;
@@ -29,6 +30,7 @@ defaults! {
     unit_index, is_unit_index: Located<IndexFile> =
         Located::nowhere(IndexFile::Values(SpectrumFile::Scalar(1.0)));
     unit_spectrum, is_unit_spectrum: Located<SpectrumFile> = Located::nowhere(SpectrumFile::Scalar(1.0));
+    unit_albedo, is_unit_albedo: Located<AlbedoFile> = Located::nowhere(AlbedoFile::Spectrum(SpectrumFile::Scalar(1.0)));
     zero_spectrum, is_zero_spectrum: Located<SpectrumFile> = Located::nowhere(SpectrumFile::Scalar(0.0));
     x_axis, is_x_axis: [f64; 3] = [1.0, 0.0, 0.0];
     y_axis, is_y_axis: [f64; 3] = [0.0, 1.0, 0.0];

@@ -41,7 +41,7 @@ pub struct ImageAlbedo {
     /// PNG, JPEG, OpenEXR or Radiance HDR file, relative to the scene file; colours of the first two are sRGB-encoded, those of the
     /// others and numbers (roughness, weights) linear.
     pub image: Located<String>,
-    /// Multiplies the image.
+    /// Multiplies the image, at most 2; albedos end at 1.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub scale: f64,
     /// Where on the surface it lies, how it goes on, what is between texels.

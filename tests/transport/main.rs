@@ -14,6 +14,7 @@ mod doubt;
 mod energy;
 mod frames;
 mod glass;
+mod imported_albedo;
 mod indirect;
 mod instances;
 mod labels;

@@ -28,6 +28,7 @@ fn rough(alpha: f32) -> Materials {
     table(Material::RoughConductor(RoughConductor {
         n: Spectral::new([0.4242, 1.5, 0.2, 2.0]),
         k: Spectral::new([2.4721, 1.9, 3.1, 0.5]),
+        reflectance: Spectrum::uniform(Spectral::new([1.0, 0.9, 0.5, 0.2])),
         roughness: Roughness {
             distribution: Distribution::Ggx,
             masking: Masking::Correlated,

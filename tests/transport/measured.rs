@@ -20,7 +20,7 @@ use sunstone::transport::material::measured::rusinkiewicz::{Coordinates, directi
 use sunstone::transport::material::measured::table::{Options, Table};
 use sunstone::transport::material::measured::write::{tabulate, write};
 use sunstone::transport::material::rough_conductor::RoughConductor;
-use sunstone::transport::material::texture::Scalar;
+use sunstone::transport::material::texture::{Scalar, Spectrum};
 use sunstone::transport::material::{Lanes, Material, Materials};
 
 /// Rough gold (550 nm) and silver-like metal in two lanes.
@@ -29,6 +29,7 @@ fn metal(alpha: f32) -> Materials {
         list: vec![Material::RoughConductor(RoughConductor {
             n: Spectral::new([0.4242, 0.06, 1.0, 1.0]),
             k: Spectral::new([2.4721, 3.6, 0.0, 0.0]),
+            reflectance: Spectrum::uniform(Spectral::ONE),
             roughness: Roughness {
                 distribution: Distribution::Ggx,
                 masking: Masking::Correlated,

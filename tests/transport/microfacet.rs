@@ -16,9 +16,10 @@ use sunstone::optics::sampling::stream::Stream;
 use sunstone::optics::spectrum::Spectral;
 use sunstone::polarimetry::decompose::cloude;
 use sunstone::tensor::axes::AxisKind::T;
+use sunstone::transport::material::coat::{self, Passage};
 use sunstone::transport::material::dielectric::Dielectric;
 use sunstone::transport::material::facets::Roughness;
-use sunstone::transport::material::plastic::{Plastic, SingleScatter, internal_reflectance};
+use sunstone::transport::material::plastic::{Interreflection, Plastic, SingleScatter, internal_reflectance};
 use sunstone::transport::material::rough_conductor::RoughConductor;
 use sunstone::transport::material::rough_dielectric::RoughDielectric;
 use sunstone::transport::material::texture::{Scalar, Spectrum};
@@ -38,6 +39,7 @@ fn metal(roughness: Roughness) -> Materials {
     table(Material::RoughConductor(RoughConductor {
         n: Spectral::new([0.4242, 1.5, 0.2, 2.0]),
         k: Spectral::new([2.4721, 1.9, 3.1, 0.5]),
+        reflectance: Spectrum::uniform(Spectral::ONE),
         roughness,
     }))
 }
@@ -62,17 +64,26 @@ fn glass(interior: Spectral, roughness: Roughness) -> Materials {
 /// With all options or none.
 fn plastic(roughness: Roughness, options: bool) -> Materials {
     let eta = Spectral::new([1.5, 1.52, 1.6, 1.4]);
-    table(Material::Plastic(Plastic {
+    let mut materials = Materials::default();
+    let passage = options.then(|| coat::Table::new(&mut materials.textures, &roughness, eta, false));
+    let inside = coat::internal_reflectance(&roughness, eta, Passage::Facets);
+    materials.list.push(Material::Plastic(Plastic {
         albedo: Spectrum::uniform(Spectral::new([0.9, 0.5, 0.2, 0.02])),
         eta,
         roughness,
         specular: Spectral::ONE,
-        internal: options.then(|| internal_reflectance(eta)),
+        interreflection: if options {
+            Interreflection::Coloured(inside)
+        } else {
+            Interreflection::Lost
+        },
+        passage,
         single_scatter: options.then(|| SingleScatter {
             albedo: Spectrum::uniform(Spectral::new([0.1, 0.2, 0.3, 0.4])),
             alpha: Scalar::uniform(0.5),
         }),
-    }))
+    }));
+    materials
 }
 
 /// A direction from outside (cos > 0) or inside.
@@ -489,19 +500,22 @@ fn a_projector_shines_through_rough_glass() {
 fn interreflection_conserves_energy() {
     let eta = Spectral::new([1.5, 1.33, 2.0, 1.05]);
     for (lane, eta) in eta.to_array().into_iter().enumerate() {
-        let white = |internal| Plastic {
+        let white = |interreflection| Plastic {
             albedo: Spectrum::uniform(Spectral::ONE),
             eta: Spectral::splat(eta),
             roughness: roughness(Ggx, Correlated, 0.1),
             specular: Spectral::ZERO,
-            internal,
+            interreflection,
+            passage: None,
             single_scatter: None,
         };
         let inner = internal_reflectance(Spectral::splat(eta));
-        let (closed, open) = (
-            table(Material::Plastic(white(Some(inner)))),
-            table(Material::Plastic(white(None))),
-        );
+        let [closed, linear, open] = [
+            Interreflection::Coloured(inner),
+            Interreflection::Linear(inner),
+            Interreflection::Lost,
+        ]
+        .map(|i| table(Material::Plastic(white(i))));
         for cos in [1.0_f32, 0.5, 0.1] {
             let wo = toward(cos, 0.0);
             let through = 1.0 - reflectance(f64::from(cos), f64::from(eta));
@@ -513,6 +527,8 @@ fn interreflection_conserves_energy() {
                 let value =
                     |m: &Materials| f64::from(m.eval(0, &surface(), wo, wi).unwrap().m00().to_array()[lane]);
                 sum += value(&closed) * TAU / f64::from(STEPS);
+                // A white base is white either way.
+                assert_eq!(value(&closed), value(&linear));
                 let want = through * (1.0 - reflectance(f64::from(c), f64::from(eta))) * f64::from(c) / PI;
                 assert!(
                     (value(&open) - want).abs() < 1e-5,
@@ -528,6 +544,56 @@ fn interreflection_conserves_energy() {
     }
 }
 
+/// White furnace: what facets reflect and what a white base returns through them are all the light there was, at any
+/// roughness and angle. Through the smooth mean surface instead, rough coats lose or gain up to a third.
+#[test]
+fn a_white_base_below_facets_returns_all_light() {
+    const STEPS: u32 = 400;
+    let eta = Spectral::splat(1.5);
+    for alpha in [0.2_f32, 0.5, 1.0] {
+        let r = roughness(Ggx, Correlated, alpha);
+        let mut materials = Materials::default();
+        let passage = Some(coat::Table::new(&mut materials.textures, &r, eta, false));
+        let inside = coat::internal_reflectance(&r, eta, Passage::Facets);
+        let white = Plastic {
+            albedo: Spectrum::uniform(Spectral::ONE),
+            eta,
+            roughness: r,
+            specular: Spectral::ONE,
+            interreflection: Interreflection::Linear(inside),
+            passage,
+            single_scatter: None,
+        };
+        materials.list = vec![
+            Material::Plastic(white),
+            Material::Plastic(Plastic {
+                passage: None,
+                interreflection: Interreflection::Linear(internal_reflectance(eta)),
+                ..white
+            }),
+        ];
+        for (cos, smooth_is_off) in [(0.95_f32, false), (0.5, false), (0.15, true)] {
+            let wo = toward(cos, 0.0);
+            let mut sum = [0.0; 2];
+            for k in 0..STEPS * STEPS {
+                let [c, phi] = [k % STEPS, k / STEPS].map(|i| (i as f32 + 0.5) / STEPS as f32);
+                let wi = toward(c, phi * std::f32::consts::TAU);
+                for (id, sum) in sum.iter_mut().enumerate() {
+                    let value = materials.eval(id as u32, &surface(), wo, wi);
+                    *sum += value.map_or(0.0, |v| f64::from(v.m00().to_array()[0])) * TAU
+                        / f64::from(STEPS * STEPS);
+                }
+            }
+            assert!((sum[0] - 1.0).abs() < 5e-3, "α {alpha}, cos {cos}: {}", sum[0]);
+            assert!(
+                !smooth_is_off || (sum[1] - 1.0).abs() > 0.05,
+                "α {alpha}: {}",
+                sum[1]
+            );
+        }
+    }
+}
+
 /// The lobe of single scattering is a surface reflection of its own width and colour.
 #[test]
 fn single_scattering_is_a_second_reflection() {
@@ -537,7 +603,8 @@ fn single_scattering_is_a_second_reflection() {
             eta: Spectral::splat(IOR),
             roughness: roughness(Ggx, Correlated, alpha),
             specular,
-            internal: None,
+            interreflection: Interreflection::Lost,
+            passage: None,
             single_scatter,
         }))
     };

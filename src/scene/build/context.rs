@@ -22,6 +22,8 @@ pub(crate) struct Context {
     pub folder: PathBuf,
     /// Files that are only in memory, by the names under which the scene knows them.
     pub memory: BTreeMap<String, Vec<u8>>,
+    /// Names of those that were made here of other files, and so are none of the scene's own.
+    pub made: BTreeSet<String>,
     /// Wavelengths to build for.
     pub wavelengths: Wavelengths,
     /// Wavelengths that lists of the file belong to; the same but where a file of materials is built for others.
@@ -41,6 +43,7 @@ impl Context {
             text: text.into(),
             folder: path.parent().unwrap_or(Path::new("")).to_owned(),
             memory: BTreeMap::new(),
+            made: BTreeSet::new(),
             wavelengths: Wavelengths::default(),
             listed: Wavelengths::default(),
             hash: Sha256::new(),
@@ -109,7 +112,16 @@ impl Context {
 
     /// Notes that the scene is made of a file.
     pub fn uses(&self, name: impl Into<String>) {
-        self.files.borrow_mut().insert(name.into());
+        let name = name.into();
+        if !self.made.contains(&name) {
+            self.files.borrow_mut().insert(name);
+        }
+    }
+
+    /// Keeps a file in memory that was made of another one.
+    pub fn keep(&mut self, name: &str, bytes: Vec<u8>) {
+        self.made.insert(name.to_owned());
+        self.memory.insert(name.to_owned(), bytes);
     }
 
     /// The files that the scene is made of, sorted.

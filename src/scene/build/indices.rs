@@ -9,6 +9,12 @@ use syntax::values::{IndexFile, SpectrumFile};
 use transport::material;
 use transport::material::constants::ConstantsError;
 
+/// Name of the metal that reflects all light.
+const MIRROR: &str = "mirror";
+
+/// Its extinction coefficient: k so large, without n, reflects all light and shifts the phases of both polarizations alike.
+const MIRROR_K: f32 = 1e6;
+
 /// Refractive index of something transparent; 0 in unused lanes.
 pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Spectral, InputError> {
     let name = match &**index {
@@ -40,9 +46,10 @@ pub(super) fn complex_index(
     let unused = Spectral::ONE - ctx.wavelengths.ones();
     match (metal, n, k) {
         (None, Some(n), Some(k)) => Ok((
-            ctx.located(n, "n", 1e-3..=100.0)? + unused,
+            ctx.located(n, "n", 0.0..=100.0)? + unused,
             ctx.located(k, "k", 0.0..=100.0)?,
         )),
+        (Some(name), None, None) if name.as_str() == MIRROR => Ok((unused, Spectral::splat(MIRROR_K))),
         (Some(name), None, None) => {
             let (n, k) = constants(ctx, name, name.span())?;
             Ok((n + unused, k))
@@ -50,7 +57,7 @@ pub(super) fn complex_index(
         _ => Err(ctx.error(
             place.span(),
             "the refractive index is missing, or given twice",
-            "give metal = \"NAME\", or both n and k",
+            "give metal = \"NAME\" (or \"mirror\"), or both n and k",
         )),
     }
 }

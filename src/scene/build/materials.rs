@@ -13,13 +13,15 @@ use std::io::{Read, Seek, SeekFrom};
 use std::ops::RangeInclusive;
 use std::path::Path;
 use syntax::Syntax;
-use syntax::material::{MaterialFile, MaterialSetFile, MeasuredFile};
+use syntax::material::{InterreflectionFile, MaterialFile, MaterialSetFile, MeasuredFile, PassageFile};
 use syntax::texture::{AlbedoFile, ScalarFile};
 use syntax::values::IndexFile;
+use transport::material::coat::{self, Passage};
 use transport::material::dielectric::Dielectric;
 use transport::material::facets::Roughness;
 use transport::material::measured::error::PbsdfError;
 use transport::material::measured::table::{Options, Table};
+use transport::material::plastic::Interreflection;
 use transport::material::texture::{Scalar, Spectrum};
 use transport::material::{
     Lanes, Material, Materials, blend, conductor, diffuse, measured, normal_map, partial_depolarizer,
@@ -175,13 +177,15 @@ impl<'a> Builder<'_, 'a> {
             }),
             MaterialFile::Conductor(c) => {
                 let (n, k) = complex_index(self.ctx, m, &c.metal, &c.n, &c.k)?;
-                Material::Conductor(conductor::Conductor { n, k })
+                let reflectance = self.factor(&c.reflectance)?;
+                Material::Conductor(conductor::Conductor { n, k, reflectance })
             }
             MaterialFile::RoughConductor(c) => {
                 let (n, k) = complex_index(self.ctx, m, &c.metal, &c.n, &c.k)?;
                 Material::RoughConductor(rough_conductor::RoughConductor {
                     n,
                     k,
+                    reflectance: self.factor(&c.reflectance)?,
                     roughness: self.roughness(&c.alpha, c.distribution, c.masking)?,
                 })
             }
@@ -197,12 +201,27 @@ impl<'a> Builder<'_, 'a> {
             MaterialFile::Plastic(p) => {
                 let interface = self.interface(&p.ior, &p.exterior_ior)?;
                 let eta = interface.interior / interface.exterior;
+                let roughness = self.roughness(&p.alpha, p.distribution, p.masking)?;
+                let passage = match p.passage {
+                    PassageFile::Smooth => Passage::Smooth,
+                    PassageFile::Facets => Passage::Facets,
+                    PassageFile::SingleFacet => Passage::Single,
+                };
+                let inside = || coat::internal_reflectance(&roughness, eta, passage);
                 Material::Plastic(plastic::Plastic {
                     albedo: self.albedo(&p.albedo)?,
                     eta,
-                    roughness: self.roughness(&p.alpha, p.distribution, p.masking)?,
+                    roughness,
                     specular: self.ctx.located(&p.specular, "specular", 0.0..=1.0)?,
-                    internal: p.interreflection.then(|| plastic::internal_reflectance(eta)),
+                    interreflection: match p.interreflection {
+                        InterreflectionFile::Lost => Interreflection::Lost,
+                        InterreflectionFile::Coloured => Interreflection::Coloured(inside()),
+                        InterreflectionFile::Linear => Interreflection::Linear(inside()),
+                    },
+                    passage: (passage != Passage::Smooth).then(|| {
+                        let textures = &mut self.table.textures;
+                        coat::Table::new(textures, &roughness, eta, passage == Passage::Single)
+                    }),
                     single_scatter: p
                         .single_scatter
                         .as_ref()
@@ -287,6 +306,15 @@ impl<'a> Builder<'_, 'a> {
 
     fn albedo(&mut self, albedo: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
         textures::spectrum(self.ctx, &mut self.images, &mut self.table.textures, albedo)
+    }
+
+    /// A factor of reflected light; 1 in unused lanes.
+    fn factor(&mut self, factor: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
+        let spectrum = self.albedo(factor)?;
+        Ok(Spectrum {
+            value: spectrum.value + (Spectral::ONE - self.ctx.wavelengths.ones()),
+            ..spectrum
+        })
     }
 
     /// A number within `range`, or an image scaled to it.

@@ -1,5 +1,6 @@
 //! From the syntax of a scene file to the flat tables of a [`transport::scene::Scene`], checking meaning on the way.
 
+mod appearances;
 pub(crate) mod assemble;
 pub(crate) mod calibrated;
 pub(crate) mod context;

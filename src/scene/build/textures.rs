@@ -16,6 +16,35 @@ use transport::material::texture::{Filter, Image, SAME, Scalar, Spectrum, Textur
 #[derive(Default)]
 pub(crate) struct Images(BTreeMap<(PathBuf, Channels), ([u32; 2], u32)>);
 
+/// Most that an image of albedos may be multiplied by.
+const BRIGHTEST: f64 = 2.0;
+
+/// The same image with texels times a factor above 1, none brighter than 1.
+fn brightened(ctx: &mut Context, textures: &mut Textures, texture: u32, factor: Spectral, name: &str) -> u32 {
+    let image = textures.images[texture as usize];
+    let first = image.first as usize;
+    let mut texels = textures.texels[first..first + (image.width * image.height) as usize].to_vec();
+    let mut limited = 0;
+    for texel in &mut texels {
+        let bright = Spectral::new(*texel) * factor;
+        let most = bright.min(Spectral::ONE);
+        limited += usize::from(bright.to_array() != most.to_array());
+        *texel = most.to_array();
+    }
+    if limited > 0 {
+        ctx.notes.push(format!(
+            "{name}: {limited} of {} texels are limited to an albedo of 1",
+            texels.len()
+        ));
+    }
+    textures.images.push(Image {
+        first: textures.texels.len() as u32,
+        ..image
+    });
+    textures.texels.append(&mut texels);
+    textures.images.len() as u32 - 1
+}
+
 /// A spectrum of 0..1, an image of colours or a checkerboard.
 pub(super) fn spectrum(
     ctx: &mut Context,
@@ -33,9 +62,19 @@ pub(super) fn spectrum(
             } else {
                 Channels::Colours
             };
+            let value = ctx.spectrum(&scale, span, "scale", 0.0..=BRIGHTEST)?;
+            let texture = image(ctx, images, textures, i, channels)?;
+            let (value, texture) = if i.scale > 1.0 {
+                (
+                    ctx.wavelengths.ones(),
+                    brightened(ctx, textures, texture, value, &i.image),
+                )
+            } else {
+                (value, texture)
+            };
             Spectrum {
-                value: ctx.spectrum(&scale, span, "scale", 0.0..=1.0)?,
-                texture: Some(image(ctx, images, textures, i, channels)?),
+                value,
+                texture: Some(texture),
             }
         }
         AlbedoFile::Checkerboard(board) => {

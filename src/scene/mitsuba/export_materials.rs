@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use syntax::material::MaterialFile;
 use transport::material::dielectric::Dielectric;
 use transport::material::facets::Roughness;
-use transport::material::plastic::Plastic;
+use transport::material::plastic::{Interreflection, Plastic};
 use transport::material::polarizer::Passes;
 use transport::material::retarder::Tilt;
 use transport::material::sheet::SheetAxis;
@@ -113,7 +113,8 @@ impl<'a> MaterialWriter<'a> {
         };
         match &self.table.list[id as usize] {
             Material::Diffuse(d) => uv(d.albedo.texture.is_some()),
-            Material::RoughConductor(c) => uv(rough(&c.roughness)),
+            Material::Conductor(c) => uv(c.reflectance.texture.is_some()),
+            Material::RoughConductor(c) => uv(rough(&c.roughness) || c.reflectance.texture.is_some()),
             Material::RoughDielectric(d) => uv(rough(&d.roughness)),
             Material::Plastic(p) => uv(rough(&p.roughness) || p.albedo.texture.is_some()),
             Material::Polarizer(_) | Material::Retarder(_) | Material::NormalMap(_) => directed,
@@ -270,13 +271,9 @@ impl<'a> MaterialWriter<'a> {
         };
         Ok(match self.table.list[id as usize] {
             Material::Diffuse(d) => open("diffuse").child(self.albedo(id, "reflectance", d.albedo)?),
-            Material::Conductor(c) => open("conductor")
-                .child(self.spectrum("eta", c.n))
-                .child(self.spectrum("k", c.k)),
+            Material::Conductor(c) => self.metal(id, open("conductor"), [c.n, c.k], c.reflectance)?,
             Material::RoughConductor(c) => {
-                let element = open("roughconductor")
-                    .child(self.spectrum("eta", c.n))
-                    .child(self.spectrum("k", c.k));
+                let element = self.metal(id, open("roughconductor"), [c.n, c.k], c.reflectance)?;
                 self.roughness(id, element, &c.roughness)?
             }
             Material::Plastic(p) => self.plastic(id, open("pplastic"), &p)?,
@@ -335,12 +332,36 @@ impl<'a> MaterialWriter<'a> {
             .float("ext_ior", first(d.exterior)))
     }
 
+    fn metal(
+        &mut self,
+        id: u32,
+        element: Element,
+        [n, k]: [Spectral; 2],
+        reflectance: Spectrum,
+    ) -> Result<Element, InputError> {
+        let element = element
+            .child(self.spectrum("eta", n))
+            .child(self.spectrum("k", k));
+        let whole = reflectance.texture.is_none() && is_even(&self.ctx.wavelengths, reflectance.value);
+        if whole && reflectance.value.to_array()[0] == 1.0 {
+            return Ok(element);
+        }
+        Ok(element.child(self.albedo(id, "specular_reflectance", reflectance)?))
+    }
+
     fn plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
-        if p.internal.is_some() {
+        if p.interreflection != Interreflection::Lost {
             return self.cannot(
                 id,
                 "interreflection inside a polarized plastic",
-                "take interreflection away",
+                "remove interreflection",
+            );
+        }
+        if p.passage.is_some() {
+            return self.cannot(
+                id,
+                "light that enters a polarized plastic through its facets",
+                "remove passage",
             );
         }
         if p.single_scatter.is_some() {

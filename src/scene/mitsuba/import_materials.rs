@@ -4,16 +4,18 @@
 //! alone.
 
 use super::import_layered;
-use super::import_surfaces::{Coordinates, albedo, angle, bitmap, facets, indices, metal, one, scalar};
+use super::import_surfaces::{
+    Coordinates, Metal, albedo, angle, bitmap, facets, indices, metal, one, scalar,
+};
 use super::import_table::Table;
 use super::importer::Importer;
 use super::tree::Node;
 use base::locate::{InputError, Located};
 use std::collections::BTreeMap;
 use syntax::material::{
-    BlendFile, ConductorFile, DielectricFile, DiffuseFile, MaterialFile, MeasuredFile, NormalMapFile,
-    NullFile, PlasticFile, PolarizerFile, RetarderFile, RoughConductorFile, RoughDielectricFile, TiltFile,
-    TwoSidedFile,
+    BlendFile, ConductorFile, DielectricFile, DiffuseFile, InterreflectionFile, MaterialFile, MeasuredFile,
+    NormalMapFile, NullFile, PassageFile, PlasticFile, PolarizerFile, RetarderFile, RoughConductorFile,
+    RoughDielectricFile, TiltFile, TwoSidedFile,
 };
 use syntax::texture::AlbedoFile;
 use syntax::values::IndexFile;
@@ -202,16 +204,32 @@ impl MaterialReader {
                 albedo: albedo(importer, node, "reflectance", 0.5, uv)?,
             }),
             "conductor" => {
-                let (metal, n, k) = metal(importer, node)?;
-                MaterialFile::Conductor(ConductorFile { metal, n, k })
+                let Metal {
+                    metal,
+                    n,
+                    k,
+                    reflectance,
+                } = metal(importer, node, uv)?;
+                MaterialFile::Conductor(ConductorFile {
+                    metal,
+                    n,
+                    k,
+                    reflectance,
+                })
             }
             "roughconductor" => {
-                let (metal, n, k) = metal(importer, node)?;
+                let Metal {
+                    metal,
+                    n,
+                    k,
+                    reflectance,
+                } = metal(importer, node, uv)?;
                 let facets = facets(importer, node, uv)?;
                 MaterialFile::RoughConductor(RoughConductorFile {
                     metal,
                     n,
                     k,
+                    reflectance,
                     alpha: facets.alpha,
                     distribution: facets.distribution,
                     masking: facets.masking,
@@ -433,7 +451,8 @@ fn plastic<'a>(
         exterior_ior,
         specular,
         single_scatter: None,
-        interreflection: false,
+        interreflection: InterreflectionFile::Lost,
+        passage: PassageFile::Smooth,
         alpha: facets.alpha,
         distribution: facets.distribution,
         masking: facets.masking,

@@ -43,19 +43,39 @@ const INDICES: [(&str, f64); 20] = [
     ("diamond", 2.419),
 ];
 
-/// The name of a metal, or its n and k.
-type Metal = (
-    Option<Located<String>>,
-    Option<Located<SpectrumFile>>,
-    Option<Located<SpectrumFile>>,
-);
-
 /// What a conductor is made of.
-pub(super) fn metal(importer: &mut Importer, node: &Node) -> Result<Metal, InputError> {
-    one(importer, node, "specular_reflectance")?;
+pub(super) struct Metal {
+    /// Its name in the optical constants, or
+    pub metal: Option<Located<String>>,
+    /// its n
+    pub n: Option<Located<SpectrumFile>>,
+    /// and k.
+    pub k: Option<Located<SpectrumFile>>,
+    /// Factor of what it reflects.
+    pub reflectance: Located<AlbedoFile>,
+}
+
+/// What a conductor is made of. Without a material, or with `none`, Mitsuba's reflects all light: η is 0 and k is 1 unless
+/// they are given.
+pub(super) fn metal<'a>(
+    importer: &mut Importer<'a>,
+    node: &'a Node,
+    uv: &mut Coordinates,
+) -> Result<Metal, InputError> {
+    let reflectance = albedo(importer, node, "specular_reflectance", 1.0, uv)?;
     let (n, k) = (importer.spectrum(node, "eta")?, importer.spectrum(node, "k")?);
-    match (node.text(importer.source, "material")?, n, k) {
-        (None, Some(n), Some(k)) => Ok((None, Some(n), Some(k))),
+    let name = node
+        .text(importer.source, "material")?
+        .filter(|name| *name != "none");
+    let bare = |v: f64| Some(Located::at(node.span.clone(), v.into()));
+    let metal = |metal, n, k| Metal {
+        metal,
+        n,
+        k,
+        reflectance,
+    };
+    match (name, n, k) {
+        (None, n, k) => Ok(metal(None, n.or_else(|| bare(0.0)), k.or_else(|| bare(1.0)))),
         (Some(name), None, None) => match constants::find(name) {
             Ok(found) => {
                 importer.note(format!(
@@ -63,13 +83,13 @@ pub(super) fn metal(importer: &mut Importer, node: &Node) -> Result<Metal, Input
                     found.source
                 ));
                 let name = Located::at(node.span.clone(), found.name.clone());
-                Ok((Some(name), None, None))
+                Ok(metal(Some(name), None, None))
             }
             Err(e) => importer.error(&node.span, e.to_string(), "give eta and k as spectra"),
         },
-        _ => importer.error(
+        (Some(_), ..) => importer.error(
             &node.span,
-            "the metal's eta and k are missing, or given twice",
+            "the metal's material is given beside eta or k",
             "give both eta and k, or material=\"Au\" alone",
         ),
     }

@@ -3,6 +3,7 @@
 use super::facets::reflect;
 use super::lobe::Specular;
 use super::side::{facing, s_vector, same_side};
+use super::texture::{Spectrum, Textures};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;
@@ -17,6 +18,8 @@ pub struct Conductor {
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
+    /// Factor of all that is reflected, 0..1.
+    pub reflectance: Spectrum,
 }
 
 /// Mirror reflection at a smooth opaque surface whose Fresnel matrix is a function of the cosine of incidence.
@@ -39,7 +42,10 @@ impl Conductor {
     /// The one direction there is.
     #[inline]
     #[must_use]
-    pub fn specular(&self, at: &Surface, wo: Vec3A) -> Option<Specular> {
-        mirror(at, wo, |cos| fresnel::conductor(cos, self.n, self.k))
+    pub fn specular(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<Specular> {
+        let factor = self.reflectance.at(textures, at.uv);
+        mirror(at, wo, |cos| {
+            fresnel::conductor(cos, self.n, self.k).scaled(factor)
+        })
     }
 }

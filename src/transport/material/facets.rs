@@ -27,7 +27,7 @@ pub struct Roughness {
 }
 
 /// Least α that f32 can sample; images may hold less.
-const LEAST_ALPHA: f32 = 1e-3;
+pub(super) const LEAST_ALPHA: f32 = 1e-3;
 
 /// The facets at a point, seen from `wo`.
 #[derive(Clone, Copy)]
@@ -92,6 +92,12 @@ impl Facets {
             },
             ..*self
         }
+    }
+
+    /// Width α of the facets.
+    #[inline]
+    pub fn alpha(&self) -> f32 {
+        self.model.alpha
     }
 
     /// A world direction in the local frame.

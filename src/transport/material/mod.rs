@@ -8,6 +8,7 @@
 
 mod appearance;
 pub mod blend;
+pub mod coat;
 pub mod coated_conductor;
 pub mod conductor;
 pub mod constants;
@@ -248,7 +249,7 @@ impl Materials {
     ) -> Option<Sampled> {
         match &self.list[id as usize] {
             Material::Diffuse(m) => m.sample(&self.textures, at, wo, stream),
-            Material::Conductor(m) => m.specular(at, wo).map(|s| s.chosen(1.0)),
+            Material::Conductor(m) => m.specular(&self.textures, at, wo).map(|s| s.chosen(1.0)),
             Material::RoughConductor(m) => m.sample(&self.textures, at, wo, stream),
             Material::Dielectric(m) => m.sample(at, wo, lanes, stream),
             Material::RoughDielectric(m) => m.sample(&self.textures, at, wo, lanes, stream),
@@ -303,7 +304,7 @@ impl Materials {
                 | Material::Measured(_),
                 _,
             ) => None,
-            (Material::Conductor(m), Lobe::Reflected) => m.specular(at, wo),
+            (Material::Conductor(m), Lobe::Reflected) => m.specular(&self.textures, at, wo),
             (Material::Conductor(_), Lobe::Transmitted) => None,
             (Material::Dielectric(m), _) => m.interface(at, wo)?.specular(at, lobe, lane),
             (Material::TwoSided(m), _) => self.specular(m.side(at, wo)?, at, wo, lobe, lane),

@@ -2,15 +2,19 @@
 //! polarimetric SVBRDF and normals").
 //!
 //! M = k·D·G2·R(wo·h) / (4 cosθ_o cosθ_i) + (ρ'/π)·T(θ_o) e₀e₀ᵀ T(θ_i): microfacet reflection with Fresnel's matrix R, and
-//! light that enters through the smooth mean surface (Fresnel's T in the frame perpendicular to n and `wi`), loses its
-//! polarization inside, and leaves (T in the frame perpendicular to n and `wo`) partly polarized in the plane of n and
-//! `wo`. Baek et al. and Mitsuba's `pplastic` have ρ' = ρ. With interreflection, light that meets the surface from
-//! inside and is thrown back comes out later: ρ' = ρ / (η² (1 - ρ F)), F being the mean of Fresnel's reflectance inside
-//! weighted by the cosine; a smooth white one then returns all light (Mitsuba's `plastic` with `nonlinear`).
+//! light that enters through the coat (T in the frame perpendicular to n and `wi`), loses its polarization inside, and
+//! leaves (T in the frame perpendicular to n and `wo`) partly polarized in the plane of n and `wo`. T is Fresnel's, of the
+//! smooth mean surface, or that of the facets ([`super::coat`]).
+//!
+//! Baek et al. and Mitsuba's `pplastic` have ρ' = ρ. With interreflection, light that meets the coat from inside and is
+//! reflected back comes out later: ρ' = ρ / (η² (1 - ρ F)), F being the mean reflectance inside weighted by the cosine.
+//! Mitsuba's `plastic` does so with `nonlinear`; by default it has ρ' = ρ / (η² (1 - F)), in proportion to ρ. A white body
+//! then returns all the light that enters it.
 //!
 //! Optionally a third lobe, of light scattered once below the surface (Hwang et al. 2022, "Sparse ellipsometry"): as the
 //! surface reflection, R included, but coloured and with a width of its own, ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
 
+use super::coat;
 use super::facets::{Facets, Roughness, reflect};
 use super::lobe::Sampled;
 use super::side::{facing, s_vector, same_side};
@@ -19,7 +23,6 @@ use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::frame::turn;
 use optics::polarization::fresnel;
-use optics::polarization::fresnel::FresnelBlock;
 use optics::polarization::mueller::Mueller;
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
@@ -38,10 +41,24 @@ pub struct Plastic {
     pub roughness: Roughness,
     /// Factor k of the surface reflection.
     pub specular: Spectral,
-    /// Mean reflectance F from inside with interreflection, see [`internal_reflectance`]; without, `None`.
-    pub internal: Option<Spectral>,
+    /// Light that the coat reflects back into the body.
+    pub interreflection: Interreflection,
+    /// What passes the coat's facets; `None`: light passes the smooth mean surface.
+    pub passage: Option<coat::Table>,
     /// Light scattered once below the coat, if that is modelled.
     pub single_scatter: Option<SingleScatter>,
+}
+
+/// Light that a coat reflects back into the body below; F is the mean reflectance inside, see
+/// [`coat::internal_reflectance`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Interreflection {
+    /// Is lost: ρ' = ρ.
+    Lost,
+    /// Meets the body again: ρ' = ρ / (η² (1 - ρ F)). F.
+    Coloured(Spectral),
+    /// Meets a white body: ρ' = ρ / (η² (1 - F)), in proportion to ρ. F.
+    Linear(Spectral),
 }
 
 /// Light scattered once below the surface.
@@ -74,7 +91,7 @@ struct Seen {
     /// ρ'.
     base: Spectral,
     /// Transmission of the light that leaves.
-    out: FresnelBlock,
+    out: coat::Passed,
     /// ρ_s and the facets of single scattering.
     single: Option<(Spectral, Facets)>,
     /// Probabilities of sampling the surface reflection and single scattering.
@@ -105,10 +122,17 @@ impl Plastic {
         let n = facing(at, wo)?;
         let facets = Facets::new(&self.roughness, textures, at, n, wo);
         let albedo = self.albedo.at(textures, at.uv);
-        let base = self.internal.map_or(albedo, |f| {
-            albedo / (self.eta * self.eta * (Spectral::ONE - albedo * f))
-        });
+        let eta2 = self.eta * self.eta;
+        let base = match self.interreflection {
+            Interreflection::Lost => albedo,
+            Interreflection::Coloured(f) => albedo / (eta2 * (Spectral::ONE - albedo * f)),
+            Interreflection::Linear(f) => albedo / (eta2 * (Spectral::ONE - f)),
+        };
         let fresnel = fresnel::dielectric(facets.lo.z, self.eta);
+        let out = match self.passage {
+            Some(table) => table.at(textures, facets.lo.z, facets.alpha()),
+            None => fresnel.transmission.into(),
+        };
         let single = self.single_scatter.map(|s| {
             let alpha = s.alpha.at(textures, at.uv);
             (s.albedo.at(textures, at.uv), facets.with_alpha(alpha))
@@ -119,14 +143,14 @@ impl Plastic {
             reflected(self.specular),
             single.map_or(0.0, |(albedo, _)| reflected(albedo)),
         ];
-        let diffuse = (fresnel.transmission.a * base).reduce_add();
+        let diffuse = (out.a * base).reduce_add();
         let all = (power[0] + power[1] + diffuse).max(f32::MIN_POSITIVE);
         Some(Seen {
             facets,
             n,
             wo,
             base,
-            out: fresnel.transmission,
+            out,
             single,
             share: power.map(|p| p / all),
         })
@@ -134,7 +158,13 @@ impl Plastic {
 
     /// All lobes in the frame of the reflection, times a weight that may depend on the density of `wi`.
     #[inline]
-    fn value(&self, seen: &Seen, wi: Vec3A, weight: impl FnOnce(f32) -> f32) -> Option<Scatter> {
+    fn value(
+        &self,
+        textures: &Textures,
+        seen: &Seen,
+        wi: Vec3A,
+        weight: impl FnOnce(f32) -> f32,
+    ) -> Option<Scatter> {
         let wo = seen.wo;
         let li = seen.facets.local(wi);
         let (cos, reflected, pdf) = seen.reflection(self.specular, li)?;
@@ -144,7 +174,7 @@ impl Plastic {
             .scaled(reflected * Spectral::splat(weight));
         let s = s_vector(wi, wo);
         let mut mueller = block.to_mueller();
-        self.add_body(seen, wi, li, s, weight, &mut mueller);
+        self.add_body(textures, seen, (wi, li), s, weight, &mut mueller);
         Some(Scatter::Full {
             mueller,
             frame_out: s,
@@ -152,11 +182,23 @@ impl Plastic {
         })
     }
 
-    /// Adds the diffuse lobe to a matrix in the frame of the reflection.
+    /// Adds the diffuse lobe to a matrix in the frame of the reflection; `wi` and `li` are the direction of the light in the
+    /// world and in the local frame.
     #[inline(always)]
-    fn add_body(&self, seen: &Seen, wi: Vec3A, li: Vec3A, s: Vec3A, weight: f32, mueller: &mut Mueller) {
+    fn add_body(
+        &self,
+        textures: &Textures,
+        seen: &Seen,
+        (wi, li): (Vec3A, Vec3A),
+        s: Vec3A,
+        weight: f32,
+        mueller: &mut Mueller,
+    ) {
         let Seen { n, wo, out, .. } = *seen;
-        let inn = fresnel::dielectric(li.z, self.eta).transmission;
+        let inn = match self.passage {
+            Some(table) => table.at(textures, li.z, seen.facets.alpha()),
+            None => fresnel::dielectric(li.z, self.eta).transmission.into(),
+        };
         let base = seen.base * Spectral::splat(li.z * FRAC_1_PI * weight);
         let (c, d) = turn(wo, s_vector(n, wo), s);
         let column = [
@@ -191,7 +233,7 @@ impl Plastic {
         let s = s_vector(wi, wo);
         let block = fresnel::dielectric(cos, self.eta).reflection.scaled(reflected);
         let mut body = Mueller::ZERO;
-        self.add_body(&seen, wi, li, s, 1.0, &mut body);
+        self.add_body(textures, &seen, (wi, li), s, 1.0, &mut body);
         let body = Scatter::Full {
             mueller: body,
             frame_out: s,
@@ -208,7 +250,7 @@ impl Plastic {
         if !same_side(at, wo, wi) {
             return None;
         }
-        self.value(&seen, wi, |_| 1.0)
+        self.value(textures, &seen, wi, |_| 1.0)
     }
 
     /// Visible facets and cosine, mixed by what a smooth surface would reflect and let out.
@@ -245,7 +287,7 @@ impl Plastic {
         }
         Some(Sampled {
             wi,
-            scatter: self.value(&seen, wi, |pdf| 1.0 / pdf.max(f32::MIN_POSITIVE))?,
+            scatter: self.value(textures, &seen, wi, |pdf| 1.0 / pdf.max(f32::MIN_POSITIVE))?,
             delta: false,
             filling: None,
         })

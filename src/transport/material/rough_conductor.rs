@@ -7,7 +7,7 @@
 use super::facets::{Facets, Roughness, reflect};
 use super::lobe::Sampled;
 use super::side::{facing, s_vector, same_side};
-use super::texture::Textures;
+use super::texture::{Spectrum, Textures};
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::fresnel;
@@ -22,6 +22,8 @@ pub struct RoughConductor {
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
+    /// Factor of all that is reflected, 0..1.
+    pub reflectance: Spectrum,
     /// Of its facets.
     pub roughness: Roughness,
 }
@@ -33,9 +35,9 @@ impl RoughConductor {
     }
 
     #[inline]
-    fn fresnel(&self, wo: Vec3A, wi: Vec3A, cos: f32, factor: f32) -> Scatter {
+    fn fresnel(&self, factor: Spectral, wo: Vec3A, wi: Vec3A, cos: f32) -> Scatter {
         Scatter::Fresnel {
-            block: fresnel::conductor(cos, self.n, self.k).scaled(Spectral::splat(factor)),
+            block: fresnel::conductor(cos, self.n, self.k).scaled(factor),
             s: s_vector(wi, wo),
         }
     }
@@ -49,7 +51,8 @@ impl RoughConductor {
             return None;
         }
         let to = facets.reflection(facets.local(wi))?;
-        Some(self.fresnel(wo, wi, to.cos_o, to.value))
+        let factor = self.reflectance.at(textures, at.uv) * Spectral::splat(to.value);
+        Some(self.fresnel(factor, wo, wi, to.cos_o))
     }
 
     /// Density of the visible normal over 4 wo·h.
@@ -76,9 +79,10 @@ impl RoughConductor {
         let h = facets.visible(stream.uniform2());
         let li = reflect(facets.lo, h);
         let wi = facets.world(li);
+        let factor = self.reflectance.at(textures, at.uv) * Spectral::splat(facets.kept(li));
         (li.z > 0.0 && same_side(at, wo, wi)).then(|| Sampled {
             wi,
-            scatter: self.fresnel(wo, wi, facets.lo.dot(h), facets.kept(li)),
+            scatter: self.fresnel(factor, wo, wi, facets.lo.dot(h)),
             delta: false,
             filling: None,
         })

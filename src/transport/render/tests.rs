@@ -34,6 +34,7 @@ pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
         Spectral::new([0.4, 1.5, 0.2, 2.0]),
         Spectral::new([2.5, 1.9, 3.4, 2.0]),
     );
+    let reflectance = Spectrum::uniform(Spectral::ONE);
     let roughness = Roughness {
         distribution: Distribution::Ggx,
         masking: Masking::default(),
@@ -44,8 +45,13 @@ pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
             Material::Diffuse(Diffuse {
                 albedo: Spectrum::uniform(Spectral::new([0.3, 0.5, 0.7, 0.0])),
             }),
-            Material::Conductor(Conductor { n, k }),
-            Material::RoughConductor(RoughConductor { n, k, roughness }),
+            Material::Conductor(Conductor { n, k, reflectance }),
+            Material::RoughConductor(RoughConductor {
+                n,
+                k,
+                reflectance,
+                roughness,
+            }),
         ],
         ..Materials::default()
     };

@@ -30,6 +30,7 @@ fn rectangle(material: u32, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) -> Shape
 
 fn mirrors(shapes: &[Shape]) -> Mirrors {
     let (n, k) = (Spectral::splat(0.4242), Spectral::splat(2.4721));
+    let reflectance = Spectrum::uniform(Spectral::ONE);
     let roughness = Roughness {
         distribution: Distribution::Ggx,
         masking: Masking::default(),
@@ -40,8 +41,13 @@ fn mirrors(shapes: &[Shape]) -> Mirrors {
             Material::Diffuse(Diffuse {
                 albedo: Spectrum::uniform(Spectral::splat(0.5)),
             }),
-            Material::Conductor(Conductor { n, k }),
-            Material::RoughConductor(RoughConductor { n, k, roughness }),
+            Material::Conductor(Conductor { n, k, reflectance }),
+            Material::RoughConductor(RoughConductor {
+                n,
+                k,
+                reflectance,
+                roughness,
+            }),
         ],
         ..Materials::default()
     };

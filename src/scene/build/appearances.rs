@@ -1,0 +1,411 @@
+//! What a mesh file says a material looks like → the nearest models of ours.
+//!
+//! A base without a coat is diffuse; with one it is plastic, whose body is chosen so that the directional albedo at normal
+//! incidence is that of the file's model ([`import::body`]). Metal has the indices that reflect its colour
+//! ([`import::metal`]). What lets light through is glass where it refracts, else a sheet.
+
+use super::context::Context;
+use base::locate::Located;
+use image::{DynamicImage, ImageBuffer, ImageFormat, Rgb};
+use import::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
+use import::body;
+use optics::sampling::microfacet::{Distribution, Masking};
+use syntax::material::{
+    BlendFile, ConductorFile, DielectricFile, DiffuseFile, InterreflectionFile, MaterialFile, NormalMapFile,
+    NullFile, PassageFile, PlasticFile, RetarderFile, RoughConductorFile, RoughDielectricFile, TiltFile,
+};
+use syntax::texture::{AlbedoFile, ImageAlbedo, ScalarFile};
+use syntax::values::SpectrumFile;
+
+/// Facets as smooth as they can be.
+const SMOOTH: f64 = 0.001;
+
+/// Materials being made for one of a file.
+pub(super) struct Table<'a> {
+    ctx: &'a mut Context,
+    file: &'a Located<String>,
+    name: &'a str,
+    /// The materials so far by name; the last one is that of the file.
+    pub made: Vec<(String, MaterialFile)>,
+}
+
+/// A linear colour with alpha.
+type Texel = [f32; 4];
+
+impl<'a> Table<'a> {
+    /// The materials that stand for an appearance, under `name` and names that begin with it.
+    pub fn new(ctx: &'a mut Context, file: &'a Located<String>, name: &'a str, a: &Appearance) -> Self {
+        let mut out = Self {
+            ctx,
+            file,
+            name,
+            made: vec![],
+        };
+        let body = out.material(a);
+        out.made.push((name.to_owned(), body));
+        out
+    }
+
+    fn at<T>(&self, value: T) -> Located<T> {
+        Located::at(self.file.span(), value)
+    }
+
+    fn note(&mut self, text: &str) {
+        self.ctx.notes.push(format!("{}: {text}", self.name));
+    }
+
+    fn add(&mut self, part: &str, material: MaterialFile) -> Located<String> {
+        let name = format!("{}/{part}", self.name);
+        self.made.push((name.clone(), material));
+        self.at(name)
+    }
+
+    fn material(&mut self, a: &Appearance) -> MaterialFile {
+        let mut body = match a.coat {
+            None => MaterialFile::Diffuse(DiffuseFile {
+                albedo: self.albedo(a, |v| v),
+            }),
+            Some(coat) => self.plastic(a, coat),
+        };
+        let strongest = a.mirror.into_iter().fold(0.0, f64::max);
+        if strongest > 0.0 {
+            body = self.beside_mirror(a, strongest);
+        }
+        if a.metallic > 0.0 {
+            let metal = self.metal(a);
+            let weight = self.metallic(a);
+            body = self.mixed(["base", "metal"], body, metal, weight);
+        }
+        if a.transmission > 0.0 {
+            let glass = self.transparent(a);
+            body = self.mixed(["opaque", "glass"], body, glass, a.transmission.into());
+        }
+        if let Some((picture, strength)) = &a.normals {
+            let image = self.name_of(picture);
+            let material = self.add("smooth", body);
+            body = MaterialFile::NormalMap(NormalMapFile {
+                material,
+                image: self.at(image),
+                strength: self.at(*strength),
+                uv: picture.uv,
+                wrap: picture.wrap,
+                filter: picture.filter,
+            });
+        }
+        let opacity = self.opacity(a);
+        if opacity != ScalarFile::Number(1.0) {
+            body = self.mixed(["hole", "there"], MaterialFile::Null(NullFile {}), body, opacity);
+        }
+        body
+    }
+
+    /// A share `weight` of `b` in `a`.
+    fn mixed(
+        &mut self,
+        [first, second]: [&str; 2],
+        a: MaterialFile,
+        b: MaterialFile,
+        weight: ScalarFile,
+    ) -> MaterialFile {
+        match weight {
+            ScalarFile::Number(w) if w >= 1.0 => return b,
+            ScalarFile::Number(w) if w <= 0.0 => return a,
+            _ => {}
+        }
+        MaterialFile::Blend(BlendFile {
+            a: self.add(first, a),
+            b: self.add(second, b),
+            weight: self.at(weight),
+        })
+    }
+
+    fn plastic(&mut self, a: &Appearance, coat: Coat) -> MaterialFile {
+        // Of an image of roughness: the middle of its range.
+        let alpha = if a.metallic_roughness.is_some() {
+            a.alpha / 4.0
+        } else {
+            a.alpha
+        };
+        let reflected = body::coat_albedo(coat.ior, alpha, Masking::Correlated);
+        let albedo = match a.model {
+            Model::Gltf => {
+                let factor = body::gltf(coat.ior, alpha);
+                self.albedo(a, |v| v * factor)
+            }
+            // The colour is that of coat and body together.
+            Model::Mtl => self.albedo(a, |v| ((v - reflected) / (1.0 - reflected)).max(0.0)),
+        };
+        let specular = self.colour(coat.colour);
+        MaterialFile::Plastic(Box::new(PlasticFile {
+            albedo,
+            ior: self.at(coat.ior.into()),
+            exterior_ior: self.at(1.0.into()),
+            specular: self.at(specular),
+            single_scatter: None,
+            interreflection: InterreflectionFile::Linear,
+            passage: PassageFile::Facets,
+            alpha: self.alpha(a),
+            distribution: Distribution::default(),
+            masking: Masking::default(),
+        }))
+    }
+
+    /// A diffuse base and a mirror that add up to no more than all light: mixed by area, each brighter by its share.
+    fn beside_mirror(&mut self, a: &Appearance, share: f64) -> MaterialFile {
+        let rest = (1.0 - share).max(1e-9);
+        let base = MaterialFile::Diffuse(DiffuseFile {
+            albedo: self.albedo(a, |v| v / rest),
+        });
+        let reflectance = self.colour(a.mirror.map(|v| v / share)).into();
+        let metal = Some(self.at("mirror".to_owned()));
+        let (n, k) = (None, None);
+        let reflectance = self.at(reflectance);
+        // MTL's is traced as a mirror; glTF's is as rough as the rest.
+        let mirror = if a.model == Model::Mtl {
+            MaterialFile::Conductor(ConductorFile {
+                metal,
+                n,
+                k,
+                reflectance,
+            })
+        } else {
+            MaterialFile::RoughConductor(RoughConductorFile {
+                metal,
+                n,
+                k,
+                reflectance,
+                alpha: self.alpha(a),
+                distribution: Distribution::default(),
+                masking: Masking::default(),
+            })
+        };
+        self.mixed(["base", "mirror"], base, mirror, share.into())
+    }
+
+    fn metal(&mut self, a: &Appearance) -> MaterialFile {
+        let mut brightest = a.base;
+        let reflectance = match &a.image {
+            None => 1.0.into(),
+            Some(picture) => {
+                // The metal of the brightest texel, weakened elsewhere.
+                let most = self.brightest(picture);
+                brightest = std::array::from_fn(|i| a.base[i] * f64::from(most[i]));
+                let reference = most.map(|v| v.max(1e-6));
+                self.derived(picture, "metal", move |t| [0, 1, 2].map(|i| t[i] / reference[i]))
+            }
+        };
+        let indices = brightest.map(import::metal::metal);
+        let column = |i: usize| self.colour([0, 1, 2].map(|c| indices[c][i]));
+        let (n, k) = (column(0), column(1));
+        MaterialFile::RoughConductor(RoughConductorFile {
+            metal: None,
+            n: Some(self.at(n)),
+            k: Some(self.at(k)),
+            reflectance: self.at(reflectance),
+            alpha: self.alpha(a),
+            distribution: Distribution::default(),
+            masking: Masking::default(),
+        })
+    }
+
+    /// What lets light through.
+    fn transparent(&mut self, a: &Appearance) -> MaterialFile {
+        let (ior, exterior_ior) = (self.at(a.ior.into()), self.at(1.0.into()));
+        let tinted = a.image.is_some() || a.base != [1.0; 3];
+        if a.refracts {
+            if a.model == Model::Gltf && tinted {
+                self.note("the base colour does not tint the light that the glass lets through");
+            }
+            if a.alpha <= SMOOTH {
+                return MaterialFile::Dielectric(DielectricFile { ior, exterior_ior });
+            }
+            return MaterialFile::RoughDielectric(RoughDielectricFile {
+                ior,
+                exterior_ior,
+                alpha: self.alpha(a),
+                distribution: Distribution::default(),
+                masking: Masking::default(),
+            });
+        }
+        if a.alpha > SMOOTH {
+            self.note("the roughness does not blur the light that the thin sheet lets through");
+        }
+        if !tinted {
+            return MaterialFile::ThinDielectric(DielectricFile { ior, exterior_ior });
+        }
+        if a.image.is_some() {
+            self.note(
+                "the image of the base colour does not tint the light that the thin sheet lets through",
+            );
+        }
+        self.note("the coloured sheet does not reflect light");
+        let transmittance = self.colour(a.base);
+        MaterialFile::Retarder(RetarderFile {
+            retardance_deg: Some(self.at(0.0.into())),
+            retardance_nm: None,
+            angle_deg: Some(self.at(0.0)),
+            axis: None,
+            transmittance: self.at(transmittance),
+            tilt: TiltFile::Constant,
+            ior: None,
+        })
+    }
+
+    /// The share that is metal.
+    fn metallic(&mut self, a: &Appearance) -> ScalarFile {
+        let factor = a.metallic as f32;
+        match &a.metallic_roughness {
+            None => a.metallic.into(),
+            Some(picture) => self.numbers(picture, "metallic", move |t| t[2] * factor),
+        }
+    }
+
+    /// Facets' α.
+    fn alpha(&mut self, a: &Appearance) -> Located<ScalarFile> {
+        let factor = a.alpha as f32;
+        let value = match &a.metallic_roughness {
+            None => a.alpha.into(),
+            Some(picture) => self.numbers(picture, "alpha", move |t| {
+                (t[1] * t[1] * factor).max(SMOOTH as f32)
+            }),
+        };
+        self.at(value)
+    }
+
+    /// The share of the surface that is there.
+    fn opacity(&mut self, a: &Appearance) -> ScalarFile {
+        let factor = a.opacity as f32;
+        match &a.opacity_image {
+            None => a.opacity.into(),
+            Some((picture, what)) => {
+                let what = *what;
+                self.numbers(picture, "opacity", move |t| match what {
+                    Opacity::First => t[0] * factor,
+                    Opacity::Alpha => t[3] * factor,
+                    Opacity::Cut(at) => f32::from(f64::from(t[3]) >= at - 1e-6),
+                })
+            }
+        }
+    }
+
+    /// The base colour with each value changed by a function, at most 1.
+    fn albedo(&mut self, a: &Appearance, change: impl Fn(f64) -> f64) -> Located<AlbedoFile> {
+        let value = match &a.image {
+            None => {
+                let colour = a.base.map(|v| change(v).min(1.0));
+                self.colour(colour).into()
+            }
+            // Nothing is to be changed.
+            Some(picture) if a.base == [1.0; 3] && change(1.0) == 1.0 && change(0.5) == 0.5 => {
+                AlbedoFile::Image(self.reference(picture, false))
+            }
+            Some(picture) => {
+                let base = a.base;
+                self.derived(picture, "base", move |t| {
+                    std::array::from_fn(|i| change(base[i] * f64::from(t[i])).min(1.0) as f32)
+                })
+            }
+        };
+        self.at(value)
+    }
+
+    /// Linear texels of a picture: colours decoded if `encoded`, alpha as it is. `None` if it cannot be read, which is
+    /// reported where the material that names it is built.
+    fn texels(&mut self, picture: &Picture, encoded: bool) -> Option<(u32, u32, Vec<Texel>)> {
+        let bytes = match &picture.source {
+            Source::File(name) => self.ctx.read(name, self.file.span()).ok()?,
+            Source::Embedded(_, bytes) => bytes.clone(),
+        };
+        let image = image::load_from_memory(&bytes).ok()?;
+        let real = matches!(
+            image,
+            DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
+        );
+        let decode = |v: f32| import::picture::linear(v, encoded && !real);
+        let texels = image
+            .to_rgba32f()
+            .pixels()
+            .map(|p| [decode(p.0[0]), decode(p.0[1]), decode(p.0[2]), p.0[3]])
+            .collect();
+        Some((image.width(), image.height(), texels))
+    }
+
+    /// The greatest value of each channel.
+    fn brightest(&mut self, picture: &Picture) -> [f32; 3] {
+        let Some((.., texels)) = self.texels(picture, true) else {
+            return [1.0; 3];
+        };
+        texels
+            .iter()
+            .fold([0.0; 3], |most, t| std::array::from_fn(|i| most[i].max(t[i])))
+    }
+
+    /// An image of colours made of a picture, in memory.
+    fn derived(&mut self, picture: &Picture, part: &str, change: impl Fn(Texel) -> [f32; 3]) -> AlbedoFile {
+        AlbedoFile::Image(self.image(picture, part, true, change))
+    }
+
+    /// An image of numbers made of a picture, in memory.
+    fn numbers(&mut self, picture: &Picture, part: &str, change: impl Fn(Texel) -> f32) -> ScalarFile {
+        ScalarFile::Image(self.image(picture, part, false, |t| [change(t); 3]))
+    }
+
+    fn image(
+        &mut self,
+        picture: &Picture,
+        part: &str,
+        encoded: bool,
+        change: impl Fn(Texel) -> [f32; 3],
+    ) -> ImageAlbedo {
+        let made = self.texels(picture, encoded).and_then(|(width, height, texels)| {
+            let whole = |v: f32| (v.clamp(0.0, 1.0) * 65535.0).round() as u16;
+            let values = texels.into_iter().flat_map(change).map(whole).collect();
+            let image = ImageBuffer::<Rgb<u16>, _>::from_raw(width, height, values)?;
+            import::picture::encoded(&image.into(), ImageFormat::Png).ok()
+        });
+        let Some(bytes) = made else {
+            return self.reference(picture, false);
+        };
+        let name = format!("{}/{part}.png", self.name);
+        self.ctx.keep(&name, bytes);
+        ImageAlbedo {
+            image: self.at(name),
+            ..self.reference(picture, encoded)
+        }
+    }
+
+    /// A picture as it is.
+    fn reference(&mut self, picture: &Picture, raw: bool) -> ImageAlbedo {
+        let name = self.name_of(picture);
+        ImageAlbedo {
+            image: self.at(name),
+            scale: 1.0,
+            uv: picture.uv,
+            wrap: picture.wrap,
+            filter: picture.filter,
+            raw,
+        }
+    }
+
+    /// Name under which an image is found.
+    fn name_of(&mut self, picture: &Picture) -> String {
+        match &picture.source {
+            Source::File(name) => name.clone(),
+            Source::Embedded(number, bytes) => {
+                let name = format!("{}#{number}", **self.file);
+                self.ctx.keep(&name, bytes.clone());
+                name
+            }
+        }
+    }
+
+    /// Red above 590 nm, green from 500 nm, blue below.
+    fn colour(&self, rgb: [f64; 3]) -> SpectrumFile {
+        let channel = |nm: &f64| match *nm {
+            nm if nm < 500.0 => rgb[2],
+            nm if nm < 590.0 => rgb[1],
+            _ => rgb[0],
+        };
+        SpectrumFile::PerWavelength(self.ctx.listed.nm().iter().map(channel).collect())
+    }
+}

@@ -1,0 +1,182 @@
+//! Materials of other programs' files keep the albedo that their own models give them: a square under uniform light 1, seen
+//! along its normal, shows the directional albedo there. Values are those of the specifications, of Mitsuba 3.9.1, or closed
+//! forms; `validation/import_albedo.py` compares all angles with Mitsuba live.
+
+use crate::optics::{Device, head};
+use crate::support::render_scene;
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::path::Path;
+use sunstone::scene::from_text;
+use sunstone::scene::mitsuba::import::Import;
+
+const SKY: &str = "[[emitters]]\nenvironment = { radiance = 1 }\n[[slices]]\nname = \"m\"\n";
+
+/// What a scene shows at 450, 550 and 660 nm.
+fn seen(folder: &Path, text: &str) -> [f64; 3] {
+    let scene = from_text(&folder.join("scene.toml"), text).unwrap_or_else(|e| panic!("{e}"));
+    let mean = render_scene(&scene).mean("m");
+    let one = mean.data.len() / 3;
+    std::array::from_fn(|i| f64::from(mean.data[i * one]))
+}
+
+fn object(folder: &Path, shape: &str) -> [f64; 3] {
+    let camera = Device::ray([0.05, 0.02, 4.0], DVec3::new(0.05, 0.02, 0.0));
+    let text = head(20_000, 2, 2).replace("[550]", "[450, 550, 660]")
+        + &camera.keys("camera")
+        + &format!(
+            "[materials]\nbare.diffuse.albedo = 0\n[[objects]]\nmaterial = \"bare\"\nshape.{shape}, materials = true }}\n"
+        )
+        + SKY;
+    seen(folder, &text)
+}
+
+const SQUARE: &str =
+    "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3 4/4\n";
+
+fn mtl(text: &str) -> [f64; 3] {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::from_pixel(2, 2, image::Rgb([188, 188, 188]))
+        .save(folder.path().join("grey.png"))
+        .unwrap();
+    std::fs::write(folder.path().join("a.mtl"), format!("newmtl m\n{text}\n")).unwrap();
+    std::fs::write(folder.path().join("a.obj"), format!("mtllib a.mtl\n{SQUARE}")).unwrap();
+    object(folder.path(), "obj = { file = \"a.obj\"")
+}
+
+fn gltf(material: &str) -> [f64; 3] {
+    let folder = tempfile::tempdir().unwrap();
+    // Green (roughness) and blue (metal) of a map: half of both.
+    image::RgbImage::from_pixel(2, 2, image::Rgb([255, 128, 128]))
+        .save(folder.path().join("map.png"))
+        .unwrap();
+    let floats: [f32; 20] = [
+        -1., -1., 0., 1., -1., 0., 1., 1., 0., -1., 1., 0., 0., 1., 1., 1., 1., 0., 0., 0.,
+    ];
+    let mut bytes: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
+    bytes.extend([0_u32, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()));
+    std::fs::write(folder.path().join("a.bin"), &bytes).unwrap();
+    let text = format!(
+        r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"mesh": 0}}], "textures": [{{"source": 0}}], "images": [{{"uri": "map.png"}}],
+        "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0, "TEXCOORD_0": 1}}, "indices": 2, "material": 0}}]}}],
+        "materials": [{material}], "buffers": [{{"uri": "a.bin", "byteLength": {}}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": 48}}, {{"buffer": 0, "byteOffset": 48, "byteLength": 32}},
+                        {{"buffer": 0, "byteOffset": 80, "byteLength": 24}}],
+        "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, -1, 0], "max": [1, 1, 0]}},
+                      {{"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"}},
+                      {{"bufferView": 2, "componentType": 5125, "count": 6, "type": "SCALAR"}}]}}"#,
+        bytes.len()
+    );
+    std::fs::write(folder.path().join("a.gltf"), text).unwrap();
+    object(folder.path(), "gltf = { file = \"a.gltf\"")
+}
+
+/// A BSDF of Mitsuba on a rectangle, imported.
+fn mitsuba(bsdf: &str) -> [f64; 3] {
+    let folder = tempfile::tempdir().unwrap();
+    let xml = format!(
+        r#"<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="2"/></integrator>
+        <sensor type="perspective"><float name="fov" value="0.01"/><transform name="to_world"><lookat origin="0.05,0.02,4" target="0.05,0.02,0" up="0,1,0"/></transform>
+        <film type="hdrfilm"><integer name="width" value="1"/><integer name="height" value="1"/></film>
+        <sampler type="independent"><integer name="sample_count" value="20000"/></sampler></sensor>
+        <emitter type="constant"/><shape type="rectangle">{bsdf}</shape></scene>"#
+    );
+    let toml = folder.path().join("scene.toml");
+    let import = Import::from_text(&folder.path().join("scene.xml"), &xml, &toml, &BTreeMap::new())
+        .unwrap_or_else(|e| panic!("{bsdf}: {e}"));
+    let (scene, _) = import.toml.split_once("[[slices]]").expect("a slice");
+    seen(folder.path(), &format!("{scene}[[slices]]\nname = \"m\"\n"))
+}
+
+#[track_caller]
+fn near(what: &str, got: [f64; 3], want: [f64; 3], off: f64) {
+    for (got, want) in got.into_iter().zip(want) {
+        assert!(
+            (got - want).abs() <= off * want.max(0.05),
+            "{what}: {got:.4}, not {want}"
+        );
+    }
+}
+
+/// 20,000 samples: 5 standard errors of what varies most here, a rough mirror, are 0.7 %.
+const NOISE: f64 = 0.012;
+
+#[test]
+fn a_base_colour_is_not_weakened_twice() {
+    for (base, specified, disney) in [(0.2, 0.204, 0.220), (0.5, 0.492, 0.530), (0.8, 0.780, 0.840)] {
+        let got = gltf(&format!(
+            r#"{{"pbrMetallicRoughness": {{"baseColorFactor": [{base}, {base}, {base}, 1], "metallicFactor": 0}}}}"#
+        ));
+        near("glTF", got, [specified; 3], NOISE);
+        let got = mitsuba(&format!(
+            r#"<bsdf type="principled"><rgb name="base_color" value="{base}"/><float name="roughness" value="1"/></bsdf>"#
+        ));
+        near("principled", got, [disney; 3], NOISE);
+    }
+}
+
+#[test]
+fn mtl_colours_are_those_of_the_whole_surface() {
+    for (text, want) in [
+        ("Kd .8 .8 .8\nKs .5 .5 .5\nNs 250", [0.8; 3]),
+        ("Kd 0 0 0\nKs 1 1 1\nillum 3", [1.0; 3]),
+        ("Kd .2 .2 .2\nKs .5 .5 .5\nillum 3", [0.7; 3]),
+        ("Kd .5 .5 .5\nd .5", [0.75; 3]),
+        ("Kd .1 .1 .8\nTr 1.0\nillum 1", [0.8, 0.1, 0.1]),
+        ("Kd .1 .2 .3\nKs .9 .9 .9\nillum 0", [0.3, 0.2, 0.1]),
+        // sRGB 188 is 0.503.
+        ("map_Kd grey.png", [0.503; 3]),
+        ("Kd .5 .25 1\nmap_Kd grey.png", [0.503, 0.1257, 0.2515]),
+        (
+            "Kd .5 .5 .5\nmap_d grey.png",
+            [(1.0 - 188.0 / 255.0) + 0.5 * 188.0 / 255.0; 3],
+        ),
+    ] {
+        near(text, mtl(text), want, NOISE);
+    }
+}
+
+/// Mitsuba 3.9.1, scalar_rgb, 65,536 samples, along the normal.
+#[test]
+fn facets_of_a_coat_weaken_the_body_as_in_the_source() {
+    for (alpha, want) in [("0.1", 0.5033), ("0.4", 0.4242), ("1", 0.2649)] {
+        let got = mitsuba(&format!(
+            r#"<bsdf type="roughplastic"><rgb name="diffuse_reflectance" value="0.5"/><float name="alpha" value="{alpha}"/></bsdf>"#
+        ));
+        near(alpha, got, [want; 3], 0.02);
+    }
+}
+
+#[test]
+fn metals_without_indices_reflect_all_light() {
+    for bsdf in [
+        r#"<bsdf type="conductor"/>"#,
+        r#"<bsdf type="conductor"><string name="material" value="none"/></bsdf>"#,
+    ] {
+        near(bsdf, mitsuba(bsdf), [1.0; 3], 1e-5);
+    }
+    let tinted = r#"<bsdf type="conductor"><rgb name="specular_reflectance" value="0.2 0.4 0.6"/></bsdf>"#;
+    near(tinted, mitsuba(tinted), [0.6, 0.4, 0.2], 1e-5);
+}
+
+/// glTF's default material is white metal of roughness 1: what single reflection between GGX facets returns at normal
+/// incidence is 0.3069. A map with default factors: α 0.252 and half metal (`gltf` of `validation/import_albedo.py`).
+#[test]
+fn white_metal_loads_and_reflects() {
+    near("{}", gltf("{}"), [0.3069; 3], NOISE);
+    let smooth = r#"{"pbrMetallicRoughness": {"roughnessFactor": 0}}"#;
+    near(smooth, gltf(smooth), [1.0; 3], NOISE);
+    let map = r#"{"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}"#;
+    near(map, gltf(map), [0.9553; 3], NOISE);
+}
+
+#[test]
+fn holes_show_what_is_behind() {
+    let blend = r#"{"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 0.25], "metallicFactor": 0}}"#;
+    near(blend, gltf(blend), [0.75 + 0.25 * 0.492; 3], NOISE);
+    let cut = r#"{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 0.25], "metallicFactor": 0}}"#;
+    near(cut, gltf(cut), [1.0; 3], NOISE);
+    let opaque =
+        r#"{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 0.25], "metallicFactor": 0}}"#;
+    near(opaque, gltf(opaque), [0.492; 3], NOISE);
+}
