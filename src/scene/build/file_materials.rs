@@ -259,6 +259,7 @@ impl Table<'_> {
                 uv: picture.uv,
                 wrap: picture.wrap,
                 filter: picture.filter,
+                layer: None,
             });
         }
         body
@@ -303,6 +304,7 @@ impl Table<'_> {
             wrap: picture.wrap,
             filter: picture.filter,
             raw: false,
+            layer: None,
         }))
     }
 

@@ -319,6 +319,7 @@ impl MaterialReader {
                     uv: image.uv,
                     wrap: image.wrap,
                     filter: image.filter,
+                    layer: None,
                 })
             }
             "null" => MaterialFile::Null(NullFile {}),
