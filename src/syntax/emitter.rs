@@ -40,9 +40,11 @@ pub struct EnvironmentFile {
         skip_serializing_if = "defaults::is_unit_spectrum"
     )]
     pub radiance: Located<SpectrumFile>,
-    /// Equirectangular OpenEXR, Radiance HDR, PNG or JPEG file: its columns run with atan2(x, -z), its rows from +y down;
+    /// Equirectangular image file, as of [`ImageAlbedo::image`]: its columns run with atan2(x, -z), its rows from +y down;
     /// red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
     pub image: Option<Located<String>>,
+    /// As of [`ImageAlbedo::layer`].
+    pub layer: Option<String>,
     /// Where the rows of the image lie. With `poles`, a second row that is the last one is also used at the lower pole, as in
     /// Mitsuba, so that it lies on the horizon.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -167,6 +169,7 @@ impl EnvironmentFile {
         Self {
             radiance: radiance.into().into(),
             image: None,
+            layer: None,
             rows: Rows::default(),
             transform: None,
             stokes: None,

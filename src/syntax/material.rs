@@ -202,6 +202,8 @@ pub struct NormalMapFile {
     /// Between the image's texels.
     #[serde(default, skip_serializing_if = "is_default")]
     pub filter: Filter,
+    /// Layer of an OpenEXR file, as of other images.
+    pub layer: Option<String>,
 }
 
 /// See [`MaterialFile::PartialDepolarizer`].

@@ -226,7 +226,7 @@ fn sky(
     };
     let scale = ctx.located(&v.radiance, "radiance", 0.0..=HUGE)?;
     let polarized = polarized(ctx, v.stokes.as_ref(), v.polarizer_deg.as_ref(), v.horizontal, at)?;
-    let ([width, mut height], mut texels) = textures::sky(ctx, image)?;
+    let ([width, mut height], mut texels) = textures::sky(ctx, image, v.layer.as_deref())?;
     if v.rows == Rows::Poles && height == 2 {
         texels.extend_from_within(width as usize..);
         height = 3;

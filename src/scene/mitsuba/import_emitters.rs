@@ -7,6 +7,7 @@ use super::names::PROJECTOR_RESOLUTION;
 use super::tree::{Node, numbers};
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3};
+use import::picture;
 use std::f64::consts::PI;
 use syntax::device::{EmitterFile, ProjectorFile};
 use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, Rows, SpotFile};
@@ -304,17 +305,15 @@ fn white(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
         )));
     }
     let path = importer.path(name);
-    let image = base::input::open(&path)
-        .map_err(image::ImageError::from)
-        .and_then(|_| image::open(&path))
-        .map_err(|e| refused(format!("cannot read {name}: {e}")))?;
-    let rgb = image.to_rgb16();
-    if rgb.pixels().any(|p| p.0 != [u16::MAX; 3]) {
+    let bytes = base::input::read(&path).map_err(|e| refused(format!("cannot read {name}: {e}")))?;
+    let image = picture::decode(name, &bytes, None)
+        .map_err(|e| refused(format!("cannot decode {name}: {}", e.message)))?;
+    if image.values.iter().any(|p| *p != [1.0; 3]) {
         return Err(refused(format!("{name} is not white")));
     }
     node.finish(
         source,
         &["raw", "format", "to_uv", "filter_type", "wrap_mode", "accel"],
     );
-    Ok([rgb.width(), rgb.height()])
+    Ok([image.width as u32, image.height as u32])
 }

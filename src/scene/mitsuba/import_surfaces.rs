@@ -2,7 +2,6 @@
 
 use super::importer::{Importer, is_spectrum};
 use super::tree::{Node, Value};
-use crate::build::textures::holds_light;
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
 use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
@@ -407,7 +406,7 @@ pub(super) fn bitmap(
         uv: shortest(rows, wrap == Wrap::Repeat),
         wrap,
         filter,
-        // Mitsuba decodes what a file's format says is encoded; colours of these formats are linear.
-        raw: (linear || holds_light(name)) && !raw,
+        raw: linear && !raw,
+        layer: None,
     })
 }
