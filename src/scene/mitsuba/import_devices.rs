@@ -222,7 +222,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         let bins = *importer.whole(&node.span, bins, "temporal_bins")?;
         time = Some((start, width, bins));
     }
-    let mut filter = "gaussian";
+    let mut filter = None;
     for child in node.children() {
         let inner = importer.resolve(child)?;
         if inner.tag != "rfilter" {
@@ -232,11 +232,13 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
                 "keep the rfilter alone",
             );
         }
-        filter = inner.kind.as_str();
+        if filter.replace(inner.kind.as_str()).is_some() {
+            return importer.error(child.span(), "the film has a second rfilter", "keep one");
+        }
         // Shapes of filters that are not used.
         inner.finish(source, &["radius", "stddev", "lobes", "B", "C"]);
     }
-    if filter != "box" {
+    if filter != Some("box") {
         importer.note(FILTERED);
     }
     let own: &[&str] = match node.kind.as_str() {

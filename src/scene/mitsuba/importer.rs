@@ -333,7 +333,13 @@ impl<'a> Importer<'a> {
 
     /// The plugin that a child is, or refers to.
     pub fn resolve(&self, child: &'a Child) -> Result<&'a Node, InputError> {
-        match child.take() {
+        child.take();
+        self.peek(child)
+    }
+
+    /// As [`Self::resolve`], without counting it as used.
+    pub fn peek(&self, child: &'a Child) -> Result<&'a Node, InputError> {
+        match &child.what {
             Inside::Node(node) => Ok(node),
             Inside::Reference { id, span, .. } => self.ids.get(id.as_str()).copied().ok_or_else(|| {
                 self.source.error(
