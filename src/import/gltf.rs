@@ -40,21 +40,30 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
     let cannot = |e: gltf::json::Error| broken(format!("the glTF JSON cannot be read ({e})"));
     // Not `deserialize::from_slice`, which would be compiled for `Root` here, optimized, once more.
     let mut document: Value = gltf::json::deserialize::from_slice(&json).map_err(cannot)?;
+    let version = document["asset"]["version"].as_str().unwrap_or("1.0");
+    if !version.starts_with("2.") {
+        let what = format!("the glTF version is {version}");
+        return Err(ImportError::unsupported(what, "export as glTF 2.0"));
+    }
     let mut parts = Parts::default();
     gltf_notes::read(&document, &mut parts.notes)?;
     let materials = material_names(&document);
     // What is not read here must not be able to refuse the file.
     if let Some(top) = document.as_object_mut() {
-        for key in ["animations", "cameras", "materials", "textures", "images", "samplers", "extensions"] {
+        for key in [
+            "animations",
+            "cameras",
+            "materials",
+            "textures",
+            "images",
+            "samplers",
+            "extensions",
+        ] {
             top.remove(key);
         }
     }
     let json = gltf::json::serialize::to_vec(&document).map_err(cannot)?;
     let root = Root::from_slice(&json).map_err(cannot)?;
-    if !root.asset.version.starts_with("2.") {
-        let what = format!("the glTF version is {}", root.asset.version);
-        return Err(ImportError::unsupported(what, "export as glTF 2.0"));
-    }
     let data = Data::new(&root, blob.as_deref(), base_dir, &mut parts.notes)?;
     let mut importer = Importer {
         worlds: worlds(&root)?,
@@ -65,7 +74,9 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
         triangles: 0,
     };
     importer.walk()?;
-    importer.parts.end("export a scene whose nodes have meshes of triangles")
+    importer
+        .parts
+        .end("export a scene whose nodes have meshes of triangles")
 }
 
 /// Names of the files beside a document that hold its buffers, as far as it can be read.
@@ -117,8 +128,11 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
             // The specification (section 4.4.1) asks to ignore others.
             _ => {}
         }
-        // Chunks begin at multiples of 4; some exporters give the length without the padding.
-        at += 8 + chunk.len().next_multiple_of(4);
+        at += 8 + chunk.len();
+        // Chunks begin at multiples of 4. Some exporters give the length without the padding, others leave the padding out.
+        if bytes.get(at + 4..at + 8) != Some(b"BIN\0") {
+            at = at.next_multiple_of(4);
+        }
     }
     let json = json.ok_or_else(|| broken("the GLB container has no chunk `JSON`"))?;
     Ok((json.into(), bin.map(Cow::Borrowed)))
@@ -169,7 +183,9 @@ impl Importer<'_> {
             let extension = |name| node.extensions.as_ref().and_then(|e| e.others.get(name));
             if extension(VISIBILITY).is_some_and(|v| v["visible"] == false) {
                 let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
-                self.parts.notes.add(format!("{name:?} and what belongs to it is invisible and left out"));
+                self.parts.notes.add(format!(
+                    "{name:?} and what belongs to it is invisible and left out"
+                ));
                 continue;
             }
             if let Some(mesh) = node.mesh {
@@ -177,7 +193,11 @@ impl Importer<'_> {
             }
             stack.extend(node.children.iter().flatten().rev().map(Index::value));
         }
-        let left = root.nodes.iter().zip(visited).filter(|(n, seen)| n.mesh.is_some() && !seen);
+        let left = root
+            .nodes
+            .iter()
+            .zip(visited)
+            .filter(|(n, seen)| n.mesh.is_some() && !seen);
         let note = "a node with a mesh is left out: it does not belong to the scene";
         self.parts.notes.add_times(note, left.count());
         Ok(())
@@ -307,7 +327,9 @@ fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
             continue;
         };
         if out[index].is_some() {
-            return Err(broken(format!("node {index} is reached twice (a child of two parents)")));
+            return Err(broken(format!(
+                "node {index} is reached twice (a child of two parents)"
+            )));
         }
         let world = parent * local(node, index)?;
         out[index] = Some(world);
@@ -337,7 +359,9 @@ fn roots(root: &Root, parts: &mut Parts) -> Result<Vec<usize>, ImportError> {
     let nodes = &root.scenes.get(scene).ok_or_else(missing)?.nodes;
     let others = root.scenes.len() - 1;
     if others > 0 {
-        parts.notes.add(format!("only scene {scene} (counted from 0) is used, {others} others are not"));
+        parts.notes.add(format!(
+            "only scene {scene} (counted from 0) is used, {others} others are not"
+        ));
     }
     Ok(nodes.iter().map(Index::value).collect())
 }
@@ -418,7 +442,9 @@ fn read_mesh(
 fn material_names(document: &Value) -> Vec<String> {
     let list = document["materials"].as_array().map_or(&[][..], Vec::as_slice);
     let name = |(i, m): (usize, &Value)| {
-        m["name"].as_str().map_or_else(|| format!("material_{i}"), str::to_owned)
+        m["name"]
+            .as_str()
+            .map_or_else(|| format!("material_{i}"), str::to_owned)
     };
     list.iter().enumerate().map(name).collect()
 }
@@ -433,16 +459,36 @@ fn read_primitive(
     let mode = match p.mode {
         Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
         Checked::Valid(_) => {
-            parts.notes.add(format!("points or lines of mesh {name:?} are left out"));
+            parts
+                .notes
+                .add(format!("points or lines of mesh {name:?} are left out"));
             return Ok(None);
         }
-        Checked::Invalid => return Err(broken(format!("mesh {name:?} has a primitive of an unknown mode"))),
+        Checked::Invalid => {
+            return Err(broken(format!(
+                "mesh {name:?} has a primitive of an unknown mode"
+            )));
+        }
     };
     let attribute = |s| p.attributes.get(&Checked::Valid(s)).map(Index::value);
     let Some(positions) = attribute(Semantic::Positions) else {
-        parts.notes.add(format!("a primitive of mesh {name:?} has no POSITION and is left out"));
+        parts.notes.add(format!(
+            "a primitive of mesh {name:?} has no POSITION and is left out"
+        ));
         return Ok(None);
     };
+    let compression = p.extensions.as_ref().and_then(|e| {
+        let names = e.others.keys();
+        names
+            .map(String::as_str)
+            .find(|name| gltf_notes::COMPRESSIONS.contains(name))
+    });
+    let is_empty = |a: &gltf::json::Accessor| a.buffer_view.is_none() && a.sparse.is_none();
+    if let Some(name) = compression
+        && data.root.accessors.get(positions).is_some_and(is_empty)
+    {
+        return Err(gltf_notes::compressed(name));
+    }
     let vec3 = |index| -> Result<Vec<Vec3>, ImportError> {
         Ok(data.floats(index)?.into_iter().map(Vec3::from_array).collect())
     };

@@ -31,7 +31,11 @@ pub(super) fn joints(
         None => vec![],
     };
     if json.inverse_bind_matrices.is_some() && inverses.len() < json.joints.len() {
-        let what = format!("skin {skin} has {} matrices for {} joints", inverses.len(), json.joints.len());
+        let what = format!(
+            "skin {skin} has {} matrices for {} joints",
+            inverses.len(),
+            json.joints.len()
+        );
         return Err(broken(what));
     }
     let joint = |(i, node): (usize, &Index<_>)| {
@@ -48,12 +52,7 @@ fn affine(m: &[f32; 16]) -> DAffine3 {
 }
 
 /// Adds the displacements of morph targets, by their weights.
-pub(super) fn morph(
-    data: &Data,
-    p: &Primitive,
-    weights: &[f32],
-    mesh: &mut Mesh,
-) -> Result<(), ImportError> {
+pub(super) fn morph(data: &Data, p: &Primitive, weights: &[f32], mesh: &mut Mesh) -> Result<(), ImportError> {
     for (target, &weight) in p.targets.iter().flatten().zip(weights) {
         if weight == 0.0 {
             continue;
@@ -64,7 +63,11 @@ pub(super) fn morph(
             };
             let moves = data.floats::<3>(accessor.value())?;
             if !to.is_empty() && moves.len() != to.len() {
-                let what = format!("a morph target has {} displacements for {} vertices", moves.len(), to.len());
+                let what = format!(
+                    "a morph target has {} displacements for {} vertices",
+                    moves.len(),
+                    to.len()
+                );
                 return Err(broken(what));
             }
             for (v, by) in to.iter_mut().zip(moves) {
@@ -96,12 +99,16 @@ pub(super) fn skin(
         };
         let (of, weights) = (data.joints(of)?, data.floats::<4>(weights)?);
         if [of.len(), weights.len()] != [mesh.positions.len(); 2] {
-            return Err(broken("a skinned primitive has not as many joints and weights as positions"));
+            return Err(broken(
+                "a skinned primitive has not as many joints and weights as positions",
+            ));
         }
         sets.push((of, weights));
     }
     if sets.is_empty() {
-        return Err(broken("a primitive of a node with a skin has no JOINTS_0 and WEIGHTS_0"));
+        return Err(broken(
+            "a primitive of a node with a skin has no JOINTS_0 and WEIGHTS_0",
+        ));
     }
     let mut mirrored = 0;
     for vertex in 0..mesh.positions.len() {
@@ -111,7 +118,11 @@ pub(super) fn skin(
                 if weight == 0.0 {
                     continue;
                 }
-                let missing = || broken(format!("vertex {vertex} depends on joint {joint}, which the skin lacks"));
+                let missing = || {
+                    broken(format!(
+                        "vertex {vertex} depends on joint {joint}, which the skin lacks"
+                    ))
+                };
                 let map = joints.get(joint as usize).ok_or_else(missing)?;
                 let weight = f64::from(weight);
                 sum += weight;
@@ -120,7 +131,9 @@ pub(super) fn skin(
             }
         }
         if sum == 0.0 {
-            return Err(broken(format!("vertex {vertex} of a skinned primitive has only weights of 0")));
+            return Err(broken(format!(
+                "vertex {vertex} of a skinned primitive has only weights of 0"
+            )));
         }
         // The weights' sum is 1, but for rounding.
         let (linear, offset) = (linear * sum.recip(), offset / sum);

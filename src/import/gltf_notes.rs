@@ -7,10 +7,15 @@ use super::gltf::{INSTANCING, VISIBILITY};
 use super::notes::Notes;
 
 /// Extensions that are read, here or with the materials.
-const READ: [&str; 4] = [INSTANCING, VISIBILITY, "KHR_mesh_quantization", "KHR_texture_transform"];
+const READ: [&str; 4] = [
+    INSTANCING,
+    VISIBILITY,
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
 
 /// Extensions without which the triangles cannot be read.
-const COMPRESSIONS: [&str; 3] = [
+pub(super) const COMPRESSIONS: [&str; 3] = [
     "KHR_draco_mesh_compression",
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
@@ -37,10 +42,7 @@ const NO_GEOMETRY: [&str; 14] = [
 /// Keys of each kind of object that are read, or that say nothing about the surfaces (names, and bounds that follow from the
 /// data). `extras` belong to applications and have no meaning to others.
 const KEYS: [(&str, &[&str]); 7] = [
-    (
-        "scenes",
-        &["name", "nodes"],
-    ),
+    ("scenes", &["name", "nodes"]),
     (
         "nodes",
         &[
@@ -56,8 +58,32 @@ const KEYS: [(&str, &[&str]); 7] = [
         ],
     ),
     ("meshes", &["name", "primitives", "weights"]),
-    ("accessors", &["name", "bufferView", "byteOffset", "componentType", "normalized", "count", "type", "min", "max", "sparse"]),
-    ("bufferViews", &["name", "buffer", "byteOffset", "byteLength", "byteStride", "target"]),
+    (
+        "accessors",
+        &[
+            "name",
+            "bufferView",
+            "byteOffset",
+            "componentType",
+            "normalized",
+            "count",
+            "type",
+            "min",
+            "max",
+            "sparse",
+        ],
+    ),
+    (
+        "bufferViews",
+        &[
+            "name",
+            "buffer",
+            "byteOffset",
+            "byteLength",
+            "byteStride",
+            "target",
+        ],
+    ),
     ("buffers", &["name", "uri", "byteLength"]),
     ("skins", &["name", "joints", "inverseBindMatrices", "skeleton"]),
 ];
@@ -79,26 +105,32 @@ const TOP: [&str; 13] = [
     "samplers",
 ];
 
+/// Attributes of morph targets; tangents follow from the others.
+const TARGET: [&str; 3] = ["POSITION", "NORMAL", "TANGENT"];
+
 const PRIMITIVE: [&str; 5] = ["attributes", "indices", "material", "mode", "targets"];
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().map_or(&[], Vec::as_slice)
+}
 
 /// Notes what is not used.
 ///
 /// # Errors
 /// [`ImportError`] if the document requires an extension that its triangles may depend on.
 pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportError> {
-    let names = |key: &str| -> Vec<&str> {
-        let list = document[key].as_array().map_or(&[][..], Vec::as_slice);
-        list.iter().filter_map(Value::as_str).collect()
-    };
+    let names = |key: &str| -> Vec<&str> { list(&document[key]).iter().filter_map(Value::as_str).collect() };
     let is_known = |name: &str| READ.contains(&name) || NO_GEOMETRY.iter().any(|n| name.starts_with(n));
     for name in names("extensionsRequired") {
         if COMPRESSIONS.contains(&name) {
-            let what = format!("its meshes are compressed ({name})");
-            return Err(ImportError::unsupported(what, "export it again without compression"));
+            return Err(compressed(name));
         }
         if !is_known(name) {
             let what = format!("the file requires the extension {name}");
-            return Err(ImportError::unsupported(what, "export it again without the extension"));
+            return Err(ImportError::unsupported(
+                what,
+                "export it again without the extension",
+            ));
         }
     }
     let mut account = Account { notes };
@@ -107,22 +139,58 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
             let is_read = TOP.contains(&key.as_str()) || key.starts_with("extensions") || key == "extras";
             let size = value.as_array().map_or(1, Vec::len);
             if !is_read && size > 0 {
-                let more = if key == "animations" { ": the pose is that of rest" } else { "" };
+                let more = if key == "animations" {
+                    ": the pose is that of rest"
+                } else {
+                    ""
+                };
                 account.notes.add(format!("`{key}` is not used{more}"));
             }
         }
     }
+    account.object(
+        &document["asset"],
+        "asset",
+        &["version", "minVersion", "generator", "copyright"],
+    );
     account.extensions(document, "the document");
     for (kind, keys) in KEYS {
-        for item in document[kind].as_array().into_iter().flatten() {
+        for item in list(&document[kind]) {
             account.object(item, kind, keys);
-            for primitive in item["primitives"].as_array().into_iter().flatten() {
+            for primitive in list(&item["primitives"]) {
                 account.object(primitive, "primitives", &PRIMITIVE);
                 account.attributes(&primitive["attributes"]);
+                for target in list(&primitive["targets"]) {
+                    account.object(target, "targets", &TARGET);
+                }
             }
+            if let Some(sparse) = item.get("sparse") {
+                account.object(sparse, "sparse", &["count", "indices", "values"]);
+                account.object(
+                    &sparse["indices"],
+                    "indices",
+                    &["bufferView", "byteOffset", "componentType"],
+                );
+                account.object(&sparse["values"], "values", &["bufferView", "byteOffset"]);
+            }
+            let read = [(INSTANCING, "attributes"), (VISIBILITY, "visible")];
+            for (name, key) in read {
+                account.object(&item["extensions"][name], name, &[key]);
+            }
+            account.object(
+                &item["extensions"][INSTANCING]["attributes"],
+                INSTANCING,
+                &["TRANSLATION", "ROTATION", "SCALE"],
+            );
         }
     }
     Ok(())
+}
+
+/// The error for meshes that are compressed by an extension.
+pub(super) fn compressed(name: &str) -> ImportError {
+    let what = format!("its meshes are compressed ({name})");
+    ImportError::unsupported(what, "export it again without compression")
 }
 
 struct Account<'a> {
@@ -143,7 +211,8 @@ impl Account<'_> {
     fn extensions(&mut self, item: &Value, place: &str) {
         for name in item["extensions"].as_object().into_iter().flat_map(|o| o.keys()) {
             if !READ.contains(&name.as_str()) {
-                self.notes.add(format!("the extension {name} of {place} is not used"));
+                self.notes
+                    .add(format!("the extension {name} of {place} is not used"));
             }
         }
     }

@@ -194,7 +194,12 @@ fn modes_and_index_types() {
             "{message}"
         );
     }
-    assert!(indices(7, Some(5)).unwrap_err().to_string().contains("unknown mode"));
+    assert!(
+        indices(7, Some(5))
+            .unwrap_err()
+            .to_string()
+            .contains("unknown mode")
+    );
 }
 
 #[test]
@@ -265,18 +270,34 @@ fn faults_are_named() {
 fn what_is_left_out_is_noted() {
     let noted = |path: &str, value: Value, word: &str| {
         let model = changed(path, value).unwrap();
-        assert!(model.notes.iter().any(|n| n.contains(word)), "{path}: {:?}", model.notes);
+        assert!(
+            model.notes.iter().any(|n| n.contains(word)),
+            "{path}: {:?}",
+            model.notes
+        );
         model
     };
     let line = json!({"mode": 1, "attributes": {"POSITION": 0}});
-    let model = noted("/meshes/0/primitives", json!([line, {"attributes": {"POSITION": 0}}]), "lines of mesh \"corner\"");
+    let model = noted(
+        "/meshes/0/primitives",
+        json!([line, {"attributes": {"POSITION": 0}}]),
+        "lines of mesh \"corner\"",
+    );
     assert_eq!(model.parts.len(), 2);
     noted("/nodes/0/scale", json!([0, 0, 0]), "\"turned\"");
     noted("/buffers/0/byteLength", json!(500), "instead of 500");
     let required = json!(["KHR_texture_basisu", "EXT_texture_webp", "KHR_materials_ior"]);
     assert_eq!(changed("/extensionsRequired", required).unwrap().parts.len(), 2);
-    noted("/nodes/1/extensions", json!({"KHR_lights_punctual": {"light": 0}}), "KHR_lights_punctual");
-    let hidden = noted("/nodes/2/extensions", json!({"KHR_node_visibility": {"visible": false}}), "invisible");
+    noted(
+        "/nodes/1/extensions",
+        json!({"KHR_lights_punctual": {"light": 0}}),
+        "KHR_lights_punctual",
+    );
+    let hidden = noted(
+        "/nodes/2/extensions",
+        json!({"KHR_node_visibility": {"visible": false}}),
+        "invisible",
+    );
     assert_eq!(hidden.parts.len(), 1);
     noted("/scenes", json!([{"nodes": [1]}, {"nodes": [2]}]), "only scene 0");
     noted("/scenes/0/nodes", json!([1]), "does not belong to the scene");
@@ -311,11 +332,15 @@ fn skins_are_applied() {
     bytes.extend([0_u8, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
     let weights = bytes.len();
     for w in [1.0, 0.0, 0.5, 0.5, 1.0, 0.0, 1.0, 0.0_f32].as_chunks::<2>().0 {
-        [w[0], w[1], 0.0, 0.0].iter().for_each(|w| bytes.extend(w.to_le_bytes()));
+        [w[0], w[1], 0.0, 0.0]
+            .iter()
+            .for_each(|w| bytes.extend(w.to_le_bytes()));
     }
     let matrices = bytes.len();
     for shift in [0.0, -1.0_f32] {
-        let m = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., shift, 0., 0., 1.0_f32];
+        let m = [
+            1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., shift, 0., 0., 1.0_f32,
+        ];
         m.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
     }
     let view = json!({"buffer": 0, "byteLength": bytes.len()});
@@ -344,7 +369,11 @@ fn skins_are_applied() {
         model.parts[0].mesh.positions,
         [vec3(0., 0., 3.), vec3(3., 0., 1.5), vec3(0., 1., 3.)]
     );
-    assert_eq!(model.parts[0].mesh.indices, [[0, 1, 2]], "the node's own mirror is ignored");
+    assert_eq!(
+        model.parts[0].mesh.indices,
+        [[0, 1, 2]],
+        "the node's own mirror is ignored"
+    );
     d["skins"][0]["joints"] = json!([3]);
     let error = parse_gltf(&glb(&d, &bytes), None).unwrap_err().to_string();
     assert!(error.contains("joint 1"), "{error}");
@@ -362,7 +391,12 @@ fn containers_are_read_as_the_specification_asks() {
     assert_eq!(parse_gltf(&more, None).unwrap(), expected);
     let mut old = sample_glb();
     old[4] = 1;
-    assert!(parse_gltf(&old, None).unwrap_err().to_string().contains("version of the GLB container is 1"));
+    assert!(
+        parse_gltf(&old, None)
+            .unwrap_err()
+            .to_string()
+            .contains("version of the GLB container is 1")
+    );
     let marked = [b"\xef\xbb\xbf", &sample_gltf()[..]].concat();
     assert_eq!(parse_gltf(&marked, None).unwrap(), expected);
 }

@@ -86,7 +86,8 @@ impl Tables {
             let at_line = |e: ImportError| e.at_line(number);
             match keyword {
                 "v" | "V" => {
-                    let (c, n) = coordinates::<8>(rest, 3).map_err(at_line)?;
+                    let (c, _) = coordinates::<4>(rest, 3).map_err(at_line)?;
+                    let n = rest.split_whitespace().count();
                     let p = Vec3::new(c[0], c[1], c[2]);
                     let p = if n == 4 { p / c[3] } else { p };
                     if !p.is_finite() {
@@ -115,10 +116,14 @@ impl Tables {
             notes.add(format!("the colours of {coloured} vertices are not used"));
         }
         if deep > 0 {
-            notes.add(format!("the third coordinate of {deep} texture coordinates (vt) is not used"));
+            notes.add(format!(
+                "the third coordinate of {deep} texture coordinates (vt) is not used"
+            ));
         }
         if long > 0 {
-            notes.add(format!("surplus numbers of {long} vertices (v, vt, vn) are not used"));
+            notes.add(format!(
+                "surplus numbers of {long} vertices (v, vt, vn) are not used"
+            ));
         }
         Ok(tables)
     }
@@ -130,7 +135,8 @@ fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], us
     let mut found = 0;
     for (slot, word) in out.iter_mut().zip(rest.split_whitespace()) {
         *slot = match word.parse::<f32>() {
-            Ok(x) if x.is_finite() => x,
+            // Behind the needed ones may be colours, which are not used.
+            Ok(x) if x.is_finite() || found >= least => x,
             _ => {
                 let what = format!("{word:?} is not a finite number");
                 return Err(ImportError::malformed(what, FIX_NUMBER));
@@ -180,6 +186,10 @@ struct Lacking {
     normals: usize,
     /// Faces without normals in a smoothing group.
     smooth: usize,
+    /// Corners that name texture coordinates and normals that the file lacks.
+    missing: [usize; 2],
+    /// Faces of fewer than three corners.
+    short: usize,
 }
 
 struct Reader<'a> {
@@ -242,8 +252,8 @@ impl Reader<'_> {
             .map(|word| self.corner(word))
             .collect::<Result<Vec<Corner>, _>>()?;
         if corners.len() < 3 {
-            let what = format!("the face has {} corners", corners.len());
-            return Err(ImportError::malformed(what, FIX_FACE));
+            self.lacking.short += 1;
+            return Ok(());
         }
         let [_, has_uvs, has_normals] = [0, 1, 2].map(|k| corners.iter().all(|c| c[k] != 0));
         self.lacking.faces += 1;
@@ -265,7 +275,7 @@ impl Reader<'_> {
     }
 
     /// A corner, with relative indices resolved.
-    fn corner(&self, word: &str) -> Result<Corner, ImportError> {
+    fn corner(&mut self, word: &str) -> Result<Corner, ImportError> {
         let bad = || ImportError::malformed(format!("{word:?} is not a face corner in range"), FIX_FACE);
         let tables = self.tables;
         let counts = [tables.positions.len(), tables.uvs.len(), tables.normals.len()];
@@ -285,9 +295,15 @@ impl Reader<'_> {
             if index == 0 {
                 return Err(bad());
             }
+            if index > counts[k] && k > 0 {
+                self.lacking.missing[k - 1] += 1;
+                continue;
+            }
             if index > counts[k] {
-                let what = ["position", "uv", "normal"][k];
-                let what = format!("the face uses {what} {index}, but the file has only {}", counts[k]);
+                let what = format!(
+                    "the face uses position {index}, but the file has only {}",
+                    counts[k]
+                );
                 return Err(ImportError::malformed(what, FIX_FACE));
             }
             *slot = u32::try_from(index).map_err(|_| bad())?;
@@ -308,7 +324,10 @@ impl Reader<'_> {
         }
         let id = u32::try_from(object.vertices.len()).unwrap_or(NONE);
         if id == NONE {
-            return Err(ImportError::unsupported("the part has more than 2^32 vertices", "split it"));
+            return Err(ImportError::unsupported(
+                "the part has more than 2^32 vertices",
+                "split it",
+            ));
         }
         object.vertices.push(corner);
         object.earlier.push(std::mem::replace(newest, id));
@@ -358,10 +377,14 @@ impl Reader<'_> {
             ..Mesh::default()
         };
         if kind < 2 {
-            mesh.uvs = of(1).map(|i| tables.uvs.get(i).copied().unwrap_or_default()).collect();
+            mesh.uvs = of(1)
+                .map(|i| tables.uvs.get(i).copied().unwrap_or_default())
+                .collect();
         }
         if kind % 2 == 0 {
-            mesh.normals = of(2).map(|i| tables.normals.get(i).copied().unwrap_or_default()).collect();
+            mesh.normals = of(2)
+                .map(|i| tables.normals.get(i).copied().unwrap_or_default())
+                .collect();
         }
         Ok(mesh)
     }
@@ -371,26 +394,47 @@ impl Reader<'_> {
         let what = |keyword: &str| match keyword {
             "l" => "lines",
             "p" => "points",
-            "vp" | "deg" | "bmat" | "step" | "cstype" | "curv" | "curv2" | "surf" | "parm" | "trim" | "hole"
-            | "scrv" | "sp" | "end" | "con" => "free-form curves and surfaces",
-            "mg" | "bevel" | "c_interp" | "d_interp" | "lod" | "shadow_obj" | "trace_obj" | "ctech" | "stech"
-            | "usemap" | "maplib" => "display",
+            "vp" | "deg" | "bmat" | "step" | "cstype" | "curv" | "curv2" | "surf" | "parm" | "trim"
+            | "hole" | "scrv" | "sp" | "end" | "con" => "free-form curves and surfaces",
+            "mg" | "bevel" | "c_interp" | "d_interp" | "lod" | "shadow_obj" | "trace_obj" | "ctech"
+            | "stech" | "usemap" | "maplib" => "display",
             _ => "unknown",
         };
         let unused = self.unused.iter().map(|(keyword, (lines, first))| {
-            format!("`{keyword}` ({}) is not used: {lines} lines, first line {first}", what(keyword))
+            format!(
+                "`{keyword}` ({}) is not used: {lines} lines, first line {first}",
+                what(keyword)
+            )
         });
         let Lacking {
             faces,
             uvs,
             normals,
             smooth,
+            missing,
+            short,
         } = self.lacking;
+        for (count, what) in missing.into_iter().zip(["texture coordinates", "normals"]) {
+            if count > 0 {
+                self.parts.notes.add(format!(
+                    "{count} corners of faces name {what} that the file lacks"
+                ));
+            }
+        }
+        if short > 0 {
+            self.parts
+                .notes
+                .add(format!("{short} faces of fewer than three corners are left out"));
+        }
         if (1..faces).contains(&uvs) {
-            self.parts.notes.add(format!("{uvs} of {faces} faces have no texture coordinates"));
+            self.parts
+                .notes
+                .add(format!("{uvs} of {faces} faces have no texture coordinates"));
         }
         if (1..faces).contains(&normals) {
-            self.parts.notes.add(format!("{normals} of {faces} faces have no normals"));
+            self.parts
+                .notes
+                .add(format!("{normals} of {faces} faces have no normals"));
         }
         if smooth > 0 {
             self.parts.notes.add(format!(

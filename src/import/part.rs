@@ -45,12 +45,7 @@ pub(super) struct Parts {
 impl Parts {
     /// Brings a freshly read mesh into order, checks it and adds it; triangles without area are dropped, then unused
     /// vertices; normals are made unit length, and those without a direction are replaced. A mesh without area is left out.
-    pub fn add(
-        &mut self,
-        name: String,
-        material: Option<String>,
-        mut mesh: Mesh,
-    ) -> Result<(), ImportError> {
+    pub fn add(&mut self, name: String, material: Option<String>, mut mesh: Mesh) -> Result<(), ImportError> {
         if mesh.normals.iter().all(|n| n.is_finite()) {
             mesh.normals.par_iter_mut().with_min_len(1 << 14).for_each(|n| {
                 *n = n
@@ -72,8 +67,14 @@ impl Parts {
             Err(cause) => return Err(ImportProblem::Mesh { name, cause }.into()),
         }
         if mesh.indices.is_empty() {
-            let mesh = if name.is_empty() { "the mesh".to_owned() } else { format!("mesh {name:?}") };
-            self.notes.add(format!("{mesh} has no triangles of non-zero area and is left out"));
+            let mesh = if name.is_empty() {
+                "the mesh".to_owned()
+            } else {
+                format!("mesh {name:?}")
+            };
+            self.notes.add(format!(
+                "{mesh} has no triangles of non-zero area and is left out"
+            ));
         } else {
             self.list.push(MeshPart { name, material, mesh });
         }
@@ -85,7 +86,10 @@ impl Parts {
         let notes = self.notes.into_sentences();
         if self.list.is_empty() {
             let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
-            return Err(ImportError::malformed(format!("there are no triangles in it{notes}"), otherwise));
+            return Err(ImportError::malformed(
+                format!("there are no triangles in it{notes}"),
+                otherwise,
+            ));
         }
         Ok(Model {
             parts: self.list,
@@ -100,7 +104,8 @@ fn replace_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) -> Result<(),
     let mut used = vec![false; mesh.positions.len()];
     for t in &mesh.indices {
         // Out of range is for the check below.
-        let [Some(a), Some(b), Some(c)] = t.map(|i| mesh.positions.get(i as usize).map(|p| p.as_dvec3())) else {
+        let [Some(a), Some(b), Some(c)] = t.map(|i| mesh.positions.get(i as usize).map(|p| p.as_dvec3()))
+        else {
             continue;
         };
         let normal = (b - a).cross(c - a);
@@ -149,7 +154,11 @@ mod tests {
         parts.add("r".into(), None, mesh).unwrap();
         let model = parts.end("").unwrap();
         assert_eq!(model.parts[0].mesh.normals, [Vec3::X, Vec3::X, Vec3::X, Vec3::Z]);
-        assert!(model.notes.len() == 1 && model.notes[0].contains("normal"), "{:?}", model.notes);
+        assert!(
+            model.notes.len() == 1 && model.notes[0].contains("normal"),
+            "{:?}",
+            model.notes
+        );
     }
 
     #[test]

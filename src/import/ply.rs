@@ -17,7 +17,12 @@ const FIX: &str = "export the mesh again, with vertices x, y, z and faces vertex
 /// Names of the properties of vertices: positions, normals, texture coordinates.
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const NORMALS: [[&str; 3]; 2] = [["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
-const UVS: [[&str; 2]; 4] = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["tex_u", "tex_v"]];
+const UVS: [[&str; 2]; 4] = [
+    ["u", "v"],
+    ["s", "t"],
+    ["texture_u", "texture_v"],
+    ["tex_u", "tex_v"],
+];
 
 /// The names of the lists of corners.
 const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
@@ -42,8 +47,14 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
         file.element(element, &mut body, &mut parts)
             .map_err(|what| located(what, &header, &body, bytes))?;
     }
+    if body.surplus > 0 {
+        let note = "rows whose lines hold more numbers than the header announces; those are not used";
+        parts.notes.add(format!("{} {note}", body.surplus));
+    }
     if body.rest() > 0 {
-        parts.notes.add(format!("{} bytes after the last row are not used", body.rest()));
+        parts
+            .notes
+            .add(format!("{} bytes after the last row are not used", body.rest()));
     }
     file.check(&header)?;
     file.assemble(&mut parts)?;
@@ -74,9 +85,10 @@ fn check_header(header: &Header) -> Result<(), ImportError> {
                 .iter()
                 .find(|name| !has(name, false))
                 .map(|name| format!("the vertices have no property {name:?}")),
-            "face" | "tristrips" if !INDICES.iter().any(|name| has(name, true)) => {
-                Some(format!("element {:?} has no list \"vertex_indices\"", element.name))
-            }
+            "face" | "tristrips" if !INDICES.iter().any(|name| has(name, true)) => Some(format!(
+                "element {:?} has no list \"vertex_indices\"",
+                element.name
+            )),
             _ => None,
         };
         if let Some(what) = what {
@@ -127,12 +139,16 @@ impl File {
             "tristrips" => self.strips(element, body, parts),
             name => {
                 if element.count > 0 {
-                    parts.notes.add(format!("the {} rows of element `{name}` are not used", element.count));
+                    parts.notes.add(format!(
+                        "the {} rows of element `{name}` are not used",
+                        element.count
+                    ));
                 }
                 for _ in 0..element.count {
                     for p in &element.properties {
                         body.skip(p.kind, p.list)?;
                     }
+                    body.surplus += usize::from(body.end_row());
                 }
                 Ok(())
             }
@@ -200,23 +216,26 @@ impl File {
                     }
                 }
             }
+            body.surplus += usize::from(body.end_row());
             if corners.len() < 3 {
-                return Err(format!(
-                    "face {number} (counted from 0) has {} corners where three are needed",
-                    corners.len()
-                ));
+                parts.notes.add("a face of fewer than three corners is left out");
+                continue;
             }
             let polygons = match numbers.len() {
                 0 => &mut self.plain,
                 n if n == 2 * corners.len() => &mut self.textured,
                 n => {
                     let what = format!("face {number} (counted from 0) has {} corners", corners.len());
-                    return Err(format!("{what}, but {n} numbers of texture coordinates, not two for each"));
+                    return Err(format!(
+                        "{what}, but {n} numbers of texture coordinates, not two for each"
+                    ));
                 }
             };
             polygons.corners.extend(&corners);
             polygons.ends.push(polygons.corners.len());
-            polygons.uvs.extend(numbers.as_chunks().0.iter().map(|uv| Vec2::from_array(*uv)));
+            polygons
+                .uvs
+                .extend(numbers.as_chunks().0.iter().map(|uv| Vec2::from_array(*uv)));
         }
         Ok(())
     }
@@ -256,6 +275,12 @@ impl File {
         if !has("vertex") {
             return Err(ImportError::malformed("there is no element \"vertex\"", FIX));
         }
+        if faces == 0 && self.positions.is_empty() {
+            return Err(ImportError::malformed(
+                "the file has no vertices and no faces",
+                FIX,
+            ));
+        }
         if faces == 0 {
             let names: Vec<&str> = header.elements.iter().map(|e| e.name.as_str()).collect();
             return Err(ImportError::unsupported(
@@ -287,12 +312,16 @@ impl File {
         let textured = self.textured.ends.len();
         if textured > 0 {
             if !self.uvs.is_empty() {
-                parts.notes.add("texture coordinates of vertices are not used: faces have their own");
+                parts
+                    .notes
+                    .add("texture coordinates of vertices are not used: faces have their own");
                 self.uvs.clear();
             }
             if bare > 0 {
                 let all = bare + textured;
-                parts.notes.add(format!("{bare} of {all} faces have no texture coordinates"));
+                parts
+                    .notes
+                    .add(format!("{bare} of {all} faces have no texture coordinates"));
             }
             let mesh = self.textured_mesh(parts)?;
             parts.add(String::new(), None, mesh)?;
@@ -319,7 +348,9 @@ impl File {
         let mut renumbered = Vec::with_capacity(corners.len());
         for (&corner, uv) in corners.iter().zip(uvs) {
             let next = mesh.positions.len() as u32;
-            let vertex = *known.entry((corner, uv.to_array().map(f32::to_bits))).or_insert(next);
+            let vertex = *known
+                .entry((corner, uv.to_array().map(f32::to_bits)))
+                .or_insert(next);
             if vertex == next {
                 mesh.positions.push(self.positions[corner as usize]);
                 mesh.normals.extend(self.normals.get(corner as usize));
@@ -368,7 +399,11 @@ fn note_unused(element: &Element, is_used: impl Fn(usize) -> bool, parts: &mut P
         .map(|(_, p)| p.name.as_str())
         .collect();
     if element.count > 0 && !names.is_empty() {
-        let note = format!("properties of element `{}` that are not used: {}", element.name, names.join(", "));
+        let note = format!(
+            "properties of element `{}` that are not used: {}",
+            element.name,
+            names.join(", ")
+        );
         parts.notes.add(note);
     }
 }

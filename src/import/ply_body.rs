@@ -14,11 +14,18 @@ pub(super) struct Body<'a> {
     pub format: Format,
     bytes: &'a [u8],
     at: usize,
+    /// Rows whose lines hold more than the header announces.
+    pub surplus: usize,
 }
 
 impl<'a> Body<'a> {
     pub fn new(format: Format, bytes: &'a [u8]) -> Self {
-        Self { format, bytes, at: 0 }
+        Self {
+            format,
+            bytes,
+            at: 0,
+            surplus: 0,
+        }
     }
 
     /// Text that is read already.
@@ -27,6 +34,7 @@ impl<'a> Body<'a> {
             format: Format::Ascii,
             bytes,
             at: bytes.len(),
+            surplus: 0,
         }
     }
 
@@ -46,12 +54,27 @@ impl<'a> Body<'a> {
         }
     }
 
+    /// Ends a row: in ASCII files what else is on its line is skipped. True if there was something.
+    pub fn end_row(&mut self) -> bool {
+        if self.format != Format::Ascii {
+            return false;
+        }
+        let rest = &self.bytes[self.at..];
+        let length = rest.iter().position(|b| matches!(b, b'\n' | b'\r'));
+        let line = &rest[..length.unwrap_or(rest.len())];
+        self.at += line.len();
+        !line.trim_ascii().is_empty()
+    }
+
     fn word(&mut self) -> Result<&'a str, String> {
         let rest = &self.bytes[self.at..];
         let start = rest.iter().position(|b| !b.is_ascii_whitespace());
         let start = start.ok_or("the file ends too early")?;
         let word = &rest[start..];
-        let length = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
+        let length = word
+            .iter()
+            .position(u8::is_ascii_whitespace)
+            .unwrap_or(word.len());
         self.at += start + length;
         std::str::from_utf8(&word[..length]).map_err(|_| "there is a number that is no text".into())
     }
@@ -129,6 +152,7 @@ impl<'a> Body<'a> {
                     }
                 }
                 rows.push(row);
+                self.surplus += usize::from(self.end_row());
             }
             return Ok(rows);
         }
@@ -144,7 +168,11 @@ impl<'a> Body<'a> {
         let row = |bytes: &[u8]| {
             places.map(|place| place.map_or(0.0, |(at, kind)| float(&bytes[at..at + kind.size()], kind, big)))
         };
-        Ok(table.par_chunks_exact(size).with_min_len(SHARE).map(row).collect())
+        Ok(table
+            .par_chunks_exact(size)
+            .with_min_len(SHARE)
+            .map(row)
+            .collect())
     }
 
     /// Binary faces that are all triangles, of one list of a byte's count and indices of four bytes; `None` leaves them to be
@@ -160,11 +188,19 @@ impl<'a> Body<'a> {
             return None;
         }
         let big = self.format == Format::BigEndian;
-        let most = if list.kind == Kind::I32 { i32::MAX as u32 } else { u32::MAX };
+        let most = if list.kind == Kind::I32 {
+            i32::MAX as u32
+        } else {
+            u32::MAX
+        };
         let size = element.count.checked_mul(TRIANGLE)?;
         let (rows, _) = self.bytes[self.at..].get(..size)?.as_chunks::<TRIANGLE>();
         let index = |b: &[u8; 4]| {
-            let i = if big { u32::from_be_bytes(*b) } else { u32::from_le_bytes(*b) };
+            let i = if big {
+                u32::from_be_bytes(*b)
+            } else {
+                u32::from_le_bytes(*b)
+            };
             (i <= most).then_some(i)
         };
         let corners = |row: &[u8; TRIANGLE]| {

@@ -125,7 +125,8 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
             }),
             ["property", ref kinds @ .., name] => {
                 let known = |kind: &str| {
-                    Kind::named(kind).ok_or_else(|| bad(format!("the type {kind:?} of {name:?} is not known")))
+                    Kind::named(kind)
+                        .ok_or_else(|| bad(format!("the type {kind:?} of {name:?} is not known")))
                 };
                 let (list, kind) = match *kinds {
                     [kind] => (None, known(kind)?),
@@ -169,7 +170,10 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
             properties,
         } = element;
         if elements[..i].iter().any(|e| e.name == *name) {
-            return Err(ImportError::malformed(format!("there are two elements {name:?}"), FIX));
+            return Err(ImportError::malformed(
+                format!("there are two elements {name:?}"),
+                FIX,
+            ));
         }
         let row: usize = properties
             .iter()
@@ -189,7 +193,10 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
             let what = format!(
                 "the header announces {count} rows of {name:?}, more than fit in the file's {length} bytes after it"
             );
-            return Err(ImportError::malformed(what, "the file ends too early: export or copy it again"));
+            return Err(ImportError::malformed(
+                what,
+                "the file ends too early: export or copy it again",
+            ));
         }
     }
     Ok(())

@@ -103,11 +103,20 @@ fn binary_as_ascii() {
                     "ply\nformat {format} 1.0\nelement vertex 6\nproperty float x\nproperty double y\n\
                      property float z\nproperty uchar red\n{}property short s\nproperty int t\nelement face 3\n\
                      property list {list} vertex_indices\nend_header\n",
-                    if normals { "property float nx\nproperty float ny\nproperty float nz\n" } else { "" },
+                    if normals {
+                        "property float nx\nproperty float ny\nproperty float nz\n"
+                    } else {
+                        ""
+                    },
                 )
             };
             let mut text = header("ascii");
-            let mut b = header(if big { "binary_big_endian" } else { "binary_little_endian" }).into_bytes();
+            let mut b = header(if big {
+                "binary_big_endian"
+            } else {
+                "binary_little_endian"
+            })
+            .into_bytes();
             let put = |b: &mut Vec<u8>, le: &[u8]| {
                 if big {
                     b.extend(le.iter().rev());
@@ -147,9 +156,15 @@ fn binary_as_ascii() {
             assert_eq!(model, parse_ply(text.as_bytes()).unwrap());
             let mesh = &model.parts[0].mesh;
             let expected: usize = faces.iter().map(|f| f.len() - 2).sum();
-            assert_eq!((mesh.indices.len(), mesh.normals.len()), (expected, if normals { 6 } else { 0 }));
+            assert_eq!(
+                (mesh.indices.len(), mesh.normals.len()),
+                (expected, if normals { 6 } else { 0 })
+            );
             assert_eq!(mesh.uvs[1], vec2(-2.0, 7.0));
-            assert_eq!(model.notes, ["properties of element `vertex` that are not used: red"]);
+            assert_eq!(
+                model.notes,
+                ["properties of element `vertex` that are not used: red"]
+            );
             fails(&b[..b.len() - 1], None, "ends too early");
             let mut long = b.clone();
             long.push(0);
@@ -157,7 +172,11 @@ fn binary_as_ascii() {
             // The last corner is no vertex, or below zero.
             let last = b.len() - 4;
             b[last..].fill(0xff);
-            let word = if list.ends_with("uint") { "4294967295" } else { "-1" };
+            let word = if list.ends_with("uint") {
+                "4294967295"
+            } else {
+                "-1"
+            };
             fails(&b, None, word);
         }
     }
@@ -222,14 +241,17 @@ fn line_ends_byte_order_marks_and_spaces_change_nothing() {
         format!("\u{feff}{ASCII}"),
         ASCII.replace("1 1 0 1 1 255", "  1\t1 0\n 1 1   255 "),
         ASCII.replace("ply\n", "ply\nobj_info made by hand\n"),
-        ASCII.replace("float s", "float32 texture_u").replace("float t", "float64 texture_v"),
+        ASCII
+            .replace("float s", "float32 texture_u")
+            .replace("float t", "float64 texture_v"),
     ] {
         assert_eq!(parse_ply(text.as_bytes()).unwrap(), expected, "{text}");
     }
     // A header of one byte at its line ends, and a first row that begins with the other.
-    let mut b = b"ply\rformat binary_little_endian 1.0\relement vertex 3\rproperty uchar x\rproperty uchar y\r\
+    let mut b =
+        b"ply\rformat binary_little_endian 1.0\relement vertex 3\rproperty uchar x\rproperty uchar y\r\
         property uchar z\relement face 1\rproperty list uchar uchar vertex_indices\rend_header\r"
-        .to_vec();
+            .to_vec();
     b.extend([10, 0, 0, 1, 0, 0, 0, 1, 0, 3, 0, 1, 2]);
     assert_eq!(parse_ply(&b).unwrap().parts[0].mesh.positions[0].x, 10.0);
 }
@@ -243,9 +265,13 @@ fn what_is_not_used_is_noted() {
     noted(ASCII, "`vertex` that are not used: red");
     noted(ASCII, "`face` that are not used: group");
     noted(ASCII, "element `edge`");
-    noted(&ASCII.replace("comment a", "comment TextureFile a.png"), "TextureFile a.png");
+    noted(
+        &ASCII.replace("comment a", "comment TextureFile a.png"),
+        "TextureFile a.png",
+    );
     noted(&ASCII.replace("float t", "float t2"), "s, t2, red");
-    noted(&format!("{ASCII} 7"), "after the last row");
+    noted(&format!("{ASCII} 7"), "more numbers than the header");
+    noted(&format!("{ASCII}\n7"), "after the last row");
     let cloud = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
         end_header\n0 0 0\n";
     fails(cloud.as_bytes(), None, "point cloud");
@@ -261,10 +287,18 @@ fn fails(bytes: &[u8], line: Option<usize>, word: &str) {
 fn faults_carry_their_line_in_ascii() {
     let edit = |from: &str, to: &str| ASCII.replacen(from, to, 1).into_bytes();
     fails(b"plx\n", Some(1), "ply");
-    fails(&edit("1 0 0 1 0 255", "1 0 zero 1 0 255"), Some(19), "\"zero\" is not a number");
-    fails(&edit("4 0 1 2 3 7", "4 0 1 2 3 x"), Some(22), "\"x\" is not a number");
+    fails(
+        &edit("1 0 0 1 0 255", "1 0 zero 1 0 255"),
+        Some(19),
+        "\"zero\" is not a number",
+    );
+    fails(
+        &edit("4 0 1 2 3 7", "4 0 1 2 3 x"),
+        Some(22),
+        "\"x\" is not a number",
+    );
     fails(&edit("4 0 1 2 3 7", "4 0 1 2 -3 7"), Some(22), "-3");
-    fails(&edit("4 0 1 2 3 7", "2 0 1 7"), Some(22), "2 corners");
+    fails(&edit("4 0 1 2 3 7", "2 0 1 7"), None, "no rows of");
     fails(&edit("4 0 1 2 3 7", "4 0 1 2 4 7"), None, "vertex 4");
     fails(&edit("1 0 0 1 0 255", "1 0 inf 1 0 255"), None, "not finite");
     fails(&ASCII.as_bytes()[..ASCII.len() - 4], Some(22), "ends too early");

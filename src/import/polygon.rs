@@ -39,16 +39,17 @@ pub(super) fn cut(corners: &[u32], position: impl Fn(u32) -> Vec3, out: &mut Vec
     if is_fan || !has_inside {
         out.extend(corners[1..].windows(2).map(|w| [corners[0], w[0], w[1]]));
         let is_flat = fan().all(|n| n.length() <= least);
-        return if is_fan || is_flat { Cut::Whole } else { Cut::Crossing };
+        return if is_fan || is_flat {
+            Cut::Whole
+        } else {
+            Cut::Crossing
+        };
     }
     if corners.len() > MOST_CORNERS {
         return Cut::TooLarge;
     }
     let (u, v) = normal.normalize().any_orthonormal_pair();
-    let flat: Vec<DVec2> = points
-        .iter()
-        .map(|p| DVec2::new(p.dot(u), p.dot(v)))
-        .collect();
+    let flat: Vec<DVec2> = points.iter().map(|p| DVec2::new(p.dot(u), p.dot(v))).collect();
     let mut whole = true;
     for ear in clip(&flat, least, &mut whole) {
         out.push(ear.map(|i| corners[i]));
@@ -90,6 +91,8 @@ fn clip(points: &[DVec2], least: f64, whole: &mut bool) -> Vec<[usize; 3]> {
                 let [a, b, c] = ear(i).map(|k| points[k]);
                 area(a, b, c) < -least
             });
+            // Seen edge-on it may have an area all the same, where the corners do not lie in a plane.
+            ears.extend(ring[1..].windows(2).map(|w| [ring[0], w[0], w[1]]));
             break;
         };
         *whole &= found.is_some();
@@ -138,11 +141,23 @@ mod tests {
                 ],
                 0.625,
             ),
-            (&[[0., 0.], [1., 0.], [1., 0.5], [0.5, 0.5], [0.5, 1.], [0., 1.]], 0.75),
+            (
+                &[[0., 0.], [1., 0.], [1., 0.5], [0.5, 0.5], [0.5, 1.], [0., 1.]],
+                0.75,
+            ),
             (&[[0., 0.], [0.5, 0.25], [1., 0.], [0.5, 1.]], 0.375),
             // Square with collinear corners on three edges.
             (
-                &[[0., 0.], [0.5, 0.], [1., 0.], [1., 0.25], [1., 0.5], [1., 1.], [0.3, 1.], [0., 1.]],
+                &[
+                    [0., 0.],
+                    [0.5, 0.],
+                    [1., 0.],
+                    [1., 0.25],
+                    [1., 0.5],
+                    [1., 1.],
+                    [0.3, 1.],
+                    [0., 1.],
+                ],
                 1.0,
             ),
             // Square with a square hole, joined to the outline by an edge there and back.
@@ -191,7 +206,9 @@ mod tests {
                     }
                     let points: Vec<Vec3> = outline
                         .iter()
-                        .map(|p| (turn * DVec3::new(p[0].into(), p[1].into(), 0.0)).as_vec3() + vec3(9., -7., 5.))
+                        .map(|p| {
+                            (turn * DVec3::new(p[0].into(), p[1].into(), 0.0)).as_vec3() + vec3(9., -7., 5.)
+                        })
                         .collect();
                     let mut triangles = vec![];
                     let cut = cut(&corners, |i| points[i as usize], &mut triangles);
@@ -237,10 +254,40 @@ mod tests {
 
     #[test]
     fn convex_polygons_and_bent_quads_are_fans() {
-        let points = [vec3(0., 0., 0.), vec3(1., 0., 0.2), vec3(1., 1., 0.), vec3(0., 1., 0.3)];
+        let points = [
+            vec3(0., 0., 0.),
+            vec3(1., 0., 0.2),
+            vec3(1., 1., 0.),
+            vec3(0., 1., 0.3),
+        ];
         let mut triangles = vec![];
         cut(&[0, 1, 2, 3], |i| points[i as usize], &mut triangles);
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    /// A square whose outline goes up to an apex above one edge: of n corners there are n - 2 triangles.
+    #[test]
+    fn corners_off_the_plane_leave_no_hole() {
+        let points = [
+            [-1., 0., 1.],
+            [1., 0., 1.],
+            [1., 0., -1.],
+            [-1., 0., -1.],
+            [0., 1., -1.],
+        ]
+        .map(Vec3::from_array);
+        let mut triangles = vec![];
+        cut(&[0, 1, 2, 3, 4], |i| points[i as usize], &mut triangles);
+        assert_eq!(triangles.len(), 3, "{triangles:?}");
+        for i in 0..5 {
+            let edge = (i, (i + 1) % 5);
+            let edges = triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+            assert_eq!(
+                edges.filter(|e| *e == edge).count(),
+                1,
+                "{edge:?} of {triangles:?}"
+            );
+        }
     }
 
     #[test]
@@ -250,12 +297,18 @@ mod tests {
         for y in [4., 3.] {
             let bow = [[0., 0.], [2., 0.], [0., 1.], [2., y]].map(|[x, y]| vec3(x, y, 0.0));
             triangles.clear();
-            assert_eq!(cut(&[0, 1, 2, 3], |i| bow[i as usize], &mut triangles), Cut::Crossing);
+            assert_eq!(
+                cut(&[0, 1, 2, 3], |i| bow[i as usize], &mut triangles),
+                Cut::Crossing
+            );
             assert!(!triangles.is_empty());
         }
         triangles.clear();
         let line = [0., 1., 2., 3.].map(|x| vec3(x, 0.0, 0.0));
-        assert_eq!(cut(&[0, 1, 2, 3], |i| line[i as usize], &mut triangles), Cut::Whole);
+        assert_eq!(
+            cut(&[0, 1, 2, 3], |i| line[i as usize], &mut triangles),
+            Cut::Whole
+        );
         assert!(covered(&line, &triangles) == 0.0);
     }
 }

@@ -616,7 +616,9 @@ impl Choices<'_> {
     fn shape(&mut self) -> Located<ShapeFile> {
         let mesh = |c: &mut Self| MeshFile {
             file: c.text().into(),
+            index: c.below(3) as u32,
             flat: c.yes(),
+            smooth: c.yes(),
             materials: c.yes(),
         };
         let shape = match self.below(8) {
@@ -626,6 +628,7 @@ impl Choices<'_> {
             }),
             1 => ShapeFile::Obj(mesh(self)),
             2 => ShapeFile::Gltf(mesh(self)),
+            3 if self.yes() => ShapeFile::Serialized(mesh(self)),
             3 => ShapeFile::Ply(mesh(self)),
             4 => ShapeFile::Rectangle(RectangleFile {
                 corner: self.three(),
@@ -659,6 +662,7 @@ impl Choices<'_> {
             part_materials: self.map(|c| c.text().into()),
             interior: self.some_text(),
             priority: self.whole() as i32,
+            flip_normals: self.yes(),
             transform: self.some(Self::transform),
             emission: self.some(Self::emission),
         };

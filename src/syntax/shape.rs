@@ -27,6 +27,10 @@ pub struct ObjectFile {
     /// others' boundaries there.
     #[serde(default, skip_serializing_if = "is_default")]
     pub priority: i32,
+    /// Exchanges front and back: normals point the other way, light shines from the other side, and glass is filled outside.
+    /// Not for objects with an interior.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub flip_normals: bool,
     /// Scale, then rotate, then translate.
     pub transform: Option<Located<TransformFile>>,
     /// How it shines, if it does.
@@ -43,6 +47,8 @@ pub enum ShapeFile {
     Gltf(MeshFile),
     /// Stanford PLY file.
     Ply(MeshFile),
+    /// Mitsuba's `serialized` file.
+    Serialized(MeshFile),
     /// Exact sphere.
     Sphere(SphereFile),
     /// Parallelogram.
@@ -61,9 +67,15 @@ pub enum ShapeFile {
 pub struct MeshFile {
     /// Relative to the scene file.
     pub file: Located<String>,
+    /// Number of the mesh in the file, from 0: of a `serialized` file, which may hold several.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub index: u32,
     /// Ignore the file's vertex normals: flat faces.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flat: bool,
+    /// Compute vertex normals where the file has none, from the faces around each vertex weighted by their angles there.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub smooth: bool,
     /// Parts have the materials of the file (glTF's, or those of an OBJ's MTL library), as the nearest models of ours;
     /// `part_materials` goes before, and `material` is for parts without one.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -203,12 +215,15 @@ impl ShapeFile {
         let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
         let mesh = MeshFile {
             file: file.into(),
+            index: 0,
             flat: false,
+            smooth: false,
             materials: false,
         };
         match ending.as_deref() {
             Some("obj") => Self::Obj(mesh),
             Some("gltf" | "glb") => Self::Gltf(mesh),
+            Some("serialized") => Self::Serialized(mesh),
             _ => Self::Ply(mesh),
         }
     }
@@ -225,6 +240,7 @@ impl ObjectFile {
             part_materials: BTreeMap::new(),
             interior: None,
             priority: 0,
+            flip_normals: false,
             transform: None,
             emission: None,
         }

@@ -2,7 +2,6 @@
 
 use super::context::{self, Context};
 use super::devices::{pinhole, projector};
-use super::shapes;
 use super::surfaces::Surfaces;
 use super::{calibrated, file_materials, lights, materials, media, slices, touching};
 use base::locate::{InputError, Located};
@@ -110,7 +109,7 @@ pub(crate) fn with_gaps(
     file: &SceneFile,
 ) -> Result<(Scene, Option<InputError>), InputError> {
     let file = file_materials::expand(ctx, file)?;
-    let mut file = calibrated::expand(ctx, &file)?;
+    let mut file = calibrated::expand(ctx, file)?;
     ctx.hash.update(meaning(&file));
     let (hash, notes) = (ctx.hash.clone(), ctx.notes.clone());
     let mut scene = tables(ctx, &file)?;

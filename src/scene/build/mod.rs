@@ -16,6 +16,7 @@ mod polarizing;
 mod pose;
 pub(crate) mod shapes;
 pub(crate) mod slices;
+mod smooth;
 pub(crate) mod surfaces;
 pub(crate) mod textures;
 mod touching;

@@ -2,9 +2,10 @@
 
 use super::context::{Context, HUGE};
 use super::devices::vector;
+use super::smooth;
 use base::locate::{InputError, Located};
-use import::MeshPart;
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
+use import::MeshPart;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
@@ -21,6 +22,8 @@ pub(crate) struct Placed {
     pub form: Form,
     /// Number of its material.
     pub material: u32,
+    /// Its front and back are exchanged.
+    pub flipped: bool,
 }
 
 /// The form of a [`Placed`] shape; maps take its own space to the world.
@@ -44,12 +47,23 @@ pub(crate) enum Solid {
 impl Placed {
     /// Cut into what the tracer knows.
     pub(crate) fn solid(self, ctx: &Context, object: &Located<ObjectFile>) -> Result<Solid, InputError> {
-        Ok(match self.form {
-            Form::Quadric(kind, map) => Solid::Quadric(Quadric::new(kind, affine(map), self.material)),
-            Form::Rectangle(map) => Solid::Mesh(moved(ctx, Mesh::rectangle(), map, object)?),
-            Form::Cube(map) => Solid::Mesh(moved(ctx, Mesh::cube(), map, object)?),
-            Form::Mesh(mesh) => Solid::Mesh(mesh),
-        })
+        let mut mesh = match self.form {
+            Form::Quadric(kind, map) => {
+                let quadric = Quadric::new(kind, affine(map), self.material);
+                return Ok(Solid::Quadric(if self.flipped {
+                    quadric.flipped()
+                } else {
+                    quadric
+                }));
+            }
+            Form::Rectangle(map) => moved(ctx, Mesh::rectangle(), map, object)?,
+            Form::Cube(map) => moved(ctx, Mesh::cube(), map, object)?,
+            Form::Mesh(mesh) => mesh,
+        };
+        if self.flipped {
+            mesh.flip();
+        }
+        Ok(Solid::Mesh(mesh))
     }
 }
 
@@ -110,12 +124,20 @@ pub(crate) fn place(
         Ok(Placed {
             form: Form::Quadric(kind, world),
             material,
+            flipped: object.flip_normals,
         })
     };
     let form = match &*object.shape {
-        ShapeFile::Obj(m) | ShapeFile::Gltf(m) | ShapeFile::Ply(m) => {
+        ShapeFile::Obj(m) | ShapeFile::Gltf(m) | ShapeFile::Ply(m) | ShapeFile::Serialized(m) => {
             let parts = load(ctx, m, &object.shape)?;
-            let (mut used, mut placed) = (vec![], vec![]);
+            if m.flat && m.smooth {
+                return Err(ctx.error(
+                    object.shape.span(),
+                    "the mesh is both flat and smooth",
+                    "keep one: flat drops vertex normals, smooth computes those that the file does not have",
+                ));
+            }
+            let (mut used, mut meshes, mut numbers) = (vec![], vec![], vec![]);
             for mut part in parts {
                 let own = part
                     .material
@@ -139,8 +161,11 @@ pub(crate) fn place(
                 if m.flat {
                     part.mesh.normals.clear();
                 }
-                let form = Form::Mesh(moved(ctx, part.mesh, place, object)?);
-                placed.push(Placed { form, material });
+                meshes.push(moved(ctx, part.mesh, place, object)?);
+                numbers.push(material);
+            }
+            if m.smooth {
+                smooth::smooth(&mut meshes);
             }
             if let Some((key, name)) = object.part_materials.iter().find(|(k, _)| !used.contains(k)) {
                 return Err(ctx.error(
@@ -149,7 +174,12 @@ pub(crate) fn place(
                     "correct the part's name, or remove the line",
                 ));
             }
-            return Ok(placed);
+            let placed = |(mesh, material)| Placed {
+                form: Form::Mesh(mesh),
+                material,
+                flipped: object.flip_normals,
+            };
+            return Ok(meshes.into_iter().zip(numbers).map(placed).collect());
         }
         ShapeFile::Sphere(s) => {
             sized(ctx, s.radius, span.clone())?;
@@ -209,11 +239,25 @@ pub(crate) fn place(
             Form::Cube(place * shape)
         }
     };
-    Ok(vec![Placed { form, material }])
+    Ok(vec![Placed {
+        form,
+        material,
+        flipped: object.flip_normals,
+    }])
 }
 
 /// Reads a mesh file in the format that the shape names.
 fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPart>, InputError> {
+    if m.index > 0 && !matches!(shape, ShapeFile::Serialized(_)) {
+        return Err(ctx.error(
+            m.file.span(),
+            format!(
+                "the mesh has the index {}, but only `serialized` files have several",
+                m.index
+            ),
+            "remove index",
+        ));
+    }
     let bytes = ctx.bytes(&m.file, m.file.span())?;
     let path = ctx.path(&m.file);
     if let ShapeFile::Gltf(_) = shape {
@@ -225,6 +269,7 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPa
     let parse = || match shape {
         ShapeFile::Gltf(_) => import::parse_gltf(&bytes, path.parent()),
         ShapeFile::Ply(_) => import::parse_ply(&bytes),
+        ShapeFile::Serialized(m) => import::parse_serialized(&bytes, m.index),
         _ => import::parse_obj(&bytes),
     };
     let (parsed, ()) = rayon::join(parse, || ctx.count(&bytes));
@@ -233,7 +278,7 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPa
         ctx.error(
             m.file.span(),
             format!("{}: {e}", path.display()),
-            "repair or re-export the file, or use the shape key of its format (obj, gltf, ply)",
+            "repair or re-export the file, or use the shape key of its format (obj, gltf, ply, serialized)",
         )
     })?;
     for note in model.notes {

@@ -225,6 +225,13 @@ fn filling(
     let Some(name) = &object.interior else {
         return Ok(None);
     };
+    if object.flip_normals {
+        return Err(ctx.error(
+            name.span(),
+            "an object with an interior cannot have flip_normals",
+            "take flip_normals away: the interior tells inside from outside",
+        ));
+    }
     let Some(medium) = media.get(name.as_str()) else {
         let known = media.keys().copied().collect::<Vec<_>>().join(", ");
         return Err(ctx.error(

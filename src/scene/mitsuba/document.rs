@@ -24,6 +24,8 @@ pub(super) struct Document {
     pub aliases: Vec<Alias>,
     /// Where files are looked for.
     pub folders: Folders,
+    /// What the import has to say about how the text is read.
+    pub notes: Vec<String>,
 }
 
 impl Document {
@@ -47,6 +49,7 @@ impl Document {
                 parameters: given.clone(),
                 aliases: vec![],
                 folders,
+                notes: vec![],
             });
         }
         let xml = parse(&source, 0, text)?;
@@ -59,14 +62,7 @@ impl Document {
                 "give the file of a whole scene",
             ));
         }
-        let version = root.attribute("version").unwrap_or_default();
-        if !(version.starts_with("3.") || version.starts_with("2.")) {
-            return Err(source.error(
-                &reader.start_tag(&root),
-                format!("the file is of Mitsuba's version `{version}`"),
-                "give a scene of Mitsuba 3; older ones name their parameters otherwise",
-            ));
-        }
+        reader.version(&root)?;
         let scene = reader.plugin(&root, 0)?;
         let known = |name: &String| reader.used.contains(name) || RESERVED.contains(&name.as_str());
         if let Some(name) = given.keys().find(|name| !known(name)) {
@@ -76,6 +72,7 @@ impl Document {
             parameters,
             aliases,
             folders,
+            notes,
             ..
         } = reader;
         Ok(Self {
@@ -84,6 +81,7 @@ impl Document {
             parameters,
             aliases,
             folders,
+            notes,
         })
     }
 }

@@ -365,11 +365,14 @@ fn shape(
         let message = format!("Mitsuba cannot express {what} (object `{name}`)");
         Err(ctx.error(object.shape.span(), message, mend))
     };
-    Ok(match &placed.form {
+    // A mirror turns Mitsuba's spheres inside out, and ours not.
+    let mut flipped = placed.flipped;
+    let element = match &placed.form {
         Form::Quadric(QuadricKind::Sphere, map) => {
             if !is_similar(map, true) {
                 return cannot("an ellipsoid", "scale all axes alike, or use a mesh");
             }
+            flipped ^= map.matrix3.determinant() < 0.0;
             Element::plugin("shape", "sphere").transform("to_world", map)
         }
         Form::Quadric(QuadricKind::Cylinder, map) => {
@@ -379,7 +382,14 @@ fn shape(
                     "scale x and y alike, or use a mesh",
                 );
             }
-            Element::plugin("shape", "cylinder").transform("to_world", map)
+            // Mitsuba samples the light of a mirrored tube on its other side; the tube is the same unmirrored.
+            let mirrored = map.matrix3.determinant() < 0.0 && needs == Needs::default();
+            let map = if mirrored {
+                *map * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0))
+            } else {
+                *map
+            };
+            Element::plugin("shape", "cylinder").transform("to_world", &map)
         }
         Form::Quadric(QuadricKind::Disk, map) => {
             if needs.tangent {
@@ -403,6 +413,11 @@ fn shape(
             );
         }
         Form::Mesh(m) => mesh(index, m, out),
+    };
+    Ok(if flipped {
+        element.boolean("flip_normals", true)
+    } else {
+        element
     })
 }
 

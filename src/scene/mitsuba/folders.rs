@@ -13,7 +13,7 @@ pub(super) struct Alias {
     pub span: Range<usize>,
 }
 
-/// The folders in which files are looked for, the scene's own first.
+/// The folders in which files are looked for, as Mitsuba does: those of `<path>`, the last one first, then the scene's own.
 #[derive(Clone)]
 pub(super) struct Folders(Vec<PathBuf>);
 
@@ -24,19 +24,16 @@ impl Folders {
         Self(vec![path.parent().unwrap_or(Path::new("")).to_owned()])
     }
 
-    /// Adds a folder, absolute or in the scene's own.
-    pub fn add(&mut self, folder: &str) {
-        self.0.push(self.0[0].join(folder));
+    /// Looks in this folder first from now on.
+    pub fn prepend(&mut self, folder: PathBuf) {
+        self.0.insert(0, folder);
     }
 
-    /// The path of a file: where it is, or where it is missed first.
+    /// The path of a file: where it is, or where the scene's own folder would have it.
     pub fn find(&self, name: &str) -> PathBuf {
         let mut paths = self.0.iter().map(|folder| folder.join(name));
-        let first = paths.next().unwrap_or_default();
-        if first.exists() {
-            return first;
-        }
-        paths.find(|path| path.exists()).unwrap_or(first)
+        let own = paths.clone().next_back().unwrap_or_default();
+        paths.find(|path| path.exists()).unwrap_or(own)
     }
 }
 

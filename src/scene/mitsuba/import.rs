@@ -7,21 +7,20 @@
 use super::document::Document;
 use super::files::{Contents, WriteError, write_one};
 use super::folders::read_text;
-use super::import_devices;
+use super::import_devices::{self, Sensor};
 use super::import_emitters::{self, Emitters};
 use super::import_instances::Groups;
 use super::import_shapes::{self, Readers};
 use super::importer::Importer;
-use super::source::Source;
 use super::tree::{Inside, Node};
 use crate::build::assemble;
 use crate::build::context::Context;
 use base::locate::{InputError, Located};
 use std::collections::BTreeMap;
 use std::path::Path;
-use syntax::device::EmitterFile;
 use syntax::scene::{GapsFile, RenderFile, SceneFile};
 use syntax::slice::SliceFile;
+use syntax::values::{TimeBins, TimeFile};
 use transport::scene::Scene;
 
 /// A scene in our language.
@@ -91,7 +90,7 @@ impl Import {
         files: &BTreeMap<String, Vec<u8>>,
     ) -> Result<Self, ImportError> {
         let document = Document::parse(xml, text, parameters)?;
-        let done = Importer::new(&document, toml).and_then(|importer| run(importer, toml, files));
+        let done = Importer::new(&document, toml, files).and_then(|importer| run(importer, toml, files));
         let mut problems = document.source.problems();
         match done {
             Ok(Some(import)) => Ok(import),
@@ -130,11 +129,17 @@ fn run(
             ));
             continue;
         };
-        if let Err(e) = parts.sort(source, node) {
+        if let Err(e) = parts.sort(&mut importer, node) {
             source.report(e);
         }
     }
-    scene.finish(source, &[]);
+    // How rays find surfaces.
+    let search = |name: &str| name.starts_with("kd_") || name.starts_with("embree_");
+    let names = scene.properties.iter().map(|p| p.name.as_str());
+    let mut ignored: Vec<&str> = names.filter(|name| search(name)).collect();
+    ignored.extend(["allow_thread_reordering", "compact_acceleration_structures"]);
+    scene.finish(source, &ignored);
+    unused(&mut importer);
     let sensor = parts.sensor.ok_or_else(|| {
         source.error(
             &scene.span,
@@ -142,7 +147,7 @@ fn run(
             "add <sensor type=\"perspective\">",
         )
     });
-    let camera = sensor.and_then(|sensor| Ok((sensor, import_devices::sensor(&importer, sensor)?)));
+    let camera = sensor.and_then(|sensor| import_devices::sensor(&mut importer, sensor).map(|s| (sensor, s)));
     let depth = import_devices::integrator(&mut importer, parts.integrator);
     let mut reader = Readers::default();
     let (mut objects, mut emitters) = (vec![], Emitters::default());
@@ -157,7 +162,7 @@ fn run(
                 Ok(())
             }
             "instance" => groups.instance(&mut importer, &mut reader, node),
-            _ => import_shapes::objects(&mut importer, &mut reader, node)
+            _ => import_shapes::all(&mut importer, &mut reader, node)
                 .map(|new| objects.extend(new.into_iter().map(|o| Located::at(node.span.clone(), o)))),
         };
         if let Err(e) = added {
@@ -169,8 +174,8 @@ fn run(
             source.report(e);
         }
     }
-    let (sensor, camera, spp, depth) = match (camera, depth) {
-        (Ok((sensor, (camera, spp))), Ok(depth)) => (sensor, camera, spp, depth),
+    let (sensor, Sensor { camera, spp, time }, depth) = match (camera, depth) {
+        (Ok((sensor, camera)), Ok(depth)) => (sensor, camera, depth),
         (camera, depth) => {
             for e in [camera.err(), depth.err()].into_iter().flatten() {
                 source.report(e);
@@ -186,7 +191,7 @@ fn run(
             rr_depth: depth.rr_depth,
             ..RenderFile::default()
         },
-        slices: vec![SliceFile::new("mueller").mueller().into()],
+        slices: slices(time),
         ..SceneFile::new(camera)
     };
     file.camera = Located::at(sensor.span.clone(), (*file.camera).clone());
@@ -197,14 +202,6 @@ fn run(
     file.instances = groups.instances;
     file.emitters = emitters.emitters;
     file.projector = emitters.projector;
-    let is_environment = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
-    if parts.hides_emitters && file.emitters.iter().any(is_environment) {
-        return Err(source.error(
-            &parts.integrator.map_or(0..0, |i| i.span.clone()),
-            "hide_emitters hides the environment, which sunstone shows",
-            "take hide_emitters away",
-        ));
-    }
     if source.any_problem() {
         // What was left out would make others.
         return Ok(None);
@@ -229,6 +226,53 @@ fn run(
         scene: file,
         notes: importer.notes,
     }))
+}
+
+/// The slices: the image, and light over time if the film has bins.
+fn slices(time: Option<TimeBins>) -> Vec<Located<SliceFile>> {
+    let image = SliceFile::new("mueller").mueller();
+    let mut slices = vec![image.clone().into()];
+    if let Some(bins) = time {
+        let transient = SliceFile {
+            name: "transient".to_owned().into(),
+            time: TimeFile::Bins(bins),
+            ..image
+        };
+        slices.push(transient.into());
+    }
+    slices
+}
+
+/// Notes what has an id at the top of the scene and nothing refers to.
+fn unused(importer: &mut Importer) {
+    let document = importer.document;
+    let mut named: Vec<&str> = document.aliases.iter().map(|a| a.id.as_str()).collect();
+    document.scene.walk(&mut |node| {
+        named.extend(node.children().iter().filter_map(|child| match &child.what {
+            Inside::Reference { id, .. } => Some(id.as_str()),
+            Inside::Node(_) => None,
+        }));
+    });
+    for child in document.scene.children() {
+        let Inside::Node(node) = &child.what else {
+            continue;
+        };
+        let alone = match node.tag.as_str() {
+            "emitter" => SURFACE_EMITTERS.contains(&node.kind.as_str()),
+            "sensor" | "integrator" | "shape" | "bsdf" => false,
+            _ => true,
+        };
+        if alone && !node.id.as_deref().is_some_and(|id| named.contains(&id)) {
+            let id = node
+                .id
+                .as_deref()
+                .map_or(String::new(), |id| format!(" (id `{id}`)"));
+            importer.note(format!(
+                "the {} `{}`{id} is not used: nothing refers to it",
+                node.tag, node.kind
+            ));
+        }
+    }
 }
 
 /// What the scene file says of itself.
@@ -266,36 +310,36 @@ fn check(
     })
 }
 
+/// Emitters that shine from a shape.
+const SURFACE_EMITTERS: [&str; 3] = ["area", "directionalarea", "projectorarea"];
+
 /// What a scene holds, by kind.
 #[derive(Default)]
 struct Parts<'a> {
     sensor: Option<&'a Node>,
     integrator: Option<&'a Node>,
-    hides_emitters: bool,
     bsdfs: Vec<&'a Node>,
     shapes: Vec<&'a Node>,
     emitters: Vec<&'a Node>,
 }
 
 impl<'a> Parts<'a> {
-    fn sort(&mut self, source: &Source, node: &'a Node) -> Result<(), InputError> {
+    fn sort(&mut self, importer: &mut Importer<'a>, node: &'a Node) -> Result<(), InputError> {
+        let source = importer.source;
         match node.tag.as_str() {
             "sensor" if self.sensor.is_none() => self.sensor = Some(node),
-            "integrator" if self.integrator.is_none() => {
-                let mut hides = false;
-                node.walk(&mut |n| hides |= matches!(n.boolean(source, "hide_emitters"), Ok(Some(true))));
-                self.hides_emitters = hides;
-                self.integrator = Some(node);
+            "sensor" => {
+                importer.note("the scene has several sensors: the first is imported, which Mitsuba renders")
             }
-            "sensor" | "integrator" => {
-                let message = format!("a second {}", node.tag);
-                return Err(source.error(&node.span, message, "keep one"));
-            }
+            "integrator" if self.integrator.is_none() => self.integrator = Some(node),
+            "integrator" => return Err(source.error(&node.span, "a second integrator", "keep one")),
             "bsdf" => self.bsdfs.push(node),
             "shape" => self.shapes.push(node),
+            // Emitters of surfaces are read with the shape that refers to them.
+            "emitter" if SURFACE_EMITTERS.contains(&node.kind.as_str()) => {}
             "emitter" => self.emitters.push(node),
-            // Textures and spectra are read where something refers to them.
-            "texture" | "spectrum" | "medium" => {}
+            // Read where something refers to them.
+            "texture" | "spectrum" | "medium" | "phase" | "volume" | "film" | "sampler" | "rfilter" => {}
             other => {
                 let message = format!("sunstone cannot express a {other}");
                 return Err(source.error(&node.span, message, "take it away"));

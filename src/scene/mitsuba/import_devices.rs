@@ -3,17 +3,51 @@
 use super::importer::{Importer, rows};
 use super::tree::{Node, number};
 use base::locate::{InputError, Located};
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use syntax::device::{ApertureFile, PinholeFile, PoseFile};
+use syntax::values::TimeBins;
 
 /// Where Mitsuba's lenses focus if nothing is said: their far clipping plane.
 const FAR: f64 = 1e4;
 
-/// The camera, and the samples per pixel.
-pub(super) fn sensor<'a>(
-    importer: &Importer<'a>,
-    node: &'a Node,
-) -> Result<(PinholeFile, Located<u32>), InputError> {
+/// Mitsuba's near clipping plane if nothing is said.
+const NEAR: f64 = 0.01;
+
+/// Metres that light travels in a picosecond.
+const METRES_PER_PS: f64 = 299_792_458e-12;
+
+/// What is not the same of pixels.
+const FILTERED: &str = "pixels are means over their area (box filter): Mitsuba's reconstruction filter here reaches over \
+    neighbouring pixels";
+
+/// What a sensor says.
+pub(super) struct Sensor {
+    pub camera: PinholeFile,
+    /// Samples per pixel.
+    pub spp: Located<u32>,
+    /// Bins of travel time, of a film of mitransient.
+    pub time: Option<TimeBins>,
+}
+
+/// What a film says: its size, the window of it that is rendered (x, y, width, height), and its bins of path length.
+struct Film {
+    size: [u32; 2],
+    window: [u32; 4],
+    time: Option<(f64, f64, u32)>,
+}
+
+impl Film {
+    fn whole(size: [u32; 2]) -> Self {
+        Self {
+            size,
+            window: [0, 0, size[0], size[1]],
+            time: None,
+        }
+    }
+}
+
+/// The camera, the samples per pixel and the bins of travel time.
+pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Sensor, InputError> {
     let source = importer.source;
     if !["perspective", "thinlens"].contains(&node.kind.as_str()) {
         return importer.error(
@@ -22,7 +56,7 @@ pub(super) fn sensor<'a>(
             "use <sensor type=\"perspective\"> or thinlens",
         );
     }
-    let (mut spp, mut size) = (importer.whole(&node.span, 4, "sample_count")?, [768, 576]);
+    let (mut spp, mut given) = (importer.whole(&node.span, 4, "sample_count")?, None);
     for child in node.children() {
         let inner = importer.resolve(child)?;
         match inner.tag.as_str() {
@@ -30,8 +64,13 @@ pub(super) fn sensor<'a>(
                 if let Some(count) = inner.integer(source, "sample_count")? {
                     spp = importer.whole(&inner.span, count, "sample_count")?;
                 }
+                // Sunstone has samples of its own: what orders Mitsuba's changes noise alone.
+                inner.finish(source, &["seed", "jitter", "pass_index", "dimension"]);
             }
-            "film" => size = film(importer, inner)?,
+            "film" if given.is_some() => {
+                return importer.error(child.span(), "the sensor has a second film", "keep one");
+            }
+            "film" => given = Some(film(importer, inner)?),
             _ => {
                 return importer.error(
                     child.span(),
@@ -41,6 +80,10 @@ pub(super) fn sensor<'a>(
             }
         }
     }
+    if given.is_none() {
+        importer.note(FILTERED);
+    }
+    let Film { size, window, time } = given.unwrap_or(Film::whole([768, 576]));
     let [w, h] = size.map(f64::from);
     let fov = field_of_view(importer, node, w / h)?;
     let mut offset = [0.0; 2];
@@ -50,7 +93,20 @@ pub(super) fn sensor<'a>(
     {
         *slot = node.float(source, name)?.unwrap_or(0.0);
     }
-    let mut camera = device(node, pose(importer, node)?, size, fov);
+    let near = node.float(source, "near_clip")?.unwrap_or(NEAR);
+    let time = time.map(|(start, width, bins)| {
+        importer.note(format!(
+            "mitransient counts path lengths from the near clipping plane: the time bins begin {near} m later here, which is \
+             exact on the optical axis"
+        ));
+        let at = |v| Located::at(node.span.clone(), v);
+        TimeBins {
+            start_ps: (start + near) / METRES_PER_PS,
+            bin_ps: at(width / METRES_PER_PS),
+            bins: Located::at(node.span.clone(), bins),
+        }
+    });
+    let mut camera = device(node, camera_pose(importer, node)?, [window[2], window[3]], fov);
     if node.kind == "thinlens" {
         let (radius, focus) = (
             node.float(source, "aperture_radius")?,
@@ -75,10 +131,34 @@ pub(super) fn sensor<'a>(
             "shutter_close",
         ],
     );
-    if offset != [0.0; 2] {
-        camera = camera.principal((0.5 - offset[0]) * w, (0.5 - offset[1]) * h);
+    let cropped = window != [0, 0, size[0], size[1]];
+    if cropped {
+        // The field of view is that of the whole film.
+        camera.fov_x_deg = None;
+        let fx = w / (2.0 * (fov.to_radians() / 2.0).tan());
+        camera.fx = Some(Located::at(node.span.clone(), fx));
     }
-    Ok((camera, spp))
+    if cropped || offset != [0.0; 2] {
+        let [x, y] = [window[0], window[1]].map(f64::from);
+        camera = camera.principal((0.5 - offset[0]) * w - x, (0.5 - offset[1]) * h - y);
+    }
+    Ok(Sensor { camera, spp, time })
+}
+
+/// The pose of a camera, whose image may be mirrored: then left and right are exchanged, and it is noted.
+fn camera_pose(importer: &mut Importer, node: &Node) -> Result<PoseFile, InputError> {
+    let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
+    if place.matrix3.determinant() < 0.0 {
+        importer.note(
+            "the camera's to_world mirrors: left and right of the image are exchanged against Mitsuba's",
+        );
+        return posed(
+            importer,
+            node,
+            place * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
+        );
+    }
+    posed(importer, node, place)
 }
 
 /// A device, all of which stands where its plugin does.
@@ -89,40 +169,107 @@ pub(super) fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f
     device
 }
 
-fn film(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
+fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     let source = importer.source;
-    if !["hdrfilm", "specfilm"].contains(&node.kind.as_str()) {
-        return importer.error(
-            &node.span,
-            format!("sunstone has no film `{}`", node.kind),
-            "use hdrfilm",
-        );
-    }
-    let width = node.integer(source, "width")?.unwrap_or(768);
-    let height = node.integer(source, "height")?.unwrap_or(576);
-    if ![width, height].iter().all(|s| (1..=32768).contains(s)) {
-        return importer.error(
-            &node.span,
-            format!("the film is {width} × {height}"),
-            "width and height must lie in 1..32768",
-        );
-    }
-    for child in node.children() {
-        if child.tag() == "rfilter" {
-            child.take();
+    let transient = node.kind == "transient_hdr_film";
+    match node.kind.as_str() {
+        "hdrfilm" | "transient_hdr_film" => {}
+        "specfilm" => {
+            importer.note("specfilm: sunstone stores radiance at its wavelengths, not the film's channels")
+        }
+        "ldrfilm" => importer.note("ldrfilm: sunstone stores radiance; gamma and exposure are not applied"),
+        other => {
+            return importer.error(
+                &node.span,
+                format!("sunstone has no film `{other}`"),
+                "use hdrfilm, or transient_hdr_film of mitransient",
+            );
         }
     }
+    let number = |name: &str, missing: i64, least: i64| -> Result<u32, InputError> {
+        let value = node.integer(source, name)?.unwrap_or(missing);
+        if (least..=32768).contains(&value) {
+            return Ok(value as u32);
+        }
+        importer.error(
+            &node.span,
+            format!("the film's {name} is {value}"),
+            &format!("{name} must lie in {least}..32768"),
+        )
+    };
+    let size = [number("width", 768, 1)?, number("height", 576, 1)?];
+    let window = [
+        number("crop_offset_x", 0, 0)?,
+        number("crop_offset_y", 0, 0)?,
+        number("crop_width", size[0].into(), 1)?,
+        number("crop_height", size[1].into(), 1)?,
+    ];
+    if window[0] + window[2] > size[0] || window[1] + window[3] > size[1] {
+        return importer.error(
+            &node.span,
+            "the film's crop window reaches beyond it",
+            "keep crop_offset plus crop size within width and height",
+        );
+    }
+    let mut time = None;
+    if transient {
+        let bins = node.integer(source, "temporal_bins")?.unwrap_or(2048);
+        let width = node.float(source, "bin_width_opl")?.unwrap_or(0.003);
+        let start = node.float(source, "start_opl")?.unwrap_or(0.0);
+        if node.boolean(source, "exhaustive_scan")?.unwrap_or(false) {
+            return importer.error(&node.span, "sunstone has no exhaustive_scan", "take it away");
+        }
+        let bins = *importer.whole(&node.span, bins, "temporal_bins")?;
+        time = Some((start, width, bins));
+    }
+    let mut filter = "gaussian";
+    for child in node.children() {
+        let inner = importer.resolve(child)?;
+        if inner.tag != "rfilter" {
+            return importer.error(
+                child.span(),
+                format!("sunstone does not know what `{}` of a film means", inner.tag),
+                "keep the rfilter alone",
+            );
+        }
+        filter = inner.kind.as_str();
+        // Shapes of filters that are not used.
+        inner.finish(source, &["radius", "stddev", "lobes", "B", "C"]);
+    }
+    if filter != "box" {
+        importer.note(FILTERED);
+    }
+    let own: &[&str] = match node.kind.as_str() {
+        // How an image file holds the light.
+        "ldrfilm" => &[
+            "gamma",
+            "exposure",
+            "tonemap_method",
+            "key",
+            "burn",
+            "label",
+            "fixed_radiance",
+        ],
+        "transient_hdr_film" => &["laser_scan_width", "laser_scan_height"],
+        _ => &[],
+    };
     node.finish(
         source,
         &[
-            "file_format",
-            "pixel_format",
-            "component_format",
-            "sample_border",
-            "compensate",
-        ],
+            &[
+                "file_format",
+                "pixel_format",
+                "component_format",
+                "sample_border",
+                "compensate",
+            ],
+            // Of Mitsuba 0.x.
+            &["banner", "attach_log", "high_quality_edges"][..],
+            own,
+        ]
+        .concat(),
     );
-    Ok([width as u32, height as u32])
+    Ok(Film { size, window, time })
 }
 
 /// How deep paths go.
@@ -136,38 +283,110 @@ pub(super) fn integrator<'a>(
     node: Option<&'a Node>,
 ) -> Result<Depth, InputError> {
     let source = importer.source;
-    let (mut max_depth, mut rr_depth) = (6, 5);
+    let (mut max_depth, mut rr_depth) = (-1, 5);
     let mut at = importer.document.scene.span.clone();
+    if node.is_none() {
+        importer.note("the scene has no integrator: paths are traced");
+    }
+    let mut seen: Vec<&Node> = vec![];
     let mut next = node;
     while let Some(node) = next.take() {
         at = node.span.clone();
+        if seen.iter().any(|n| std::ptr::eq(*n, node)) {
+            return importer.error(
+                &node.span,
+                "the integrator is nested in itself",
+                "nest path in it",
+            );
+        }
+        seen.push(node);
+        // Those of Mitsuba's Python package have another default.
+        let differentiable = node.kind.starts_with("prb") || node.kind.starts_with("transient_");
         match node.kind.as_str() {
             "stokes" | "aov" | "moment" => {
                 for child in node.children() {
-                    next = Some(importer.resolve(child)?);
+                    if next.replace(importer.resolve(child)?).is_some() {
+                        return importer.error(
+                            child.span(),
+                            format!("the integrator {} has two in it", node.kind),
+                            "keep one",
+                        );
+                    }
                 }
-                node.get("aovs");
+                if next.is_none() {
+                    return importer.error(
+                        &node.span,
+                        format!("the integrator {} has none in it, so it shows no light", node.kind),
+                        "nest <integrator type=\"path\"> in it; `sunstone layers` writes depths, normals and positions",
+                    );
+                }
+                if node.get("aovs").is_some() {
+                    importer.note(
+                        "aovs are not rendered: `sunstone layers` writes depths, normals and positions",
+                    );
+                }
             }
-            "path" | "volpath" | "volpathmis" | "prb" | "prbvolpath" | "ptracer" => {
-                max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
+            "path"
+            | "volpath"
+            | "volpathmis"
+            | "prb"
+            | "prb_basic"
+            | "prbvolpath"
+            | "prb_projective"
+            | "ptracer"
+            | "transient_path"
+            | "transient_prbvolpath" => {
+                max_depth = node
+                    .integer(source, "max_depth")?
+                    .unwrap_or(if differentiable { 6 } else { -1 });
                 rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
             }
-            "direct" => max_depth = 2,
+            "direct" | "direct_projective" => max_depth = 2,
+            // Of Mitsuba 0.x, all of which compute the same light.
+            "volpath_simple" | "bdpt" | "mlt" | "pssmlt" | "erpt" | "adjoint" => {
+                max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
+                rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
+                importer.note(format!(
+                    "{}: sunstone traces paths its own way, to the same image",
+                    node.kind
+                ));
+            }
             other => {
                 return importer.error(
                     &node.span,
                     format!("sunstone has no integrator `{other}`"),
-                    "use path, volpath, volpathmis, direct, prb, prbvolpath or ptracer, in stokes, aov or moment if need be",
+                    "use path, volpath, volpathmis, direct, prb, prbvolpath, ptracer, transient_path or \
+                     transient_prbvolpath, in stokes, aov or moment if need be",
                 );
             }
         }
-        let ignored = ["samples_per_pass", "block_size", "timeout", "hide_emitters"];
-        let more = ["shading_samples", "emitter_samples", "bsdf_samples"];
-        node.finish(source, &[&ignored[..], &more[..]].concat());
-        // An integrator inside of itself cannot be written but by reference.
-        if next.is_some_and(|n| n.kind == "stokes") {
-            return importer.error(&node.span, "stokes is nested in stokes", "nest path in it");
+        if node.kind.starts_with("transient_") {
+            transient(importer, node)?;
         }
+        if node.boolean(source, "hide_emitters")?.unwrap_or(false) {
+            importer.note("hide_emitters: the camera sees emitters and the environment in sunstone");
+        }
+        if node.boolean(source, "strict_normals")?.unwrap_or(false) {
+            importer.note("strict_normals is not used");
+        }
+        // How the work is parted, and how many samples a strategy has of the same light.
+        let work = ["samples_per_pass", "block_size", "timeout"];
+        let samples = [
+            "shading_samples",
+            "emitter_samples",
+            "bsdf_samples",
+            "use_spectral_mis",
+        ];
+        let derivatives = [
+            "sppc",
+            "sppp",
+            "sppi",
+            "guiding",
+            "guiding_proj",
+            "guiding_rounds",
+            "project_seed",
+        ];
+        node.finish(source, &[&work[..], &samples, &derivatives].concat());
     }
     if max_depth < 0 {
         max_depth = 64;
@@ -178,6 +397,29 @@ pub(super) fn integrator<'a>(
         // Mitsuba counts the camera's segment in `rr_depth`.
         rr_depth: u32::try_from(rr_depth.max(1) - 1).unwrap_or(u32::MAX),
     })
+}
+
+/// What mitransient's integrators say of time.
+fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
+    let source = importer.source;
+    if node.boolean(source, "camera_unwarp")?.unwrap_or(false) {
+        importer.note("camera_unwarp: sunstone counts time from the camera, not from the first surface");
+    }
+    if node.boolean(source, "discard_direct_light")?.unwrap_or(false) {
+        return importer.error(
+            &node.span,
+            "sunstone cannot discard direct light on import",
+            "take discard_direct_light away, and resolve bounces in a slice (bounces = true)",
+        );
+    }
+    let filter = node.text(source, "temporal_filter")?.unwrap_or("box");
+    if !["", "box"].contains(&filter) {
+        importer.note(format!(
+            "temporal_filter `{filter}`: sunstone's time bins are boxes"
+        ));
+    }
+    node.get("gaussian_stddev");
+    Ok(())
 }
 
 /// Horizontal field of view in degrees from `fov` and `fov_axis`, or from a focal length on 35 mm film.
@@ -230,9 +472,11 @@ pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Re
 
 /// The pose: Mitsuba's devices have +x left and +y up.
 pub(super) fn pose(importer: &Importer, node: &Node) -> Result<PoseFile, InputError> {
-    let place = node
-        .transform(importer.source, "to_world")?
-        .unwrap_or(DAffine3::IDENTITY);
+    let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
+    posed(importer, node, place)
+}
+
+fn posed(importer: &Importer, node: &Node, place: DAffine3) -> Result<PoseFile, InputError> {
     let m = place.matrix3;
     let lengths = [m.x_axis, m.y_axis, m.z_axis].map(|c| (c.length() - 1.0).abs());
     if lengths.iter().any(|l| *l > 1e-4) || m.determinant() < 0.0 {

@@ -50,7 +50,7 @@ impl<'a> Groups<'a> {
                         format!("a {} does nothing in a shapegroup", inner.tag),
                         "give it to one of the group's shapes, or take it away",
                     ),
-                    _ => Ok((inner, import_shapes::objects(importer, reader, inner)?)),
+                    _ => Ok((inner, import_shapes::all(importer, reader, inner)?)),
                 });
             match objects {
                 Ok((inner, new)) => {

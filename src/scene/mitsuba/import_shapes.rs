@@ -6,7 +6,7 @@ use super::import_media::MediumReader;
 use super::importer::{Importer, rows};
 use super::tree::Node;
 use base::locate::{InputError, Located};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 use syntax::shape::{
     CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile,
 };
@@ -19,8 +19,33 @@ pub(super) struct Readers {
     pub media: MediumReader,
 }
 
+/// The objects that one shape becomes, or those that a `merge` holds.
+pub(super) fn all<'a>(
+    importer: &mut Importer<'a>,
+    reader: &mut Readers,
+    node: &'a Node,
+) -> Result<Vec<ObjectFile>, InputError> {
+    if node.kind != "merge" {
+        return objects(importer, reader, node);
+    }
+    let mut all = vec![];
+    for child in node.children() {
+        let inner = importer.resolve(child)?;
+        if inner.tag != "shape" || ["merge", "shapegroup", "instance"].contains(&inner.kind.as_str()) {
+            return importer.error(
+                child.span(),
+                format!("sunstone cannot merge a {} `{}`", inner.tag, inner.kind),
+                "put it into the scene itself",
+            );
+        }
+        all.extend(objects(importer, reader, inner)?);
+    }
+    node.finish(importer.source, &[]);
+    Ok(all)
+}
+
 /// The objects that one shape becomes.
-pub(super) fn objects<'a>(
+fn objects<'a>(
     importer: &mut Importer<'a>,
     reader: &mut Readers,
     node: &'a Node,
@@ -39,13 +64,26 @@ pub(super) fn objects<'a>(
             ),
         }
     };
+    let mirrors = place.matrix3.determinant() < 0.0;
+    // What Mitsuba's surface and its shading normal face, against ours.
+    let (mut inward, mut swapped) = (flip, flip);
     // Whether Mitsuba's v runs against ours.
     let mut turned = node.kind == "cube";
     let shape = match node.kind.as_str() {
-        "sphere" => ShapeFile::Sphere(SphereFile {
-            center: point("center", DVec3::ZERO)?.to_array(),
-            radius: node.float(source, "radius")?.unwrap_or(1.0),
-        }),
+        "sphere" => {
+            let (center, radius) = (point("center", DVec3::ZERO)?, node.float(source, "radius")?);
+            if !is_similarity(&place) {
+                importer.note(
+                    "a sphere's to_world scales its axes differently: as in Mitsuba, it stays a sphere, of the scale along x",
+                );
+                place = round(&place, center);
+            }
+            (inward, swapped) = (flip != mirrors, flip != mirrors);
+            ShapeFile::Sphere(SphereFile {
+                center: center.to_array(),
+                radius: radius.unwrap_or(1.0),
+            })
+        }
         "cylinder" => ShapeFile::Cylinder(CylinderFile {
             p0: point("p0", DVec3::ZERO)?.to_array(),
             p1: point("p1", DVec3::Z)?.to_array(),
@@ -55,38 +93,50 @@ pub(super) fn objects<'a>(
         "disk" => ShapeFile::Disk(DiskFile::default()),
         "rectangle" => ShapeFile::Rectangle(RectangleFile::default()),
         "cube" => ShapeFile::Cube(CubeFile::default()),
-        kind @ ("obj" | "ply") => {
+        kind @ ("obj" | "ply" | "serialized") => {
             let file = mesh_file()?;
             let flat = node.boolean(source, "face_normals")?.unwrap_or(false);
-            turned = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
+            if kind != "serialized" {
+                turned = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
+            }
+            let index = shape_index(importer, node)?;
+            // Mitsuba computes the other normals from the faces, which a mirror turns round.
+            let given = !flat && mirrors && has_normals(importer, node)?;
+            (inward, swapped) = (flip != mirrors, if given { flip } else { flip != mirrors });
             let mesh = MeshFile {
                 file,
+                index,
                 flat,
+                smooth: !flat,
                 materials: false,
             };
-            if kind == "obj" {
-                ShapeFile::Obj(mesh)
-            } else {
-                ShapeFile::Ply(mesh)
+            match kind {
+                "obj" => ShapeFile::Obj(mesh),
+                "ply" => ShapeFile::Ply(mesh),
+                _ => ShapeFile::Serialized(mesh),
             }
         }
         other => {
             return importer.error(
                 &node.span,
                 format!("sunstone has no shape `{other}`"),
-                "use obj, ply, sphere, rectangle, disk, cube or cylinder; convert other meshes to PLY",
+                "use obj, ply, serialized, sphere, rectangle, disk, cube or cylinder; convert other meshes to PLY",
             );
         }
     };
-    if flip {
-        if !["rectangle", "disk"].contains(&node.kind.as_str()) {
-            return importer.error(
-                &node.span,
-                format!("sunstone cannot turn a {} inside out", node.kind),
-                "take flip_normals away",
+    match node.kind.as_str() {
+        "rectangle" | "disk" if flip => {
+            place *= DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0));
+            swapped = false;
+        }
+        "cube" => inward = flip != mirrors,
+        "cylinder" if mirrors => {
+            importer.note(
+                "a cylinder's to_world mirrors: it is lit and shines as rays that meet it in Mitsuba find; Mitsuba samples \
+                 its light on the other side",
             );
         }
-        place *= DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0));
+        _ => {}
     }
     let (mut bsdf, mut interior, mut light) = (None, None, None);
     for child in node.children() {
@@ -108,6 +158,13 @@ pub(super) fn objects<'a>(
     }
     node.finish(source, &["silhouette_sampling_weight"]);
     let interior = match interior {
+        Some(_) if inward => {
+            return importer.error(
+                &node.span,
+                "the shape is inside out (flip_normals, or a to_world that mirrors), so that its medium fills the space around it",
+                "take flip_normals or the mirror away, and give the medium to a shape whose normals point outward",
+            );
+        }
         Some(medium) => Some(reader.media.named(importer, medium)?),
         None => None,
     };
@@ -120,6 +177,7 @@ pub(super) fn objects<'a>(
         }
         // A shape that bounds a medium and has no BSDF is not seen.
         None if interior.is_some() => reader.materials.table.unseen(),
+        None if light.is_some() => reader.materials.table.of_bare_lights(),
         None => reader.materials.table.of_bare_shapes(),
     };
     let emission = light
@@ -131,6 +189,8 @@ pub(super) fn objects<'a>(
     object.name.clone_from(&node.id);
     object.material = Located::at(at(), material);
     object.interior = interior;
+    // The interior tells inside from outside.
+    object.flip_normals = swapped && object.interior.is_none();
     object.emission = emission.map(|(e, _)| e);
     if place != DAffine3::IDENTITY {
         let matrix = TransformFile {
@@ -147,6 +207,60 @@ pub(super) fn objects<'a>(
         return Ok(FACES.map(face).into());
     }
     Ok(vec![object])
+}
+
+/// True if a map scales all directions alike.
+fn is_similarity(map: &DAffine3) -> bool {
+    let m = map.matrix3;
+    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
+    let scale = x.length();
+    let even = |v: DVec3| (v.length() - scale).abs() <= 1e-4 * scale;
+    let square = |a: DVec3, b: DVec3| a.dot(b).abs() <= 1e-4 * scale * scale;
+    even(y) && even(z) && square(x, y) && square(y, z) && square(z, x)
+}
+
+/// What Mitsuba makes of a sphere's map that scales unevenly: the same centre and handedness, and the scale along x.
+fn round(map: &DAffine3, center: DVec3) -> DAffine3 {
+    let scale = map.matrix3.x_axis.length();
+    let sign = map.matrix3.determinant().signum();
+    let even = DMat3::from_diagonal(DVec3::splat(scale)) * sign;
+    DAffine3::from_mat3_translation(even, map.transform_point3(center) - even * center)
+}
+
+/// True if a mesh file has vertex normals.
+fn has_normals(importer: &Importer, node: &Node) -> Result<bool, InputError> {
+    let name = node.text(importer.source, "filename")?.unwrap_or_default();
+    let named = importer.file(name);
+    let read = || match importer.files.get(&named) {
+        Some(bytes) => Ok(bytes.clone()),
+        None => std::fs::read(importer.path(name)),
+    };
+    let Ok(bytes) = read() else {
+        // Building the scene reports it.
+        return Ok(false);
+    };
+    let model = match node.kind.as_str() {
+        "ply" => import::parse_ply(&bytes),
+        "serialized" => import::parse_serialized(&bytes, shape_index(importer, node)?),
+        _ => import::parse_obj(&bytes),
+    };
+    Ok(model.is_ok_and(|model| model.parts.iter().any(|p| !p.mesh.normals.is_empty())))
+}
+
+/// The number of a mesh in a `serialized` file.
+fn shape_index(importer: &Importer, node: &Node) -> Result<u32, InputError> {
+    if node.kind != "serialized" {
+        return Ok(0);
+    }
+    let index = node.integer(importer.source, "shape_index")?.unwrap_or(0);
+    let wrong = || {
+        importer.source.error(
+            &node.span,
+            format!("the shape_index is {index}"),
+            "give the number of a mesh in the file, from 0",
+        )
+    };
+    u32::try_from(index).map_err(|_| wrong())
 }
 
 /// Faces of Mitsuba's cube, with its texture coordinates: corner, u and v, where v is 1 minus Mitsuba's.

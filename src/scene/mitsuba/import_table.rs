@@ -54,7 +54,17 @@ impl Table {
         name
     }
 
-    /// What Mitsuba gives to shapes without a BSDF.
+    /// What Mitsuba gives to shapes without a BSDF that shine: they reflect nothing.
+    pub fn of_bare_lights(&mut self) -> String {
+        let name = "mitsuba_light".to_owned();
+        if self.taken.insert(name.clone()) {
+            self.materials
+                .insert(name.clone(), MaterialFile::diffuse(0.0).into());
+        }
+        name
+    }
+
+    /// What Mitsuba gives to other shapes without a BSDF.
     pub fn of_bare_shapes(&mut self) -> String {
         let name = "mitsuba_default".to_owned();
         if self.taken.insert(name.clone()) {

@@ -19,12 +19,18 @@ pub(super) struct Importer<'a> {
     pub ids: BTreeMap<&'a str, &'a Node>,
     pub wavelengths: Vec<f64>,
     pub notes: Vec<String>,
+    /// Files that are only in memory.
+    pub files: &'a BTreeMap<String, Vec<u8>>,
     /// Folder of the scene file.
     to: PathBuf,
 }
 
 impl<'a> Importer<'a> {
-    pub fn new(document: &'a Document, toml: &Path) -> Result<Self, InputError> {
+    pub fn new(
+        document: &'a Document,
+        toml: &Path,
+        files: &'a BTreeMap<String, Vec<u8>>,
+    ) -> Result<Self, InputError> {
         let source = &document.source;
         let mut ids = BTreeMap::new();
         document.scene.walk(&mut |node| {
@@ -70,7 +76,8 @@ impl<'a> Importer<'a> {
             document,
             ids,
             wavelengths,
-            notes: vec![],
+            notes: document.notes.clone(),
+            files,
             to: toml.parent().unwrap_or(Path::new("")).to_owned(),
         })
     }

@@ -11,6 +11,7 @@ use base::locate::InputError;
 use glam::{DAffine3, DMat3, DVec3};
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 /// Deepest nesting of elements that is followed.
 const DEEPEST: usize = 32;
@@ -28,6 +29,86 @@ fn hexadecimal(text: &str) -> Option<[f64; 3]> {
     Some([byte(0)?, byte(2)?, byte(4)?].map(|b| f64::from(b) / 255.0))
 }
 
+/// A name as Mitsuba 2 and 3 spell it: `toWorld` is `to_world`, `intIOR` is `int_ior`.
+fn snake(name: &str) -> String {
+    let mut out = String::new();
+    let mut after_lower = false;
+    let mut upper_run = false;
+    for c in name.chars() {
+        upper_run = c.is_ascii_uppercase() && (after_lower || upper_run);
+        if upper_run && after_lower {
+            out.push('_');
+        }
+        out.push(if upper_run { c.to_ascii_lowercase() } else { c });
+        after_lower = c.is_ascii_lowercase();
+    }
+    out
+}
+
+/// Upgrades the names in a plugin of Mitsuba 0.x as Mitsuba 3 does (`upgrade_from_v1` in its `parser.cpp`).
+fn upgrade(node: &mut Node) {
+    let diffuse = node.kind == "diffuse";
+    let upgraded = |name: &str| match snake(name) {
+        name if diffuse && name == "diffuse_reflectance" => "reflectance".to_owned(),
+        name => name,
+    };
+    for p in &mut node.properties {
+        p.name = upgraded(&p.name);
+    }
+    for child in &mut node.children {
+        let (Inside::Node(Node { name, .. }) | Inside::Reference { name, .. }) = &mut child.what;
+        *name = name.as_deref().map(upgraded);
+    }
+    let names = ["uscale", "vscale", "uoffset", "voffset"];
+    let given: Vec<(usize, f64)> = node
+        .properties
+        .iter()
+        .filter_map(|p| {
+            let value = match p.value {
+                Value::Float(v) => v,
+                Value::Integer(v) => v as f64,
+                _ => return None,
+            };
+            Some((names.iter().position(|n| *n == p.name)?, value))
+        })
+        .collect();
+    if given.is_empty() {
+        return;
+    }
+    let mut values = [1.0, 1.0, 0.0, 0.0];
+    for (i, value) in given {
+        values[i] = value;
+    }
+    let [us, vs, uo, vo] = values;
+    let map =
+        DAffine3::from_scale(DVec3::new(us, vs, 1.0)) * DAffine3::from_translation(DVec3::new(uo, vo, 0.0));
+    node.properties.retain(|p| !names.contains(&p.name.as_str()));
+    node.properties.push(Property::new(
+        "to_uv".into(),
+        Value::Transform(map),
+        node.span.clone(),
+    ));
+}
+
+/// Mitsuba's rotation, which takes the axis as it is: a rotation only if its length is 1.
+fn rotation(axis: DVec3, radians: f64) -> DMat3 {
+    let (sin, cos) = radians.sin_cos();
+    let cross = DMat3::from_cols(
+        DVec3::new(0.0, axis.z, -axis.y),
+        DVec3::new(-axis.z, 0.0, axis.x),
+        DVec3::new(axis.y, -axis.x, 0.0),
+    );
+    let outer = DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+    DMat3::IDENTITY * cos + cross * sin + outer * (1.0 - cos)
+}
+
+/// The up direction that Mitsuba takes if none is given (Duff et al. 2017, "Building an orthonormal basis, revisited").
+fn any_up(z: DVec3) -> DVec3 {
+    let sign = 1f64.copysign(z.z);
+    let a = -1.0 / (sign + z.z);
+    DVec3::new(1.0 + sign * z.x * z.x * a, sign * z.x * z.y * a, -sign * z.x)
+}
+
 /// What is read of an XML file and of those that it includes.
 pub(super) struct Reader<'s> {
     source: &'s Source,
@@ -42,6 +123,12 @@ pub(super) struct Reader<'s> {
     pub aliases: Vec<Alias>,
     /// Where files are looked for.
     pub folders: Folders,
+    /// What is read in a way that its author may not expect.
+    pub notes: Vec<String>,
+    /// Folder of the file being read.
+    folder: PathBuf,
+    /// The file being read is of Mitsuba 0.x, and is upgraded.
+    old: bool,
 }
 
 impl<'s> Reader<'s> {
@@ -54,8 +141,42 @@ impl<'s> Reader<'s> {
             parameters: given.clone(),
             used: vec![],
             aliases: vec![],
+            notes: vec![],
+            folder: folders.find(""),
             folders,
+            old: false,
         }
+    }
+
+    /// Adds a note, once.
+    fn note(&mut self, text: &str) {
+        if !self.notes.iter().any(|n| n == text) {
+            self.notes.push(text.to_owned());
+        }
+    }
+
+    /// Reads the version of a file's root element.
+    pub fn version(&mut self, root: &roxmltree::Node) -> Result<(), InputError> {
+        let version = root.attribute("version").unwrap_or_default();
+        let major = version
+            .split('.')
+            .next()
+            .and_then(|v| v.trim().parse::<u32>().ok());
+        self.old = match major {
+            Some(0 | 1) => true,
+            Some(2 | 3) => false,
+            _ => {
+                return Err(self.source.error(
+                    &self.start_tag(root),
+                    format!("the file is of Mitsuba's version `{version}`"),
+                    "give a scene of Mitsuba 0.x, 2 or 3, with its version: <scene version=\"3.0.0\">",
+                ));
+            }
+        };
+        if self.old {
+            self.note("the file is of Mitsuba 0.x: names are upgraded as Mitsuba 3 does, and its defaults are those of Mitsuba 3");
+        }
+        Ok(())
     }
 
     fn moved(&self, range: Range<usize>) -> Range<usize> {
@@ -83,9 +204,11 @@ impl<'s> Reader<'s> {
             ));
         }
         let root = depth == 0;
+        // An included file has a root of its own.
+        let of_file = xml.parent().is_none_or(|parent| parent.is_root());
         self.only(
             xml,
-            if root {
+            if of_file {
                 &["version", "type", "id", "name"]
             } else {
                 &["type", "id", "name"]
@@ -106,6 +229,9 @@ impl<'s> Reader<'s> {
             broken: false,
         };
         self.contents(xml, &mut node, depth)?;
+        if self.old {
+            upgrade(&mut node);
+        }
         Ok(node)
     }
 
@@ -140,7 +266,10 @@ impl<'s> Reader<'s> {
                 "take the <include> away that closes the circle",
             ));
         }
-        let path = self.folders.find(&name);
+        // As in Mitsuba, what an included file says of folders holds within it.
+        let mut folders = self.folders.clone();
+        folders.prepend(self.folder.clone());
+        let path = folders.find(&name);
         let text = read_text(&path).map_err(|e| {
             self.source.error(
                 &span,
@@ -148,19 +277,44 @@ impl<'s> Reader<'s> {
                 "correct the file name; files are looked for beside the scene and in the folders of <path>",
             )
         })?;
-        let outer = self.start;
-        self.start = self.source.add(&path, &text);
-        let document = parse(self.source, self.start, &text)?;
+        let start = self.source.add(&path, &text);
+        let document = parse(self.source, start, &text)?;
         let root = document.root_element();
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        let outer = (
+            std::mem::replace(&mut self.folders, folders),
+            std::mem::replace(&mut self.folder, folder),
+            std::mem::replace(&mut self.start, start),
+            self.old,
+        );
         self.depth += 1;
-        let done = if root.tag_name().name() == "scene" {
-            self.contents(&root, node, depth)
-        } else {
-            self.inside(&root, node, depth)
-        };
+        let done = self.included(&root, node, depth);
         self.depth -= 1;
-        self.start = outer;
-        done
+        (self.folders, self.folder, self.start, self.old) = outer;
+        done?;
+        if let (
+            Some(name),
+            Some(Child {
+                what: Inside::Node(child),
+                ..
+            }),
+        ) = (self.attribute(xml, "name")?, node.children.last_mut())
+        {
+            child.name = Some(name);
+        }
+        Ok(())
+    }
+
+    /// What the root of an included file says, read as its own version has it.
+    fn included(&mut self, root: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
+        if root.attribute("version").is_some() {
+            self.version(root)?;
+        }
+        if root.tag_name().name() == "scene" {
+            self.contents(root, node, depth)
+        } else {
+            self.inside(root, node, depth)
+        }
     }
 
     fn inside(&mut self, xml: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
@@ -173,7 +327,7 @@ impl<'s> Reader<'s> {
                 self.parameters.entry(name).or_insert(value);
             }
             "include" => {
-                self.only(xml, &["filename"])?;
+                self.only(xml, &["filename", "name"])?;
                 self.include(xml, node, depth)?;
             }
             "alias" => {
@@ -183,8 +337,21 @@ impl<'s> Reader<'s> {
             }
             "path" => {
                 self.only(xml, &["value"])?;
-                let folder = self.needed(xml, "value")?;
-                self.folders.add(&folder);
+                let name = self.needed(xml, "value")?;
+                let own = self.folder.join(&name);
+                let folder = if own.exists() {
+                    own
+                } else {
+                    self.folders.find(&name)
+                };
+                if !folder.exists() {
+                    return Err(self.source.error(
+                        &span,
+                        format!("there is no folder {}", folder.display()),
+                        "correct the path: it is looked for beside the file",
+                    ));
+                }
+                self.folders.prepend(folder);
             }
             "ref" => {
                 self.only(xml, &["id", "name"])?;
@@ -338,32 +505,44 @@ impl<'s> Reader<'s> {
             "rotate" => {
                 self.only(op, &["x", "y", "z", "value", "angle"])?;
                 let angle = self.needed(op, "angle")?;
-                let (Some(axis), Some(angle)) = (self.xyz(op, Some(0.0))?.try_normalize(), number(&angle))
-                else {
+                let axis = self.xyz(op, Some(0.0))?;
+                let Some(angle) = number(&angle).filter(|_| axis != DVec3::ZERO) else {
                     return wrong(
                         self,
                         "the rotation has no axis or no angle",
                         "give x, y, z and angle",
                     );
                 };
-                DAffine3::from_axis_angle(axis, angle.to_radians())
+                if (axis.length() - 1.0).abs() > 1e-4 {
+                    self.note(
+                        "a <rotate> has an axis whose length is not 1: it scales and shears, as in Mitsuba 3",
+                    );
+                }
+                DAffine3::from_mat3(rotation(axis, angle.to_radians()))
             }
-            "lookat" => {
+            "lookAt" if !self.old => {
+                return wrong(self, "a transform cannot hold <lookAt>", "write <lookat>");
+            }
+            "lookat" | "lookAt" => {
                 self.only(op, &["origin", "target", "up"])?;
                 let origin = self.triple(op, "origin")?;
                 let target = self.triple(op, "target")?;
+                let forward = (target - origin).try_normalize();
                 let up = match op.attribute("up") {
                     Some(_) => self.triple(op, "up")?,
                     None => DVec3::ZERO,
                 };
-                let forward = (target - origin).try_normalize();
+                let up = match forward {
+                    Some(forward) if up == DVec3::ZERO => any_up(forward),
+                    _ => up,
+                };
                 // Mitsuba's x axis points left.
                 let left = forward.and_then(|f| up.cross(f).try_normalize());
                 let (Some(forward), Some(left)) = (forward, left) else {
                     return wrong(
                         self,
                         "lookat does not define a pose",
-                        "target must differ from origin, and up must be given and not be parallel to the view",
+                        "target must differ from origin, and up must not be parallel to the view",
                     );
                 };
                 let up = forward.cross(left);

@@ -144,6 +144,16 @@ impl Mesh {
         }
     }
 
+    /// Exchanges front and back.
+    pub fn flip(&mut self) {
+        for normal in &mut self.normals {
+            *normal = -*normal;
+        }
+        for corners in &mut self.indices {
+            corners.swap(1, 2);
+        }
+    }
+
     /// Drops triangles without area (repeated or collinear corners, to the precision of the stored positions) and
     /// returns how many went. Triangles with an index out of range are kept for [`Mesh::validate`] to name.
     pub fn drop_degenerate(&mut self) -> usize {

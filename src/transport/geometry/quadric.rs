@@ -30,8 +30,10 @@ pub struct Quadric {
     pub material: u32,
     to_world: Affine3A,
     to_object: Affine3A,
-    /// Inverse transpose of `to_world`: maps normals.
+    /// Inverse transpose of `to_world`, times `facing`: maps normals.
     normals: Mat3A,
+    /// 1, or -1 if the normals point inward.
+    facing: f32,
     /// Centre and radius of a sphere that stays one in the world; no radius (0) for all else.
     centre: Vec3A,
     radius: f32,
@@ -74,6 +76,7 @@ impl Quadric {
             to_world,
             to_object,
             normals: to_object.matrix3.transpose(),
+            facing: 1.0,
             centre: to_world.translation,
             radius,
             rounding: if radius > 0.0 {
@@ -85,11 +88,20 @@ impl Quadric {
         }
     }
 
+    /// The same surface with its front and back exchanged.
+    #[must_use]
+    pub fn flipped(mut self) -> Self {
+        self.facing = -self.facing;
+        self.normals = self.normals * -1.0;
+        self
+    }
+
     /// The same surface elsewhere, metres.
     pub(super) fn shifted(&self, by: Vec3A) -> Self {
         let mut to_world = self.to_world;
         to_world.translation += by;
-        Self::new(self.kind, to_world, self.material)
+        let moved = Self::new(self.kind, to_world, self.material);
+        if self.facing < 0.0 { moved.flipped() } else { moved }
     }
 
     /// Centre and radius, if this is a sphere in the world.
@@ -192,7 +204,7 @@ impl Quadric {
             let n = (hit - self.centre).normalize();
             // About the sphere's own axis, whether or not the map to the world mirrors.
             let u = self.turn.cross(n);
-            return (self.centre + n * self.radius, n, u);
+            return (self.centre + n * self.radius, n * self.facing, u);
         }
         self.own_surface(hit)
     }
