@@ -13,6 +13,7 @@ use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::validation::Checked;
 
 use super::error::{ImportError, ImportProblem};
+use super::notes::Notes;
 
 pub(super) const MEND: &str = "export the file again, with an exporter that passes the glTF validator";
 
@@ -32,7 +33,13 @@ type Decode<T> = fn(ComponentType, bool, &[u8]) -> T;
 
 impl<'a> Data<'a> {
     /// Fetches all buffers: the GLB's own chunk, data URIs and, if `base` is given, files below it.
-    pub fn new(root: &'a Root, blob: Option<&'a [u8]>, base: Option<&Path>) -> Result<Self, ImportError> {
+    /// One that is shorter than it should be is noted: accessors are checked by themselves.
+    pub fn new(
+        root: &'a Root,
+        blob: Option<&'a [u8]>,
+        base: Option<&Path>,
+        notes: &mut Notes,
+    ) -> Result<Self, ImportError> {
         let mut buffers = Vec::with_capacity(root.buffers.len());
         for (i, buffer) in root.buffers.iter().enumerate() {
             let length = usize::try_from(buffer.byte_length.0).unwrap_or(usize::MAX);
@@ -49,10 +56,9 @@ impl<'a> Data<'a> {
             };
             if bytes.len() < length {
                 let found = bytes.len();
-                return Err(broken(format!(
-                    "buffer {i} has {found} bytes instead of {length}"
-                )));
+                notes.add(format!("buffer {i} has {found} bytes instead of {length}"));
             }
+            let length = length.min(bytes.len());
             match &mut bytes {
                 Cow::Borrowed(b) => *b = &b[..length],
                 Cow::Owned(b) => b.truncate(length),
@@ -78,6 +84,16 @@ impl<'a> Data<'a> {
         Ok(values.into_iter().map(|[i]| i).collect())
     }
 
+    /// An accessor of four unsigned integers an element.
+    pub fn joints(&self, accessor: usize) -> Result<Vec<[u32; 4]>, ImportError> {
+        self.gather(accessor, |t, _, b| decode_unsigned(t, b))
+    }
+
+    /// An accessor of 4 × 4 matrices of floats, column by column.
+    pub fn matrices(&self, accessor: usize) -> Result<Vec<[f32; 16]>, ImportError> {
+        self.gather(accessor, decode_float)
+    }
+
     fn accessor(&self, index: usize) -> Result<&'a Accessor, ImportError> {
         let missing = || broken(format!("accessor {index} does not exist"));
         self.root.accessors.get(index).ok_or_else(missing)
@@ -96,6 +112,7 @@ impl<'a> Data<'a> {
             Checked::Valid(Type::Vec2) => 2,
             Checked::Valid(Type::Vec3) => 3,
             Checked::Valid(Type::Vec4) => 4,
+            Checked::Valid(Type::Mat4) => 16,
             _ => 0,
         };
         if dimensions != N {

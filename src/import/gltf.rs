@@ -1,8 +1,9 @@
-//! glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with `EXT_mesh_gpu_instancing` and
-//! `KHR_mesh_quantization`.
+//! glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with `EXT_mesh_gpu_instancing`,
+//! `KHR_mesh_quantization` and `KHR_node_visibility`.
 //!
-//! The node tree is walked in double precision and every mesh is baked to world space once per node that uses it.
-//! glTF is right-handed with +y up and in metres, as Sunstone is.
+//! The node tree is walked in double precision and every mesh is baked to world space once per node that uses it, in the pose
+//! of rest: morph targets by their default weights, skins by their joints' nodes. glTF is right-handed with +y up and in
+//! metres, as Sunstone is.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -15,58 +16,66 @@ use gltf::json::{Index, Root, Value};
 
 use super::accessor::{Data, broken, percent_decoded};
 use super::error::{ImportError, ImportProblem};
-use super::part::{MeshPart, finish};
+use super::gltf_deform::{self, Pose};
+use super::gltf_notes;
+use super::part::{Model, Parts};
 use transport::geometry::mesh::Mesh;
 
 /// The most triangles that instancing may blow one file up to (about 2 GB of tables).
 const MAX_TRIANGLES: usize = 1 << 26;
 
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
-/// Extensions that change nothing here, or are read.
-const KNOWN: [&str; 4] = [
-    INSTANCING,
-    "KHR_mesh_quantization",
-    "KHR_lights_punctual",
-    "KHR_texture_transform",
-];
-
-/// Reads a glTF document or GLB container. Takes the default scene, else all scenes, else all nodes, else all meshes;
+/// Reads a glTF document or GLB container. Takes the default scene, else the first one, else all nodes, else all meshes;
 /// each primitive of each node that has a mesh becomes a part named after the node, baked to world space. `base_dir`
 /// is where external buffers are looked up; without it they are an error. Materials without a name are called
-/// `material_` and their number. Vertex attributes other than positions, normals and the first uv set are ignored.
+/// `material_` and their number. Points and lines, and whatever else is not used, are noted.
 ///
 /// # Errors
-/// [`ImportError`] if the file is broken, its nodes are not a tree, it needs an extension that is not read (Draco and
-/// meshopt compression among them), uses points or lines, skins or morph weights, or no triangles are left.
-pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Vec<MeshPart>, ImportError> {
+/// [`ImportError`] if the file is broken, its nodes are not a tree, it needs an extension for its geometry that is not read
+/// (Draco and meshopt compression among them), or no triangles are left.
+pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, ImportError> {
     let (json, blob) = container(bytes)?;
+    let cannot = |e: gltf::json::Error| broken(format!("the glTF JSON cannot be read ({e})"));
     // Not `deserialize::from_slice`, which would be compiled for `Root` here, optimized, once more.
-    let root = Root::from_slice(&json).map_err(|e| broken(format!("the glTF JSON cannot be read ({e})")))?;
+    let mut document: Value = gltf::json::deserialize::from_slice(&json).map_err(cannot)?;
+    let mut parts = Parts::default();
+    gltf_notes::read(&document, &mut parts.notes)?;
+    let materials = material_names(&document);
+    // What is not read here must not be able to refuse the file.
+    if let Some(top) = document.as_object_mut() {
+        for key in [
+            "animations",
+            "cameras",
+            "materials",
+            "textures",
+            "images",
+            "samplers",
+            "extensions",
+        ] {
+            top.remove(key);
+        }
+    }
+    let json = gltf::json::serialize::to_vec(&document).map_err(cannot)?;
+    let root = Root::from_slice(&json).map_err(cannot)?;
     if !root.asset.version.starts_with("2.") {
         let what = format!("the glTF version is {}", root.asset.version);
         return Err(ImportError::unsupported(what, "export as glTF 2.0"));
     }
-    let unknown = |e: &&String| !KNOWN.contains(&e.as_str()) && !e.starts_with("KHR_materials_");
-    if let Some(extension) = root.extensions_required.iter().find(unknown) {
-        let what = format!("the file requires the extension {extension}");
-        return Err(ImportError::unsupported(
-            what,
-            "export again without it (for compression: switch it off)",
-        ));
-    }
-    let data = Data::new(&root, blob.as_deref(), base_dir)?;
+    let data = Data::new(&root, blob.as_deref(), base_dir, &mut parts.notes)?;
     let mut importer = Importer {
+        worlds: worlds(&root)?,
         data,
+        materials,
         primitives: vec![None; root.meshes.len()],
-        parts: Vec::new(),
+        parts,
         triangles: 0,
     };
     importer.walk()?;
-    if importer.parts.is_empty() {
-        return Err(broken("no node of the scene has a mesh"));
-    }
-    Ok(importer.parts)
+    importer
+        .parts
+        .end("export a scene whose nodes have meshes of triangles")
 }
 
 /// Names of the files beside a document that hold its buffers, as far as it can be read.
@@ -91,29 +100,57 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
         return Err(ImportProblem::EmptyFile.into());
     }
     if !bytes.starts_with(b"glTF") {
-        return Ok((bytes.into(), None));
+        return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).into(), None));
     }
-    // The crate subtracts the header's size from its length field unchecked.
-    let length = bytes
-        .get(8..12)
-        .and_then(|b| b.try_into().ok())
-        .map_or(0, u32::from_le_bytes);
-    if length < 12 {
-        return Err(broken(
-            "the GLB header is cut off or gives a length of less than 12",
-        ));
+    let word = |at: usize| {
+        let word = bytes.get(at..at + 4)?.try_into().ok()?;
+        Some(u32::from_le_bytes(word) as usize)
+    };
+    let (Some(version), Some(length)) = (word(4), word(8)) else {
+        return Err(broken("the GLB header is cut off"));
+    };
+    if version != 2 {
+        let what = format!("the version of the GLB container is {version}");
+        return Err(ImportError::unsupported(what, "export as glTF 2.0"));
     }
-    let glb =
-        gltf::Glb::from_slice(bytes).map_err(|e| broken(format!("the GLB container is broken ({e})")))?;
-    Ok((glb.json, glb.bin))
+    let (mut json, mut bin, mut at) = (None, None, 12);
+    // A length that is too large is that of a file whose end is missing: buffers and accessors are checked by themselves.
+    while let (Some(size), Some(kind)) = (word(at), bytes.get(at + 4..at + 8)) {
+        if at >= length {
+            break;
+        }
+        let rest = &bytes[at + 8..];
+        let chunk = &rest[..size.min(rest.len())];
+        match kind {
+            b"JSON" => json = json.or(Some(chunk)),
+            b"BIN\0" => bin = bin.or(Some(chunk)),
+            // The specification (section 4.4.1) asks to ignore others.
+            _ => {}
+        }
+        // Chunks begin at multiples of 4; some exporters give the length without the padding.
+        at += 8 + chunk.len().next_multiple_of(4);
+    }
+    let json = json.ok_or_else(|| broken("the GLB container has no chunk `JSON`"))?;
+    Ok((json.into(), bin.map(Cow::Borrowed)))
 }
 
 struct Importer<'a> {
     data: Data<'a>,
-    /// The primitives of each mesh in its own space, once read.
-    primitives: Vec<Option<Vec<MeshPart>>>,
-    parts: Vec<MeshPart>,
+    /// Names of the materials.
+    materials: Vec<String>,
+    /// Maps of all nodes to the world, where they belong to a tree.
+    worlds: Vec<Option<DAffine3>>,
+    /// The primitives of each mesh in its own space with its default weights, once read.
+    primitives: Vec<Option<Vec<Local>>>,
+    parts: Parts,
     triangles: usize,
+}
+
+/// A primitive in the space of its mesh.
+#[derive(Clone)]
+struct Local {
+    material: Option<String>,
+    mesh: Mesh,
 }
 
 impl Importer<'_> {
@@ -121,17 +158,15 @@ impl Importer<'_> {
         let root = self.data.root;
         if root.nodes.is_empty() {
             for mesh in 0..root.meshes.len() {
-                self.place(mesh, None, &[DAffine3::IDENTITY])?;
+                let local = self.read(mesh, &Pose::default())?;
+                self.place(mesh, None, &local, &[DAffine3::IDENTITY])?;
             }
             return Ok(());
         }
-        let mut stack: Vec<_> = roots(root)?
-            .into_iter()
-            .map(|n| (n, DAffine3::IDENTITY))
-            .collect();
+        let mut stack = roots(root, &mut self.parts)?;
         stack.reverse();
         let mut visited = vec![false; root.nodes.len()];
-        while let Some((index, parent)) = stack.pop() {
+        while let Some(index) = stack.pop() {
             let node = root
                 .nodes
                 .get(index)
@@ -141,23 +176,62 @@ impl Importer<'_> {
                     "node {index} is reached twice (a cycle, or a child of two parents)"
                 )));
             }
-            let world = parent * local(node, index)?;
+            let extension = |name| node.extensions.as_ref().and_then(|e| e.others.get(name));
+            if extension(VISIBILITY).is_some_and(|v| v["visible"] == false) {
+                let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
+                self.parts.notes.add(format!(
+                    "{name:?} and what belongs to it is invisible and left out"
+                ));
+                continue;
+            }
             if let Some(mesh) = node.mesh {
-                if node.skin.is_some() || node.weights.iter().flatten().any(|&w| w != 0.0) {
-                    let what = format!("node {index} is deformed by a skin or morph weights");
-                    return Err(ImportError::unsupported(
-                        what,
-                        "apply the deformation before exporting",
-                    ));
-                }
-                let instances: Vec<_> = self.instances(node)?.iter().map(|i| world * *i).collect();
-                self.place(mesh.value(), node.name.as_deref(), &instances)?;
+                self.node(node, index, mesh.value())?;
             }
-            for child in node.children.iter().flatten().rev() {
-                stack.push((child.value(), world));
-            }
+            stack.extend(node.children.iter().flatten().rev().map(Index::value));
         }
+        let left = root
+            .nodes
+            .iter()
+            .zip(visited)
+            .filter(|(n, seen)| n.mesh.is_some() && !seen);
+        let note = "a node with a mesh is left out: it does not belong to the scene";
+        self.parts.notes.add_times(note, left.count());
         Ok(())
+    }
+
+    /// Adds the mesh of a node to the parts.
+    fn node(&mut self, node: &Node, index: usize, mesh: usize) -> Result<(), ImportError> {
+        let name = node.name.as_deref();
+        let pose = Pose {
+            weights: node.weights.as_deref(),
+            joints: match node.skin {
+                Some(skin) => Some(gltf_deform::joints(&self.data, skin.value(), &self.worlds)?),
+                None => None,
+            },
+        };
+        // A skin's joints map to the world, whatever the node's own place (section 3.7.3.1).
+        if pose.joints.is_some() {
+            let local = self.read(mesh, &pose)?;
+            return self.place(mesh, name, &local, &[DAffine3::IDENTITY]);
+        }
+        let world = self.worlds[index]
+            .ok_or_else(|| broken(format!("node {index} is reached twice (it is part of a cycle)")))?;
+        let maps: Vec<_> = self.instances(node)?.iter().map(|i| world * *i).collect();
+        let local = self.read(mesh, &pose)?;
+        self.place(mesh, name, &local, &maps)
+    }
+
+    /// The primitives of a mesh.
+    fn read(&mut self, mesh: usize, pose: &Pose) -> Result<Vec<Local>, ImportError> {
+        let is_default = pose.weights.is_none() && pose.joints.is_none();
+        if let Some(Some(known)) = self.primitives.get(mesh).filter(|_| is_default) {
+            return Ok(known.clone());
+        }
+        let read = read_mesh(&self.data, &self.materials, mesh, pose, &mut self.parts)?;
+        if is_default {
+            self.primitives[mesh] = Some(read.clone());
+        }
+        Ok(read)
     }
 
     /// The maps of `EXT_mesh_gpu_instancing`, or the identity alone.
@@ -206,13 +280,14 @@ impl Importer<'_> {
     }
 
     /// Adds a mesh's primitives to the parts, once for each map to world space.
-    fn place(&mut self, mesh: usize, node: Option<&str>, maps: &[DAffine3]) -> Result<(), ImportError> {
-        if self.primitives.get(mesh).is_some_and(Option::is_none) {
-            self.primitives[mesh] = Some(read_mesh(&self.data, mesh)?);
-        }
-        let Some(Some(primitives)) = self.primitives.get(mesh) else {
-            return Err(broken(format!("mesh {mesh} does not exist")));
-        };
+    fn place(
+        &mut self,
+        mesh: usize,
+        node: Option<&str>,
+        primitives: &[Local],
+        maps: &[DAffine3],
+    ) -> Result<(), ImportError> {
+        let mesh = mesh_name(self.data.root, mesh);
         for (i, map) in maps.iter().enumerate() {
             for (k, local) in primitives.iter().enumerate() {
                 self.triangles += local.mesh.indices.len();
@@ -222,7 +297,7 @@ impl Importer<'_> {
                         "use fewer instances or a simpler mesh",
                     ));
                 }
-                let mut name = node.unwrap_or(&local.name).to_owned();
+                let mut name = node.unwrap_or(&mesh).to_owned();
                 if maps.len() > 1 {
                     name += &format!("#{i}");
                 }
@@ -231,41 +306,60 @@ impl Importer<'_> {
                 }
                 let mut baked = local.mesh.clone();
                 baked.transform(&map.as_affine3a());
-                self.parts.push(finish(name, local.material.clone(), baked)?);
+                self.parts.add(name, local.material.clone(), baked)?;
             }
         }
         Ok(())
     }
 }
 
-/// The nodes to start from.
-fn roots(root: &Root) -> Result<Vec<usize>, ImportError> {
-    let mut roots: Vec<usize> = match root.scene {
-        Some(scene) => match root.scenes.get(scene.value()) {
-            Some(scene) => scene.nodes.iter().map(Index::value).collect(),
-            None => return Err(broken("the default scene does not exist")),
-        },
-        None if root.scenes.is_empty() => {
-            let children = root.nodes.iter().flat_map(|n| n.children.iter().flatten());
-            let mut is_child = vec![false; root.nodes.len()];
-            for child in children {
-                if let Some(flag) = is_child.get_mut(child.value()) {
-                    *flag = true;
-                }
-            }
-            (0..root.nodes.len()).filter(|&n| !is_child[n]).collect()
+/// Maps of all nodes to the world; `None` of those in a cycle.
+fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
+    let mut out = vec![None; root.nodes.len()];
+    let mut stack: Vec<_> = tops(root).into_iter().map(|n| (n, DAffine3::IDENTITY)).collect();
+    while let Some((index, parent)) = stack.pop() {
+        let Some(node) = root.nodes.get(index) else {
+            // Named where the scene reaches it.
+            continue;
+        };
+        if out[index].is_some() {
+            return Err(broken(format!(
+                "node {index} is reached twice (a child of two parents)"
+            )));
         }
-        None => root
-            .scenes
-            .iter()
-            .flat_map(|s| &s.nodes)
-            .map(Index::value)
-            .collect(),
-    };
-    // Several scenes may share their root nodes.
-    let mut seen = std::collections::HashSet::new();
-    roots.retain(|&n| seen.insert(n));
-    Ok(roots)
+        let world = parent * local(node, index)?;
+        out[index] = Some(world);
+        stack.extend(node.children.iter().flatten().map(|child| (child.value(), world)));
+    }
+    Ok(out)
+}
+
+/// Nodes that are no node's children.
+fn tops(root: &Root) -> Vec<usize> {
+    let mut is_child = vec![false; root.nodes.len()];
+    for child in root.nodes.iter().flat_map(|n| n.children.iter().flatten()) {
+        if let Some(flag) = is_child.get_mut(child.value()) {
+            *flag = true;
+        }
+    }
+    (0..root.nodes.len()).filter(|&n| !is_child[n]).collect()
+}
+
+/// The nodes to start from.
+fn roots(root: &Root, parts: &mut Parts) -> Result<Vec<usize>, ImportError> {
+    if root.scenes.is_empty() {
+        return Ok(tops(root));
+    }
+    let scene = root.scene.map_or(0, |scene| scene.value());
+    let missing = || broken("the default scene does not exist");
+    let nodes = &root.scenes.get(scene).ok_or_else(missing)?.nodes;
+    let others = root.scenes.len() - 1;
+    if others > 0 {
+        parts.notes.add(format!(
+            "only scene {scene} (counted from 0) is used, {others} others are not"
+        ));
+    }
+    Ok(nodes.iter().map(Index::value).collect())
 }
 
 /// A node's map to its parent.
@@ -302,52 +396,83 @@ fn trs(t: [f32; 3], r: [f32; 4], s: [f32; 3]) -> Option<DAffine3> {
     Some(DAffine3::from_scale_rotation_translation(s, q / length, t))
 }
 
-fn read_mesh(data: &Data, index: usize) -> Result<Vec<MeshPart>, ImportError> {
+fn mesh_name(root: &Root, index: usize) -> String {
+    let name = root.meshes.get(index).and_then(|m| m.name.clone());
+    name.unwrap_or_else(|| format!("mesh_{index}"))
+}
+
+fn read_mesh(
+    data: &Data,
+    materials: &[String],
+    index: usize,
+    pose: &Pose,
+    parts: &mut Parts,
+) -> Result<Vec<Local>, ImportError> {
     let json = data
         .root
         .meshes
         .get(index)
         .ok_or_else(|| broken(format!("mesh {index} does not exist")))?;
-    let name = json.name.clone().unwrap_or_else(|| format!("mesh_{index}"));
-    if json.weights.iter().flatten().any(|&w| w != 0.0) {
-        let what = format!("mesh {name:?} has morph weights");
-        return Err(ImportError::unsupported(what, "apply them before exporting"));
+    let name = mesh_name(data.root, index);
+    let weights = pose.weights.or(json.weights.as_deref()).unwrap_or_default();
+    let mut out = vec![];
+    for p in &json.primitives {
+        if let Some(mut mesh) = read_primitive(data, p, &name, parts)? {
+            gltf_deform::morph(data, p, weights, &mut mesh)?;
+            if let Some(joints) = &pose.joints {
+                gltf_deform::skin(data, p, joints, &mut mesh)?;
+            }
+            let material = match p.material.map(|m| m.value()) {
+                Some(i) => {
+                    let missing = || broken(format!("material {i} does not exist"));
+                    Some(materials.get(i).ok_or_else(missing)?.clone())
+                }
+                None => None,
+            };
+            out.push(Local { material, mesh });
+        }
     }
-    if json.primitives.is_empty() {
-        return Err(broken(format!("mesh {name:?} has no primitives")));
-    }
-    json.primitives
-        .iter()
-        .map(|p| {
-            let mesh = read_primitive(data, p, &name)?;
-            finish(name.clone(), material(data.root, p)?, mesh)
-        })
-        .collect()
+    Ok(out)
 }
 
-fn material(root: &Root, p: &Primitive) -> Result<Option<String>, ImportError> {
-    let Some(index) = p.material.map(|m| m.value()) else {
-        return Ok(None);
+fn material_names(document: &Value) -> Vec<String> {
+    let list = document["materials"].as_array().map_or(&[][..], Vec::as_slice);
+    let name = |(i, m): (usize, &Value)| {
+        m["name"]
+            .as_str()
+            .map_or_else(|| format!("material_{i}"), str::to_owned)
     };
-    match root.materials.get(index) {
-        Some(m) => Ok(Some(
-            m.name.clone().unwrap_or_else(|| format!("material_{index}")),
-        )),
-        None => Err(broken(format!("material {index} does not exist"))),
-    }
+    list.iter().enumerate().map(name).collect()
 }
 
-fn read_primitive(data: &Data, p: &Primitive, name: &str) -> Result<Mesh, ImportError> {
-    let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) = p.mode else {
-        let what = format!("mesh {name:?} is made of points or lines");
-        return Err(ImportError::unsupported(
-            what,
-            "export triangles, or leave it out",
-        ));
+/// A primitive as the file has it; `None` if it has no triangles, which is noted.
+fn read_primitive(
+    data: &Data,
+    p: &Primitive,
+    name: &str,
+    parts: &mut Parts,
+) -> Result<Option<Mesh>, ImportError> {
+    let mode = match p.mode {
+        Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
+        Checked::Valid(_) => {
+            parts
+                .notes
+                .add(format!("points or lines of mesh {name:?} are left out"));
+            return Ok(None);
+        }
+        Checked::Invalid => {
+            return Err(broken(format!(
+                "mesh {name:?} has a primitive of an unknown mode"
+            )));
+        }
     };
     let attribute = |s| p.attributes.get(&Checked::Valid(s)).map(Index::value);
-    let positions = attribute(Semantic::Positions)
-        .ok_or_else(|| broken(format!("mesh {name:?} has no POSITION attribute")))?;
+    let Some(positions) = attribute(Semantic::Positions) else {
+        parts.notes.add(format!(
+            "a primitive of mesh {name:?} has no POSITION and is left out"
+        ));
+        return Ok(None);
+    };
     let vec3 = |index| -> Result<Vec<Vec3>, ImportError> {
         Ok(data.floats(index)?.into_iter().map(Vec3::from_array).collect())
     };
@@ -369,39 +494,32 @@ fn read_primitive(data: &Data, p: &Primitive, name: &str) -> Result<Mesh, Import
         Some(accessor) => data.indices(accessor.value())?,
         None => (0..u32::try_from(positions.len()).unwrap_or(u32::MAX)).collect(),
     };
-    let indices = triangles(mode, &order)
-        .ok_or_else(|| broken(format!("mesh {name:?} has {} indices in triangles", order.len())))?;
-    Ok(Mesh {
+    if mode == Mode::Triangles {
+        let note = format!("a surplus index of mesh {name:?} is left out: triangles have three");
+        parts.notes.add_times(note, order.len() % 3);
+    }
+    Ok(Some(Mesh {
         positions,
         normals,
         uvs,
-        indices,
-    })
+        indices: triangles(mode, &order),
+    }))
 }
 
-/// Cuts an index list into triangles (specification, section 3.7.2.1); `None` if a list does not come out even.
-fn triangles(mode: Mode, order: &[u32]) -> Option<Vec<[u32; 3]>> {
+/// Cuts an index list into triangles (specification, section 3.7.2.1).
+fn triangles(mode: Mode, order: &[u32]) -> Vec<[u32; 3]> {
     match mode {
-        Mode::TriangleStrip => Some(
-            order
-                .windows(3)
-                .enumerate()
-                .map(|(i, w)| {
-                    if i % 2 == 0 {
-                        [w[0], w[1], w[2]]
-                    } else {
-                        [w[0], w[2], w[1]]
-                    }
-                })
-                .collect(),
-        ),
-        Mode::TriangleFan => {
-            let (&first, rest) = order.split_first()?;
-            Some(rest.windows(2).map(|w| [w[0], w[1], first]).collect())
+        Mode::TriangleStrip => {
+            let turned = |(i, w): (usize, &[u32])| match i % 2 {
+                0 => [w[0], w[1], w[2]],
+                _ => [w[0], w[2], w[1]],
+            };
+            order.windows(3).enumerate().map(turned).collect()
         }
-        _ => {
-            let (whole, left) = order.as_chunks();
-            left.is_empty().then(|| whole.to_vec())
-        }
+        Mode::TriangleFan => match order.split_first() {
+            Some((&first, rest)) => rest.windows(2).map(|w| [w[0], w[1], first]).collect(),
+            None => vec![],
+        },
+        _ => order.as_chunks().0.to_vec(),
     }
 }

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3, vec3};
 use serde_json::{Value, json};
 
 use super::gltf::INSTANCING;
-use super::{ImportError, MeshPart, parse_gltf};
+use super::{ImportError, Model, parse_gltf};
 
 /// A GLB container around a document and its binary chunk.
 pub fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
@@ -96,7 +96,7 @@ pub fn sample_gltf() -> Vec<u8> {
     d.to_string().into_bytes()
 }
 
-fn changed(path: &str, value: Value) -> Result<Vec<MeshPart>, ImportError> {
+fn changed(path: &str, value: Value) -> Result<Model, ImportError> {
     let mut d = document();
     let (parent, key) = path.rsplit_once('/').unwrap();
     let parent = d.pointer_mut(parent).unwrap();
@@ -114,7 +114,7 @@ fn fails(path: &str, value: Value, word: &str) {
 
 #[test]
 fn instances_are_baked_to_world_space() {
-    let parts = parse_gltf(&sample_glb(), None).unwrap();
+    let parts = parse_gltf(&sample_glb(), None).unwrap().parts;
     assert_eq!(parts.len(), 2);
     let close = |a: &[Vec3], b: &[Vec3]| {
         assert!(
@@ -180,26 +180,32 @@ fn modes_and_index_types() {
         if let Some(a) = accessor {
             p["indices"] = a.into();
         }
-        changed("/meshes/0/primitives/0", p).map(|parts| parts[0].mesh.indices.clone())
+        changed("/meshes/0/primitives/0", p).map(|model| model.parts[0].mesh.indices.clone())
     };
     assert_eq!(indices(4, Some(5)).unwrap(), [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(indices(5, Some(4)).unwrap(), [[0, 1, 2], [1, 3, 2]]);
     assert_eq!(indices(5, None).unwrap(), [[0, 1, 2], [1, 3, 2]]);
     assert_eq!(indices(6, None).unwrap(), [[1, 2, 0], [2, 3, 0]]);
-    assert!(indices(4, None).unwrap_err().to_string().contains("\"corner\""));
-    for mode in [0, 1, 2, 3, 7] {
+    assert_eq!(indices(4, None).unwrap(), [[0, 1, 2]]);
+    for mode in [0, 1, 2, 3] {
         let message = indices(mode, Some(5)).unwrap_err().to_string();
         assert!(
-            message.contains("\"corner\" is made of points or lines"),
+            message.contains("points or lines of mesh \"corner\""),
             "{message}"
         );
     }
+    assert!(
+        indices(7, Some(5))
+            .unwrap_err()
+            .to_string()
+            .contains("unknown mode")
+    );
 }
 
 #[test]
 fn gpu_instances() {
     let extension = json!({INSTANCING: {"attributes": {"TRANSLATION": 6}}});
-    let parts = changed("/nodes/1/extensions", extension).unwrap();
+    let parts = changed("/nodes/1/extensions", extension).unwrap().parts;
     assert_eq!(parts.len(), 3);
     assert_eq!(parts[1].name, "mirrored#0");
     assert_eq!(parts[1].mesh.positions[0], vec3(10., 0., 5.));
@@ -212,7 +218,7 @@ fn gpu_instances() {
 fn sparse_accessors() {
     let sparse = json!({"count": 1, "indices": {"bufferView": 0, "byteOffset": 113, "componentType": 5121},
         "values": {"bufferView": 0, "byteOffset": 148}});
-    let parts = changed("/accessors/0/sparse", sparse.clone()).unwrap();
+    let parts = changed("/accessors/0/sparse", sparse.clone()).unwrap().parts;
     assert_eq!(parts[1].mesh.positions[1], vec3(10., 0., 5.));
     let huge = json!({"componentType": 5126, "count": 4_000_000_000_u64, "type": "VEC3", "sparse": sparse});
     fails("/accessors/0", huge, "more elements than");
@@ -220,7 +226,7 @@ fn sparse_accessors() {
 
 #[test]
 fn faults_are_named() {
-    fails("/nodes/0/children", json!([2]), "node 2 is reached twice");
+    fails("/nodes/0/children", json!([2]), "is reached twice");
     fails("/nodes/2/children", json!([0, 0]), "node 0 is reached twice");
     fails("/nodes/2/children", json!([9]), "node 9 does not exist");
     fails("/scene", json!(3), "default scene");
@@ -228,8 +234,7 @@ fn faults_are_named() {
     fails("/nodes/1/matrix/3", json!(0.5), "affine");
     fails("/nodes/2/scale", json!([3e38, 3e38, 3e38]), "not finite");
     fails("/nodes/0/rotation", json!([0, 0, 0, 0]), "quaternion");
-    fails("/nodes/0/scale", json!([0, 0, 0]), "no triangles");
-    fails("/nodes/1/skin", json!(0), "skin");
+    fails("/nodes/1/skin", json!(0), "skin 0");
     fails(
         "/meshes/0/primitives/0/attributes/POSITION",
         json!(70),
@@ -247,17 +252,151 @@ fn faults_are_named() {
     fails("/accessors/3/byteOffset", json!(99), "vertex 255");
     fails("/accessors/1/type", json!("VEC4"), "3 components");
     fails("/bufferViews/0/byteOffset", json!(u64::MAX), "outside its buffer");
-    fails("/buffers/0/byteLength", json!(500), "instead of 500");
     fails(
         "/extensionsRequired",
         json!(["KHR_draco_mesh_compression"]),
         "KHR_draco_mesh_compression",
     );
     fails("/asset/version", json!("1.0"), "2.0");
-    fails("/scenes/0/nodes", json!([]), "no node");
+    fails("/scenes/0/nodes", json!([]), "no triangles");
     let known = json!([INSTANCING, "KHR_mesh_quantization", "KHR_materials_ior"]);
     assert!(changed("/extensionsRequired", known).is_ok());
     let mut short = sample_glb();
     short[8..12].copy_from_slice(&[3, 0, 0, 0]);
     assert!(parse_gltf(&short, None).is_err());
+}
+
+#[test]
+fn what_is_left_out_is_noted() {
+    let noted = |path: &str, value: Value, word: &str| {
+        let model = changed(path, value).unwrap();
+        assert!(
+            model.notes.iter().any(|n| n.contains(word)),
+            "{path}: {:?}",
+            model.notes
+        );
+        model
+    };
+    let line = json!({"mode": 1, "attributes": {"POSITION": 0}});
+    let model = noted(
+        "/meshes/0/primitives",
+        json!([line, {"attributes": {"POSITION": 0}}]),
+        "lines of mesh \"corner\"",
+    );
+    assert_eq!(model.parts.len(), 2);
+    noted("/nodes/0/scale", json!([0, 0, 0]), "\"turned\"");
+    noted("/buffers/0/byteLength", json!(500), "instead of 500");
+    let required = json!(["KHR_texture_basisu", "EXT_texture_webp", "KHR_materials_ior"]);
+    assert_eq!(changed("/extensionsRequired", required).unwrap().parts.len(), 2);
+    noted(
+        "/nodes/1/extensions",
+        json!({"KHR_lights_punctual": {"light": 0}}),
+        "KHR_lights_punctual",
+    );
+    let hidden = noted(
+        "/nodes/2/extensions",
+        json!({"KHR_node_visibility": {"visible": false}}),
+        "invisible",
+    );
+    assert_eq!(hidden.parts.len(), 1);
+    noted("/scenes", json!([{"nodes": [1]}, {"nodes": [2]}]), "only scene 0");
+    noted("/scenes/0/nodes", json!([1]), "does not belong to the scene");
+    noted("/animations", json!([{}]), "`animations`");
+    noted("/nodes/1/camera", json!(0), "`camera` of `nodes`");
+    noted("/meshes/0/primitives/0/attributes/COLOR_0", json!(0), "COLOR_0");
+    noted("/meshes/0/primitives/0/indices", json!(4), "surplus index");
+}
+
+/// Weights times displacements, by the mesh's own weights and by a node's.
+#[test]
+fn morph_targets_are_applied() {
+    let mut d = document();
+    d["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 1}, {"POSITION": 0, "NORMAL": 0}]);
+    d["meshes"][0]["weights"] = json!([0.5, 0.0]);
+    d["nodes"][1]["weights"] = json!([0.0, 2.0]);
+    let parts = parse_gltf(&glb(&d, &bin()), None).unwrap().parts;
+    // Displaced by half of (0, 0, 1), then scaled by 4 and moved by 31 along z.
+    assert_eq!(parts[0].mesh.positions[0], vec3(10., 20., 33.));
+    // Three times the position, mirrored along x and moved by 10.
+    assert_eq!(parts[1].mesh.positions[1], vec3(7., 0., 0.));
+    assert!(parts[1].mesh.normals[1].abs_diff_eq(vec3(-2.0, 0.0, 1.0).normalize(), 1e-6));
+}
+
+/// v = Σ weight · joint's map · inverse bind matrix · p, whatever the node's own place.
+#[test]
+fn skins_are_applied() {
+    let mut d = document();
+    let mut bytes = bin();
+    // Joints: all of a vertex's weight on joint 0, but vertex 1 half on joint 1; weights do not sum to 1 exactly.
+    let joints = bytes.len();
+    bytes.extend([0_u8, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    let weights = bytes.len();
+    for w in [1.0, 0.0, 0.5, 0.5, 1.0, 0.0, 1.0, 0.0_f32].as_chunks::<2>().0 {
+        [w[0], w[1], 0.0, 0.0]
+            .iter()
+            .for_each(|w| bytes.extend(w.to_le_bytes()));
+    }
+    let matrices = bytes.len();
+    for shift in [0.0, -1.0_f32] {
+        let m = [
+            1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., shift, 0., 0., 1.0_f32,
+        ];
+        m.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    }
+    let view = json!({"buffer": 0, "byteLength": bytes.len()});
+    d["bufferViews"] = json!([view]);
+    d["buffers"][0]["byteLength"] = json!(bytes.len());
+    let accessors = d["accessors"].as_array_mut().unwrap();
+    let more = json!([
+        {"bufferView": 0, "byteOffset": joints, "componentType": 5121, "count": 4, "type": "VEC4"},
+        {"bufferView": 0, "byteOffset": weights, "componentType": 5126, "count": 4, "type": "VEC4"},
+        {"bufferView": 0, "byteOffset": matrices, "componentType": 5126, "count": 2, "type": "MAT4"}
+    ]);
+    accessors.extend(more.as_array().unwrap().clone());
+    d["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"] = json!(7);
+    d["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = json!(8);
+    d["nodes"][1]["skin"] = json!(0);
+    d["nodes"].as_array_mut().unwrap().extend([
+        json!({"translation": [0, 0, 3]}),
+        json!({"translation": [5, 0, 0], "scale": [2, 2, 2]}),
+    ]);
+    d["scenes"][0]["nodes"] = json!([1, 3, 4]);
+    d["skins"] = json!([{"joints": [3, 4], "inverseBindMatrices": 9}]);
+    let model = parse_gltf(&glb(&d, &bytes), None).unwrap();
+    assert_eq!(model.parts.len(), 1);
+    // Vertex 1 at (1, 0, 0): half of (1, 0, 3) and half of 2 (1 - 1, 0, 0) + (5, 0, 0).
+    assert_eq!(
+        model.parts[0].mesh.positions,
+        [vec3(0., 0., 3.), vec3(3., 0., 1.5), vec3(0., 1., 3.)]
+    );
+    assert_eq!(
+        model.parts[0].mesh.indices,
+        [[0, 1, 2]],
+        "the node's own mirror is ignored"
+    );
+    d["skins"][0]["joints"] = json!([3]);
+    let error = parse_gltf(&glb(&d, &bytes), None).unwrap_err().to_string();
+    assert!(error.contains("joint 1"), "{error}");
+}
+
+#[test]
+fn containers_are_read_as_the_specification_asks() {
+    let expected = parse_gltf(&sample_glb(), None).unwrap();
+    let json_end = 20 + u32::from_le_bytes(sample_glb()[12..16].try_into().unwrap()) as usize;
+    // A chunk of an unknown kind before the binary one.
+    let mut more = sample_glb();
+    more.splice(json_end..json_end, [4, 0, 0, 0, b'X', b'Y', b'Z', 0, 1, 2, 3, 4]);
+    let length = more.len() as u32;
+    more[8..12].copy_from_slice(&length.to_le_bytes());
+    assert_eq!(parse_gltf(&more, None).unwrap(), expected);
+    let mut old = sample_glb();
+    old[4] = 1;
+    assert!(
+        parse_gltf(&old, None)
+            .unwrap_err()
+            .to_string()
+            .contains("version of the GLB container is 1")
+    );
+    let marked = [b"\xef\xbb\xbf", &sample_gltf()[..]].concat();
+    assert_eq!(parse_gltf(&marked, None).unwrap(), expected);
 }

@@ -14,21 +14,31 @@ pub mod body;
 pub mod closed;
 mod error;
 mod gltf;
+mod gltf_deform;
 mod gltf_materials;
+mod gltf_notes;
 pub mod metal;
 pub mod mtl;
+mod notes;
 mod obj;
 mod part;
 pub mod picture;
 pub mod places;
 mod ply;
-mod ply_binary;
+mod ply_body;
+mod ply_header;
+mod polygon;
+mod text;
 pub mod write_ply;
 
 #[cfg(test)]
 mod fuzz;
 #[cfg(test)]
 mod gltf_tests;
+#[cfg(test)]
+mod obj_tests;
+#[cfg(test)]
+mod ply_tests;
 
 use std::path::Path;
 
@@ -36,7 +46,7 @@ pub use self::error::{ImportError, ImportProblem};
 pub use self::gltf::{gltf_buffers, parse_gltf};
 pub use self::gltf_materials::appearances as gltf_appearances;
 pub use self::obj::parse_obj;
-pub use self::part::{MeshPart, lies_within};
+pub use self::part::{MeshPart, Model, lies_within};
 pub use self::ply::{has_colours as ply_has_colours, parse_ply};
 
 /// Loads every mesh of a file; the format follows from the extension (`.obj`, `.ply`, `.gltf`, `.glb`, in any case).
@@ -44,21 +54,21 @@ pub use self::ply::{has_colours as ply_has_colours, parse_ply};
 /// # Errors
 /// [`ImportError`], which names the file, if it cannot be read, is not one of those formats, breaks its format, or
 /// holds no usable triangles.
-pub fn load(path: &Path) -> Result<Vec<MeshPart>, ImportError> {
-    let mut parts = load_unnamed(path).map_err(|mut error| {
+pub fn load(path: &Path) -> Result<Model, ImportError> {
+    let mut model = load_unnamed(path).map_err(|mut error| {
         error.file = Some(path.to_owned());
         error
     })?;
     let stem = path
         .file_stem()
         .map_or_else(|| "mesh".into(), |s| s.to_string_lossy().into_owned());
-    for part in parts.iter_mut().filter(|p| p.name.is_empty()) {
+    for part in model.parts.iter_mut().filter(|p| p.name.is_empty()) {
         part.name.clone_from(&stem);
     }
-    Ok(parts)
+    Ok(model)
 }
 
-fn load_unnamed(path: &Path) -> Result<Vec<MeshPart>, ImportError> {
+fn load_unnamed(path: &Path) -> Result<Model, ImportError> {
     let extension = path
         .extension()
         .map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
@@ -85,7 +95,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("tri.OBJ");
         std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-        let parts = load(&path).unwrap();
+        let parts = load(&path).unwrap().parts;
         assert_eq!((parts.len(), parts[0].name.as_str()), (1, "tri"));
 
         std::fs::write(&path, "v 0 0 0\nv 1 zero 0\n").unwrap();

@@ -1,7 +1,8 @@
 //! A mesh of a file, brought into order.
 
 use super::error::{ImportError, ImportProblem};
-use glam::Vec3;
+use super::notes::Notes;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use transport::geometry::mesh::{Mesh, MeshError};
 
@@ -16,37 +17,121 @@ pub struct MeshPart {
     pub mesh: Mesh,
 }
 
-/// Brings a freshly read mesh into order and checks it; triangles without area are dropped, then unused vertices;
-/// normals are made unit length (or dropped where one has no length).
-pub(super) fn finish(
-    name: String,
-    material: Option<String>,
-    mut mesh: Mesh,
-) -> Result<MeshPart, ImportError> {
-    if mesh.normals.iter().all(|n| n.is_finite()) {
-        mesh.normals.par_iter_mut().with_min_len(1 << 14).for_each(|n| {
-            *n = n
-                .as_dvec3()
-                .try_normalize()
-                .map_or(Vec3::ZERO, glam::DVec3::as_vec3);
+/// What a mesh file holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    /// Its meshes.
+    pub parts: Vec<MeshPart>,
+    /// What it holds that is not used, and what was repaired, a sentence each.
+    pub notes: Vec<String>,
+}
+
+impl IntoIterator for Model {
+    type Item = MeshPart;
+    type IntoIter = std::vec::IntoIter<MeshPart>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.parts.into_iter()
+    }
+}
+
+/// What a file holds, while it is read.
+#[derive(Default)]
+pub(super) struct Parts {
+    pub list: Vec<MeshPart>,
+    pub notes: Notes,
+}
+
+impl Parts {
+    /// Brings a freshly read mesh into order, checks it and adds it; triangles without area are dropped, then unused
+    /// vertices; normals are made unit length, and those without a direction are replaced. A mesh without area is left out.
+    pub fn add(&mut self, name: String, material: Option<String>, mut mesh: Mesh) -> Result<(), ImportError> {
+        if mesh.normals.iter().all(|n| n.is_finite()) {
+            mesh.normals.par_iter_mut().with_min_len(1 << 14).for_each(|n| {
+                *n = n
+                    .as_dvec3()
+                    .try_normalize()
+                    .map_or(Vec3::ZERO, glam::DVec3::as_vec3);
+            });
+        }
+        let checked = mesh.validate().or_else(|fault| match fault {
+            MeshError::ZeroNormal { .. } => replace_normals(&mut mesh, &name, &mut self.notes),
+            _ => Err(fault),
         });
-        if mesh.normals.contains(&Vec3::ZERO) {
-            mesh.normals.clear();
+        match checked {
+            Ok(()) => {
+                mesh.drop_degenerate();
+                mesh.compact();
+            }
+            Err(MeshError::Empty) => mesh.indices.clear(),
+            Err(cause) => return Err(ImportProblem::Mesh { name, cause }.into()),
         }
-    }
-    let checked = mesh.validate().and_then(|()| {
-        mesh.drop_degenerate();
-        mesh.compact();
         if mesh.indices.is_empty() {
-            Err(MeshError::Empty)
+            let mesh = if name.is_empty() {
+                "the mesh".to_owned()
+            } else {
+                format!("mesh {name:?}")
+            };
+            self.notes.add(format!(
+                "{mesh} has no triangles of non-zero area and is left out"
+            ));
         } else {
-            Ok(())
+            self.list.push(MeshPart { name, material, mesh });
         }
-    });
-    match checked {
-        Ok(()) => Ok(MeshPart { name, material, mesh }),
-        Err(cause) => Err(ImportProblem::Mesh { name, cause }.into()),
+        Ok(())
     }
+
+    /// What was read, if there are triangles; `otherwise` says what the file should have had.
+    pub fn end(self, otherwise: &'static str) -> Result<Model, ImportError> {
+        let notes = self.notes.into_sentences();
+        if self.list.is_empty() {
+            let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
+            return Err(ImportError::malformed(
+                format!("there are no triangles in it{notes}"),
+                otherwise,
+            ));
+        }
+        Ok(Model {
+            parts: self.list,
+            notes,
+        })
+    }
+}
+
+/// Gives vertices whose normal has no direction that of their triangles, weighted by area.
+fn replace_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) -> Result<(), MeshError> {
+    let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
+    let mut used = vec![false; mesh.positions.len()];
+    for t in &mesh.indices {
+        // Out of range is for the check below.
+        let [Some(a), Some(b), Some(c)] = t.map(|i| mesh.positions.get(i as usize).map(|p| p.as_dvec3()))
+        else {
+            continue;
+        };
+        let normal = (b - a).cross(c - a);
+        for i in t.map(|i| i as usize) {
+            sums[i] += normal;
+            used[i] = true;
+        }
+    }
+    let (mut replaced, mut lost) = (0, 0);
+    for ((normal, sum), used) in mesh.normals.iter_mut().zip(sums).zip(used) {
+        if *normal == Vec3::ZERO {
+            *normal = sum.try_normalize().unwrap_or(DVec3::Z).as_vec3();
+            replaced += usize::from(used);
+            lost += usize::from(used && sum == DVec3::ZERO);
+        }
+    }
+    if lost > 0 {
+        mesh.normals.clear();
+        notes.add(format!(
+            "mesh {name:?}: {lost} of its normals have no direction, and neither have their faces: none of its normals is used"
+        ));
+    } else {
+        let note = format!("mesh {name:?}: a normal without a direction is replaced by that of its faces");
+        notes.add_times(note, replaced);
+    }
+    mesh.validate()
 }
 
 /// True if every coordinate is finite and within `limit` (metres) of 0.
@@ -61,13 +146,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finishing_drops_bad_normals_but_not_the_mesh() {
+    fn normals_without_a_direction_are_those_of_the_faces() {
+        let mut parts = Parts::default();
         let mut mesh = Mesh::rectangle();
+        mesh.normals = vec![Vec3::X * 7.0; 4];
         mesh.normals[3] = Vec3::ZERO;
-        let part = finish("r".into(), None, mesh).unwrap();
-        assert!(part.mesh.normals.is_empty());
-        let mut mesh = Mesh::rectangle();
-        mesh.normals = vec![Vec3::Z * 7.0; 4];
-        assert_eq!(finish("r".into(), None, mesh).unwrap().mesh, Mesh::rectangle());
+        parts.add("r".into(), None, mesh).unwrap();
+        let model = parts.end("").unwrap();
+        assert_eq!(model.parts[0].mesh.normals, [Vec3::X, Vec3::X, Vec3::X, Vec3::Z]);
+        assert!(
+            model.notes.len() == 1 && model.notes[0].contains("normal"),
+            "{:?}",
+            model.notes
+        );
+    }
+
+    #[test]
+    fn a_mesh_without_area_is_left_out_and_noted() {
+        let mut parts = Parts::default();
+        let mut flat = Mesh::rectangle();
+        flat.positions.fill(Vec3::ONE);
+        parts.add("flat".into(), None, flat.clone()).unwrap();
+        parts.add("r".into(), None, Mesh::rectangle()).unwrap();
+        let model = parts.end("").unwrap();
+        assert_eq!(model.parts.len(), 1);
+        assert!(model.notes[0].contains("\"flat\""), "{:?}", model.notes);
+        let mut parts = Parts::default();
+        parts.add("flat".into(), None, flat).unwrap();
+        assert!(parts.end("").unwrap_err().to_string().contains("\"flat\""));
     }
 }

@@ -1,59 +1,60 @@
-//! PLY polygon files, ASCII and binary of either byte order, read by the crate `serde_ply`
-//! (format: G. Turk, "The PLY polygon file format", 1994).
-//!
-//! `serde_ply` 0.2.2 trusts the header's counts (an element without properties and with a count of 2^64 - 1 keeps it
-//! busy for ever), so they are weighed against the length of the file before any row is read.
+//! PLY polygon files, ASCII and binary of either byte order (G. Turk, "The PLY polygon file format", 1994).
 
-use std::borrow::Cow;
-use std::io::Cursor;
+use std::collections::HashMap;
 
 use glam::{Vec2, Vec3};
-use serde::Deserialize;
-use serde_ply::{ElementDef, PlyFormat, PlyReader, PropertyType};
 
 use super::error::{ImportError, ImportProblem};
-use super::part::{MeshPart, finish};
-use super::ply_binary::size;
+use super::obj::{CROSSING, too_large};
+use super::part::{Model, Parts};
+use super::ply_body::Body;
+use super::ply_header::{self, Element, Format, Header};
+use super::polygon::{self, Cut};
 use transport::geometry::mesh::Mesh;
 
-const MEND: &str = "export the mesh again, with vertices x, y, z and faces vertex_indices";
+const FIX: &str = "export the mesh again, with vertices x, y, z and faces vertex_indices";
 
-/// Reads a PLY file as one mesh without a material and with an empty name. Uses the vertex properties x, y, z, where
-/// present nx, ny, nz and (u, v), (s, t) or (texture_u, texture_v), and the face lists `vertex_indices` or
-/// `vertex_index`, of any scalar types; polygons are cut into fans and everything else is skipped.
+/// Names of the properties of vertices: positions, normals, texture coordinates.
+const POSITION: [&str; 3] = ["x", "y", "z"];
+const NORMALS: [[&str; 3]; 2] = [["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
+const UVS: [[&str; 2]; 4] = [
+    ["u", "v"],
+    ["s", "t"],
+    ["texture_u", "texture_v"],
+    ["tex_u", "tex_v"],
+];
+
+/// The names of the lists of corners.
+const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+/// Reads a PLY file as one mesh without a material and with an empty name. Uses the vertex properties x, y, z, where present
+/// the normals nx, ny, nz and the texture coordinates (u, v), (s, t), (texture_u, texture_v) or (tex_u, tex_v); of faces the
+/// lists `vertex_indices` or `vertex_index` and `texcoord`; and `tristrips`. Numbers may have any type. Faces without texture
+/// coordinates among others that have them become a part of their own. Everything else is noted.
 ///
 /// # Errors
 /// [`ImportError`], in ASCII files with the line, if the header or the data is broken or no triangles are left.
-pub fn parse_ply(bytes: &[u8]) -> Result<Vec<MeshPart>, ImportError> {
+pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
     }
-    if let Some(mesh) = in_place(bytes) {
-        return Ok(vec![finish(String::new(), None, mesh)?]);
+    let mut parts = Parts::default();
+    let header = ply_header::read(bytes, &mut parts.notes)?;
+    check_header(&header)?;
+    let mut body = Body::new(header.format, &bytes[header.body..]);
+    let mut file = File::default();
+    for element in &header.elements {
+        file.element(element, &mut body, &mut parts)
+            .map_err(|what| located(what, &header, &body, bytes))?;
     }
-    let bytes = with_last_newline(bytes);
-    let mut cursor = Cursor::new(&*bytes);
-    // `&mut cursor` lets the place of an error be read off afterwards.
-    let mut ascii = true;
-    let read = read(&mut cursor, &mut ascii);
-    let place = usize::try_from(cursor.position())
-        .unwrap_or(usize::MAX)
-        .min(bytes.len());
-    let (vertices, faces) = read.map_err(|fault| {
-        let error = ImportError::malformed(fault.what, MEND);
-        if ascii && fault.has_place {
-            // The reader stops just behind the token that it could not use, often behind its line's end.
-            let newlines = bytes[..place.saturating_sub(1)]
-                .iter()
-                .filter(|&&b| b == b'\n')
-                .count();
-            error.at_line(newlines + 1)
-        } else {
-            error
-        }
-    })?;
-    let mesh = assemble(&vertices, &faces)?;
-    Ok(vec![finish(String::new(), None, mesh)?])
+    if body.rest() > 0 {
+        parts
+            .notes
+            .add(format!("{} bytes after the last row are not used", body.rest()));
+    }
+    file.check(&header)?;
+    file.assemble(&mut parts)?;
+    parts.end(FIX)
 }
 
 /// Whether a file's vertices have colours.
@@ -62,387 +63,337 @@ pub fn has_colours(bytes: &[u8]) -> bool {
     let head = &bytes[..bytes.len().min(1 << 16)];
     let head = String::from_utf8_lossy(head);
     let header = head.split("end_header").next().unwrap_or("");
-    header.lines().any(|line| {
+    super::text::lines(header).any(|line| {
         let words: Vec<&str> = line.split_whitespace().collect();
         words.first() == Some(&"property") && matches!(words.last(), Some(&"red" | &"diffuse_red"))
     })
 }
 
-/// ASCII files get the newline that `serde_ply` needs to end the last number.
-fn with_last_newline(bytes: &[u8]) -> Cow<'_, [u8]> {
-    let head = &bytes[..bytes.len().min(200)];
-    let is_ascii = head.windows(12).any(|w| w == b"format ascii");
-    if is_ascii && bytes.last() != Some(&b'\n') {
-        let mut owned = bytes.to_vec();
-        owned.push(b'\n');
-        owned.into()
-    } else {
-        bytes.into()
-    }
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default)]
-struct Vertex {
-    x: f32,
-    y: f32,
-    z: f32,
-    nx: Option<f32>,
-    ny: Option<f32>,
-    nz: Option<f32>,
-    u: Option<f32>,
-    v: Option<f32>,
-    s: Option<f32>,
-    t: Option<f32>,
-    texture_u: Option<f32>,
-    texture_v: Option<f32>,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default)]
-struct Face {
-    vertex_indices: Option<Vec<u32>>,
-    vertex_index: Option<Vec<u32>>,
-}
-
-/// A row of an element that is not used.
-#[derive(Deserialize)]
-struct Skipped {}
-
-/// What went wrong, and whether the reader's position tells where.
-struct Fault {
-    what: String,
-    has_place: bool,
-}
-
-impl From<serde_ply::DeserializeError> for Fault {
-    fn from(e: serde_ply::DeserializeError) -> Self {
-        let what = match e.0.kind() {
-            std::io::ErrorKind::UnexpectedEof => "the file ends too early".into(),
-            _ => e.0.to_string(),
+/// Checks that vertices have positions and faces corners.
+fn check_header(header: &Header) -> Result<(), ImportError> {
+    for element in &header.elements {
+        let has = |name: &str, is_list| {
+            let is = |p: &ply_header::Property| p.name == name && p.list.is_some() == is_list;
+            element.properties.iter().any(is)
         };
-        Self {
-            what,
-            has_place: true,
-        }
-    }
-}
-
-impl From<String> for Fault {
-    fn from(what: String) -> Self {
-        Self {
-            what,
-            has_place: false,
-        }
-    }
-}
-
-/// What [`super::ply_binary`] reads.
-fn in_place(bytes: &[u8]) -> Option<Mesh> {
-    let mut cursor = Cursor::new(bytes);
-    let header = PlyReader::from_reader(&mut cursor).ok()?.header().clone();
-    check_counts(&header.elem_defs, header.format == PlyFormat::Ascii, bytes.len()).ok()?;
-    let body = bytes.get(usize::try_from(cursor.position()).ok()?..)?;
-    super::ply_binary::decode(&header.format, &header.elem_defs, body)
-}
-
-fn read(cursor: &mut Cursor<&[u8]>, ascii: &mut bool) -> Result<(Vec<Vertex>, Vec<Face>), Fault> {
-    let length = cursor.get_ref().len();
-    let mut reader = PlyReader::from_reader(&mut *cursor)?;
-    let header = reader.header().clone();
-    *ascii = header.format == PlyFormat::Ascii;
-    check_counts(&header.elem_defs, *ascii, length)?;
-    let (mut vertices, mut faces) = (None, None);
-    for element in &header.elem_defs {
-        match element.name.as_str() {
-            "vertex" if vertices.is_none() => {
-                for name in ["x", "y", "z"] {
-                    if !element.has_property(name) {
-                        return Err(format!("the vertices have no property {name:?}").into());
-                    }
-                }
-                vertices = Some(reader.next_element::<Vec<Vertex>>()?);
-            }
-            "face" if faces.is_none() => {
-                if !element.has_property("vertex_indices") && !element.has_property("vertex_index") {
-                    return Err(String::from("the faces have no property \"vertex_indices\"").into());
-                }
-                faces = Some(reader.next_element::<Vec<Face>>()?);
-            }
-            "vertex" | "face" => return Err(format!("there are two elements {:?}", element.name).into()),
-            _ if element.properties.is_empty() => _ = reader.next_element::<serde::de::IgnoredAny>(),
-            _ => _ = reader.next_element::<Vec<Skipped>>()?,
-        }
-    }
-    match (vertices, faces) {
-        (Some(vertices), Some(faces)) => Ok((vertices, faces)),
-        (None, _) => Err(String::from("there is no element \"vertex\"").into()),
-        (_, None) => Err(String::from("there is no element \"face\"").into()),
-    }
-}
-
-/// Refuses counts that the file is too short to hold, and properties named twice.
-fn check_counts(elements: &[ElementDef], ascii: bool, length: usize) -> Result<(), Fault> {
-    let mut least = 0_usize;
-    for element in elements {
-        let mut row = 0_usize;
-        for (i, property) in element.properties.iter().enumerate() {
-            if element.properties[..i].iter().any(|p| p.name == property.name) {
-                return Err(format!("{:?} has two properties {:?}", element.name, property.name).into());
-            }
-            row += match (&property.property_type, ascii) {
-                // A digit and a space.
-                (_, true) => 2,
-                (PropertyType::Scalar(t) | PropertyType::List { count_type: t, .. }, false) => size(*t),
-            };
-        }
-        if row == 0 && element.count > 0 {
-            return Err(format!(
-                "the {} rows of {:?} have no properties",
-                element.count, element.name
-            )
-            .into());
-        }
-        least = least.saturating_add(row.saturating_mul(element.count));
-        if least > length {
-            let what = format!(
-                "the header announces {} rows of {:?}, more than fit in the file's {length} bytes",
-                element.count, element.name
-            );
-            return Err(what.into());
+        let what = match element.name.as_str() {
+            "vertex" => POSITION
+                .iter()
+                .find(|name| !has(name, false))
+                .map(|name| format!("the vertices have no property {name:?}")),
+            "face" | "tristrips" if !INDICES.iter().any(|name| has(name, true)) => Some(format!(
+                "element {:?} has no list \"vertex_indices\"",
+                element.name
+            )),
+            _ => None,
+        };
+        if let Some(what) = what {
+            return Err(ImportError::malformed(what, FIX));
         }
     }
     Ok(())
 }
 
-fn assemble(vertices: &[Vertex], faces: &[Face]) -> Result<Mesh, ImportError> {
-    // Every row has the same properties, so a table is either complete or empty.
-    let mut mesh = Mesh {
-        positions: vertices.iter().map(|r| Vec3::new(r.x, r.y, r.z)).collect(),
-        normals: vertices
-            .iter()
-            .filter_map(|r| Some(Vec3::new(r.nx?, r.ny?, r.nz?)))
-            .collect(),
-        uvs: vertices.iter().filter_map(uv).collect(),
-        indices: Vec::with_capacity(faces.len()),
-    };
-    for (number, face) in faces.iter().enumerate() {
-        let corners = face.vertex_indices.as_ref().or(face.vertex_index.as_ref());
-        match corners.map(Vec::as_slice) {
-            Some([first, rest @ ..]) if rest.len() >= 2 => {
-                mesh.indices.extend(rest.windows(2).map(|w| [*first, w[0], w[1]]));
-            }
-            other => {
-                let n = other.map_or(0, <[u32]>::len);
-                let what = format!("face {number} (counted from 0) has {n} corners");
-                return Err(ImportError::malformed(what, "a face needs three or more"));
+/// An error in a row, with its line in ASCII files.
+fn located(what: String, header: &Header, body: &Body, bytes: &[u8]) -> ImportError {
+    let error = ImportError::malformed(what, FIX);
+    match header.format {
+        Format::Ascii => {
+            let head = Body::through(&bytes[..header.body]);
+            error.at_line(head.lines() + body.lines() + 1)
+        }
+        _ => error,
+    }
+}
+
+/// Polygons one after the other.
+#[derive(Default)]
+struct Polygons {
+    corners: Vec<u32>,
+    /// Texture coordinates of the corners, where the polygons have their own.
+    uvs: Vec<Vec2>,
+    /// Where each polygon ends.
+    ends: Vec<usize>,
+}
+
+#[derive(Default)]
+struct File {
+    positions: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    uvs: Vec<Vec2>,
+    triangles: Vec<[u32; 3]>,
+    /// Polygons without texture coordinates of their own, and with them.
+    plain: Polygons,
+    textured: Polygons,
+}
+
+impl File {
+    fn element(&mut self, element: &Element, body: &mut Body, parts: &mut Parts) -> Result<(), String> {
+        match element.name.as_str() {
+            "vertex" => self.vertices(element, body, parts),
+            "face" => self.faces(element, body, parts),
+            "tristrips" => self.strips(element, body, parts),
+            name => {
+                if element.count > 0 {
+                    parts.notes.add(format!(
+                        "the {} rows of element `{name}` are not used",
+                        element.count
+                    ));
+                }
+                for _ in 0..element.count {
+                    for p in &element.properties {
+                        body.skip(p.kind, p.list)?;
+                    }
+                }
+                Ok(())
             }
         }
     }
-    Ok(mesh)
-}
 
-fn uv(r: &Vertex) -> Option<Vec2> {
-    let pair = |a: Option<f32>, b: Option<f32>| Some(Vec2::new(a?, b?));
-    pair(r.u, r.v)
-        .or_else(|| pair(r.s, r.t))
-        .or_else(|| pair(r.texture_u, r.texture_v))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::{vec2, vec3};
-
-    const ASCII: &str = "ply\nformat ascii 1.0\ncomment a square, a line after it\nelement vertex 4\n\
-        property float x\nproperty float y\nproperty float z\nproperty float s\nproperty float t\n\
-        property uchar red\nelement face 1\nproperty list uchar int vertex_index\nproperty int group\n\
-        element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n\
-        0 0 0 0 0 255\n1 0 0 1 0 255\n1 1 0 1 1 255\n0 1 0 0 1 255\n4 0 1 2 3 7\n0 1";
-
-    /// A pyramid of one square and four triangles: doubles for positions, float normals, a list to skip.
-    fn binary(big: bool) -> Vec<u8> {
-        let mut b = format!(
-            "ply\nformat binary_{}_endian 1.0\nelement skipped 1\nproperty list ushort short data\n\
-             element vertex 5\nproperty double x\nproperty double y\nproperty double z\n\
-             property float nx\nproperty float ny\nproperty float nz\nproperty float u\nproperty float v\n\
-             element face 5\nproperty uchar flags\nproperty list uchar ushort vertex_indices\nend_header\n",
-            if big { "big" } else { "little" }
-        )
-        .into_bytes();
-        let put = |b: &mut Vec<u8>, le: &[u8]| {
-            if big {
-                b.extend(le.iter().rev());
-            } else {
-                b.extend(le);
-            }
+    fn vertices(&mut self, element: &Element, body: &mut Body, parts: &mut Parts) -> Result<(), String> {
+        let column = |name: &str| {
+            let is = |p: &ply_header::Property| p.name == name && p.list.is_none();
+            element.properties.iter().position(is)
         };
-        for x in [2_u16, 11, 12] {
-            put(&mut b, &x.to_le_bytes());
+        let is_complete = |names: &[&str]| names.iter().all(|name| column(name).is_some());
+        let normals = NORMALS.iter().find(|names| is_complete(&names[..]));
+        let uvs = UVS.iter().find(|names| is_complete(&names[..]));
+        let [x, y, z] = POSITION.map(column);
+        let [nx, ny, nz] = normals.map_or([None; 3], |names| names.map(column));
+        let [u, v] = uvs.map_or([None; 2], |names| names.map(column));
+        let columns = [x, y, z, nx, ny, nz, u, v];
+        note_unused(element, |i| columns.contains(&Some(i)), parts);
+        if normals.is_none() && uvs.is_none() {
+            let rows = body.table(element, [x, y, z])?;
+            self.positions = rows.into_iter().map(Vec3::from_array).collect();
+            return Ok(());
         }
-        for p in [
-            [-1., -1., 0.],
-            [1., -1., 0.],
-            [1., 1., 0.],
-            [-1., 1., 0.],
-            [0., 0., 1.5],
-        ] {
-            for x in p {
-                put(&mut b, &f64::to_le_bytes(x));
-            }
-            for x in [0., 0., 2., p[0], p[1]] {
-                put(&mut b, &(x as f32).to_le_bytes());
-            }
+        let rows = body.table(element, columns)?;
+        self.positions = rows.iter().map(|r| Vec3::new(r[0], r[1], r[2])).collect();
+        if normals.is_some() {
+            self.normals = rows.iter().map(|r| Vec3::new(r[3], r[4], r[5])).collect();
         }
-        for face in [
-            &[3_u16, 2, 1, 0][..],
-            &[0, 1, 4],
-            &[1, 2, 4],
-            &[2, 3, 4],
-            &[3, 0, 4],
-        ] {
-            b.extend([9, face.len() as u8]);
-            for i in face {
-                put(&mut b, &i.to_le_bytes());
-            }
+        if uvs.is_some() {
+            self.uvs = rows.iter().map(|r| Vec2::new(r[6], r[7])).collect();
         }
-        b
+        Ok(())
     }
 
-    #[test]
-    fn ascii_polygons_and_unknown_properties() {
-        let part = &parse_ply(ASCII.as_bytes()).unwrap()[0];
-        assert_eq!(part.material, None);
-        let mesh = &part.mesh;
-        assert_eq!(mesh.indices, [[0, 1, 2], [0, 2, 3]]);
-        assert_eq!(mesh.positions[2], vec3(1.0, 1.0, 0.0));
-        assert_eq!(mesh.uvs[2], vec2(1.0, 1.0));
-        assert!(mesh.normals.is_empty());
-        let crlf = ASCII.replace('\n', "\r\n");
-        assert_eq!(&parse_ply(crlf.as_bytes()).unwrap()[0].mesh, mesh);
-    }
-
-    #[test]
-    fn both_byte_orders() {
-        let little = &parse_ply(&binary(false)).unwrap()[0].mesh;
-        assert_eq!(little, &parse_ply(&binary(true)).unwrap()[0].mesh);
-        assert_eq!(
-            little.indices,
-            [[3, 2, 1], [3, 1, 0], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
-        );
-        assert_eq!(little.positions[4], vec3(0.0, 0.0, 1.5));
-        assert_eq!(little.normals, [Vec3::Z; 5]);
-        assert_eq!(little.uvs[1], vec2(1.0, -1.0));
-    }
-
-    /// The two readers give the same mesh, bit for bit, and what the one in place cannot read is told by the other.
-    #[test]
-    fn in_place_as_row_by_row() {
-        let fans: &[&[u32]] = &[&[0, 1, 2], &[1, 2, 4, 5], &[5, 3, 0, 1, 2]];
-        let triangles: &[&[u32]] = &[&[0, 1, 2], &[1, 2, 4], &[5, 3, 0]];
-        for big in [false, true] {
-            for (list, normals, faces) in [
-                ("uchar int", true, fans),
-                ("uchar uint", false, fans),
-                ("char int", true, fans),
-                ("uchar int", false, triangles),
-                ("uchar uint", true, triangles),
-            ] {
-                let mut b = format!(
-                    "ply\nformat binary_{}_endian 1.0\nelement vertex 6\nproperty float x\nproperty double y\n\
-                     property float z\nproperty uchar red\n{}property short s\nproperty int t\nelement face 3\n\
-                     property list {list} vertex_indices\nend_header\n",
-                    if big { "big" } else { "little" },
-                    if normals { "property float nx\nproperty float ny\nproperty float nz\n" } else { "" },
-                )
-                .into_bytes();
-                let put = |b: &mut Vec<u8>, le: &[u8]| {
-                    if big {
-                        b.extend(le.iter().rev());
-                    } else {
-                        b.extend(le);
-                    }
+    fn faces(&mut self, element: &Element, body: &mut Body, parts: &mut Parts) -> Result<(), String> {
+        let column = |names: &[&str]| {
+            let is = |p: &ply_header::Property| names.contains(&p.name.as_str()) && p.list.is_some();
+            element.properties.iter().position(is)
+        };
+        let indices = column(&INDICES);
+        let texture = column(&["texcoord", "texcoords"]);
+        note_unused(element, |i| Some(i) == indices || Some(i) == texture, parts);
+        if let Some(triangles) = body.triangles(element) {
+            self.triangles = triangles;
+            return Ok(());
+        }
+        let (mut corners, mut numbers) = (vec![], vec![]);
+        for number in 0..element.count {
+            for (i, p) in element.properties.iter().enumerate() {
+                let Some(count) = p.list.filter(|_| Some(i) == indices || Some(i) == texture) else {
+                    body.skip(p.kind, p.list)?;
+                    continue;
                 };
-                for i in 0..6_u8 {
-                    let x = f32::from(i) * 0.37;
-                    put(&mut b, &x.to_le_bytes());
-                    put(&mut b, &(f64::from(x * x) + 1e-9).to_le_bytes());
-                    put(&mut b, &x.sin().to_le_bytes());
-                    b.push(i);
-                    if normals {
-                        [x.cos(), 0.3, 1.0]
-                            .iter()
-                            .for_each(|n| put(&mut b, &n.to_le_bytes()));
+                let count = body.count(count)?;
+                if Some(i) == indices {
+                    corners.clear();
+                    for _ in 0..count {
+                        corners.push(index(body.integer(p.kind)?)?);
                     }
-                    put(&mut b, &(i16::from(i) - 3).to_le_bytes());
-                    put(&mut b, &(7 * i32::from(i)).to_le_bytes());
+                } else {
+                    numbers.clear();
+                    for _ in 0..count {
+                        numbers.push(body.float(p.kind)?);
+                    }
                 }
-                for face in faces {
-                    b.push(face.len() as u8);
-                    face.iter().for_each(|i| put(&mut b, &i.to_le_bytes()));
-                }
-                let mesh = in_place(&b).expect("of the kind that is read in place");
-                assert_eq!(
-                    mesh.indices.len(),
-                    faces.iter().map(|f| f.len() - 2).sum::<usize>()
-                );
-                let (vertices, faces) = read(&mut Cursor::new(&b), &mut false).ok().expect("rows");
-                assert_eq!(mesh, assemble(&vertices, &faces).expect("a mesh"));
-                assert!(in_place(&b[..b.len() - 1]).is_none());
-                fails(&b[..b.len() - 1], None, "ends too early");
-                // The last corner is no vertex, or below zero.
-                let last = b.len() - 4;
-                b[last..].fill(0xff);
-                fails(
-                    &b,
-                    None,
-                    if list.ends_with("uint") {
-                        "4294967295"
-                    } else {
-                        "-1"
-                    },
-                );
             }
+            if corners.len() < 3 {
+                return Err(format!(
+                    "face {number} (counted from 0) has {} corners where three are needed",
+                    corners.len()
+                ));
+            }
+            let polygons = match numbers.len() {
+                0 => &mut self.plain,
+                n if n == 2 * corners.len() => &mut self.textured,
+                n => {
+                    let what = format!("face {number} (counted from 0) has {} corners", corners.len());
+                    return Err(format!(
+                        "{what}, but {n} numbers of texture coordinates, not two for each"
+                    ));
+                }
+            };
+            polygons.corners.extend(&corners);
+            polygons.ends.push(polygons.corners.len());
+            polygons
+                .uvs
+                .extend(numbers.as_chunks().0.iter().map(|uv| Vec2::from_array(*uv)));
+        }
+        Ok(())
+    }
+
+    /// Strips of triangles; a negative index begins a new one.
+    fn strips(&mut self, element: &Element, body: &mut Body, parts: &mut Parts) -> Result<(), String> {
+        let is = |p: &ply_header::Property| INDICES.contains(&p.name.as_str()) && p.list.is_some();
+        let found = element.properties.iter().position(is);
+        note_unused(element, |i| Some(i) == found, parts);
+        for _ in 0..element.count {
+            for (i, p) in element.properties.iter().enumerate() {
+                let Some(count) = p.list.filter(|_| Some(i) == found) else {
+                    body.skip(p.kind, p.list)?;
+                    continue;
+                };
+                let mut strip: Vec<u32> = vec![];
+                for _ in 0..body.count(count)? {
+                    let corner = body.integer(p.kind)?;
+                    if corner < 0 {
+                        strip.clear();
+                        continue;
+                    }
+                    strip.push(index(corner)?);
+                    if let [.., a, b, c] = strip[..] {
+                        let odd = strip.len() % 2 == 0;
+                        self.triangles.push(if odd { [b, a, c] } else { [a, b, c] });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check(&self, header: &Header) -> Result<(), ImportError> {
+        let has = |name: &str| header.elements.iter().any(|e| e.name == name);
+        let faces = self.triangles.len() + self.plain.ends.len() + self.textured.ends.len();
+        if !has("vertex") {
+            return Err(ImportError::malformed("there is no element \"vertex\"", FIX));
+        }
+        if faces == 0 {
+            let names: Vec<&str> = header.elements.iter().map(|e| e.name.as_str()).collect();
+            return Err(ImportError::unsupported(
+                format!(
+                    "it is a point cloud: {} vertices and no rows of \"face\" (its elements: {})",
+                    self.positions.len(),
+                    names.join(", ")
+                ),
+                "reconstruct a surface from the points first",
+            ));
+        }
+        let corners = self.triangles.as_flattened().iter();
+        let corners = corners.chain(&self.plain.corners).chain(&self.textured.corners);
+        match corners.max() {
+            Some(&most) if most as usize >= self.positions.len() => Err(ImportError::malformed(
+                format!(
+                    "a face uses vertex {most}, but there are only {} (counted from 0)",
+                    self.positions.len()
+                ),
+                FIX,
+            )),
+            _ => Ok(()),
         }
     }
 
-    fn fails(bytes: &[u8], line: Option<usize>, word: &str) {
-        let error = parse_ply(bytes).unwrap_err();
-        assert_eq!(error.line, line, "{error}");
-        assert!(error.to_string().contains(word), "{error}");
+    /// Makes meshes of what was read; indices are in range.
+    fn assemble(mut self, parts: &mut Parts) -> Result<(), ImportError> {
+        let bare = self.triangles.len() + self.plain.ends.len();
+        let textured = self.textured.ends.len();
+        if textured > 0 {
+            if !self.uvs.is_empty() {
+                parts
+                    .notes
+                    .add("texture coordinates of vertices are not used: faces have their own");
+                self.uvs.clear();
+            }
+            if bare > 0 {
+                let all = bare + textured;
+                parts
+                    .notes
+                    .add(format!("{bare} of {all} faces have no texture coordinates"));
+            }
+            let mesh = self.textured_mesh(parts)?;
+            parts.add(String::new(), None, mesh)?;
+        }
+        if bare > 0 {
+            let positions = &self.positions;
+            cut_all(&self.plain, |v| positions[v as usize], &mut self.triangles, parts)?;
+            let mesh = Mesh {
+                positions: self.positions,
+                normals: self.normals,
+                uvs: self.uvs,
+                indices: self.triangles,
+            };
+            parts.add(String::new(), None, mesh)?;
+        }
+        Ok(())
     }
 
-    #[test]
-    fn faults_carry_their_line_in_ascii() {
-        let edit = |from: &str, to: &str| ASCII.replacen(from, to, 1).into_bytes();
-        fails(b"plx\n", Some(1), "ply");
-        fails(&edit("1 0 0 1 0 255", "1 0 zero 1 0 255"), Some(19), "parse");
-        fails(&edit("4 0 1 2 3 7", "4 0 1 2 3 x"), Some(22), "parse");
-        fails(&edit("4 0 1 2 3 7", "4 0 1 2 -3 7"), Some(22), "-3");
-        fails(&edit("4 0 1 2 3 7", "2 0 1 7"), None, "2 corners");
-        fails(&edit("4 0 1 2 3 7", "4 0 1 2 4 7"), None, "vertex 4");
-        fails(&edit("1 0 0 1 0 255", "1 0 inf 1 0 255"), None, "not finite");
-        fails(&ASCII.as_bytes()[..ASCII.len() - 4], Some(22), "ends too early");
-        fails(&edit("property float z\n", ""), None, "\"z\"");
-        fails(&edit("float s", "float x"), None, "two properties");
-        fails(&edit("element face", "element faces"), None, "\"face\"");
+    /// The polygons with texture coordinates of their own: a vertex for each pair of position and texture coordinates.
+    fn textured_mesh(&self, parts: &mut Parts) -> Result<Mesh, ImportError> {
+        let Polygons { corners, uvs, ends } = &self.textured;
+        let mut mesh = Mesh::default();
+        let mut known = HashMap::new();
+        let mut renumbered = Vec::with_capacity(corners.len());
+        for (&corner, uv) in corners.iter().zip(uvs) {
+            let next = mesh.positions.len() as u32;
+            let vertex = *known
+                .entry((corner, uv.to_array().map(f32::to_bits)))
+                .or_insert(next);
+            if vertex == next {
+                mesh.positions.push(self.positions[corner as usize]);
+                mesh.normals.extend(self.normals.get(corner as usize));
+                mesh.uvs.push(*uv);
+            }
+            renumbered.push(vertex);
+        }
+        let polygons = Polygons {
+            corners: renumbered,
+            uvs: vec![],
+            ends: ends.clone(),
+        };
+        let positions = &mesh.positions;
+        cut_all(&polygons, |v| positions[v as usize], &mut mesh.indices, parts)?;
+        Ok(mesh)
     }
+}
 
-    #[test]
-    fn counts_are_weighed_first() {
-        let edit = |from: &str, to: &str| ASCII.replacen(from, to, 1).into_bytes();
-        fails(&edit("vertex 4", "vertex 4000000000"), None, "more than fit");
-        fails(
-            &edit("vertex 4", "vertex 18446744073709551615"),
-            None,
-            "more than fit",
+fn cut_all(
+    polygons: &Polygons,
+    position: impl Fn(u32) -> Vec3,
+    out: &mut Vec<[u32; 3]>,
+    parts: &mut Parts,
+) -> Result<(), ImportError> {
+    let mut start = 0;
+    for &end in &polygons.ends {
+        match polygon::cut(&polygons.corners[start..end], &position, out) {
+            Cut::Whole => {}
+            Cut::Crossing => parts.notes.add(CROSSING),
+            Cut::TooLarge => return Err(too_large(end - start)),
+        }
+        start = end;
+    }
+    Ok(())
+}
+
+fn index(corner: i64) -> Result<u32, String> {
+    u32::try_from(corner).map_err(|_| format!("a face uses vertex {corner}"))
+}
+
+/// Notes the properties of an element that are not used.
+fn note_unused(element: &Element, is_used: impl Fn(usize) -> bool, parts: &mut Parts) {
+    let properties = element.properties.iter().enumerate();
+    let names: Vec<&str> = properties
+        .filter(|(i, _)| !is_used(*i))
+        .map(|(_, p)| p.name.as_str())
+        .collect();
+    if element.count > 0 && !names.is_empty() {
+        let note = format!(
+            "properties of element `{}` that are not used: {}",
+            element.name,
+            names.join(", ")
         );
-        fails(
-            b"ply\nformat ascii 1.0\nelement x 18446744073709551615\nend_header\n",
-            None,
-            "no properties",
-        );
-        let whole = binary(false);
-        fails(&whole[..whole.len() - 1], None, "ends too early");
+        parts.notes.add(note);
     }
 }

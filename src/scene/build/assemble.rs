@@ -2,9 +2,8 @@
 
 use super::context::{self, Context};
 use super::devices::{pinhole, projector};
-use super::shapes;
 use super::surfaces::Surfaces;
-use super::{calibrated, file_materials, lights, materials, media, slices};
+use super::{calibrated, file_materials, lights, materials, media, slices, touching};
 use base::locate::{InputError, Located};
 use sha2::Digest;
 use std::collections::BTreeMap;
@@ -12,13 +11,10 @@ use std::path::Path;
 use syntax::Syntax;
 use syntax::device::EmitterFile;
 use syntax::scene::{GapsFile, RenderFile, SceneFile};
-use syntax::shape::ObjectFile;
 use syntax::variant;
 use tensor::slice::ProjectorSelect;
 use transport::device::epipolar::Epipolar;
-use transport::geometry::builder::GeometryBuilder;
-use transport::geometry::ray::Ray;
-use transport::render::gaps::{Gap, narrowest};
+use transport::render::gaps::{Gap, narrow};
 use transport::scene::{Integrator, Scene, SceneTables, Settings, Variant};
 use transport::strategy::Strategies;
 
@@ -89,9 +85,59 @@ pub fn from_file(path: &Path, text: &str, file: &SceneFile) -> Result<Scene, Inp
 
 /// Builds a scene from the value that its file holds.
 pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
+    match with_gaps(ctx, file)? {
+        (_, Some(fault)) if file.render.gaps == GapsFile::Refuse => Err(fault),
+        (mut scene, Some(fault)) => {
+            scene.notes.push(fault.message);
+            Ok(scene)
+        }
+        (scene, None) => Ok(scene),
+    }
+}
+
+/// Rounds in which objects are moved off others, and contacts of each.
+const MOST_ROUNDS: usize = 4;
+const MOST_CONTACTS: usize = 16;
+
+/// Builds a scene, and says in which gap light would be lost. Objects that touch others are moved off them by as much as single
+/// precision needs, where a thin layer of air between them changes nothing.
+///
+/// # Errors
+/// As [`load`], but for gaps.
+pub(crate) fn with_gaps(
+    ctx: &mut Context,
+    file: &SceneFile,
+) -> Result<(Scene, Option<InputError>), InputError> {
     let file = file_materials::expand(ctx, file)?;
-    let file = &calibrated::expand(ctx, file)?;
-    ctx.hash.update(meaning(file));
+    let mut file = calibrated::expand(ctx, file)?;
+    ctx.hash.update(meaning(&file));
+    let (hash, notes) = (ctx.hash.clone(), ctx.notes.clone());
+    let mut scene = tables(ctx, &file)?;
+    let mut moved = vec![];
+    for _ in 0..MOST_ROUNDS {
+        let gaps = narrow(&scene);
+        let mut is_moved = false;
+        for gap in gaps.iter().take(MOST_CONTACTS) {
+            if let Some(note) = touching::separate(ctx, &mut file, gap) {
+                if !moved.contains(&note) {
+                    moved.push(note);
+                }
+                is_moved = true;
+            }
+        }
+        if !is_moved {
+            break;
+        }
+        (ctx.hash, ctx.notes) = (hash.clone(), notes.clone());
+        scene = tables(ctx, &file)?;
+    }
+    scene.notes.extend(moved);
+    let fault = narrow(&scene).first().map(|gap| too_narrow(ctx, &file, gap));
+    Ok((scene, fault))
+}
+
+/// The tables of a scene, whose materials are all its own.
+fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
     let projector = file
@@ -152,7 +198,7 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         ));
     }
     let name = file.name.clone().unwrap_or_else(|| default_name(&ctx.file));
-    let mut scene = Scene::new(SceneTables {
+    let scene = Scene::new(SceneTables {
         name,
         wavelengths: ctx.wavelengths.clone(),
         geometry,
@@ -177,35 +223,14 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
         notes: std::mem::take(&mut ctx.notes),
         files: ctx.used(),
     });
-    if let Some(gap) = narrowest(&scene) {
-        let fault = too_narrow(ctx, file, &names, &gap);
-        if file.render.gaps == GapsFile::Refuse {
-            return Err(fault);
-        }
-        scene.notes.push(fault.message);
-    }
     Ok(scene)
 }
 
-/// A gap that single precision does not know, with the objects on both sides as far as they are known.
-fn too_narrow(ctx: &mut Context, file: &SceneFile, names: &BTreeMap<&str, u32>, gap: &Gap) -> InputError {
-    let around = |object: &Located<ObjectFile>, ctx: &mut Context| -> Option<bool> {
-        let mut builder = GeometryBuilder::default();
-        for placed in shapes::place(ctx, object, names).ok()? {
-            placed.solid(ctx, object).ok()?.add(0, &mut builder);
-        }
-        let reach = 2.0 * (gap.width + gap.least);
-        let ray = Ray {
-            origin: gap.at - gap.across * reach,
-            dir: gap.across,
-        };
-        Some(!builder.build().crossings(&ray, 2.0 * reach).is_empty())
-    };
-    let both: Vec<_> = file
-        .objects
-        .iter()
-        .filter(|o| around(o, ctx) == Some(true))
-        .collect();
+/// The error for a gap that single precision does not know, with the objects on both sides as far as they are known.
+fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
+    let objects = gap.objects.iter().flatten();
+    let mut both: Vec<_> = objects.filter_map(|i| file.objects.get(*i as usize)).collect();
+    both.dedup_by_key(|o| o.span());
     let lines: String = both
         .iter()
         .map(|o| ctx.line(o.span()))

@@ -90,6 +90,13 @@ impl Context {
         }
     }
 
+    /// Adds a note, once: several objects may be made of one file.
+    pub fn note(&mut self, note: String) {
+        if !self.notes.contains(&note) {
+            self.notes.push(note);
+        }
+    }
+
     /// Where a span begins, for people: ` of line 12`; nothing of scenes made in code.
     pub fn line(&self, span: Range<usize>) -> String {
         match self.text.get(..span.start) {

@@ -19,4 +19,5 @@ pub(crate) mod slices;
 mod smooth;
 pub(crate) mod surfaces;
 pub(crate) mod textures;
+mod touching;
 mod volumes;

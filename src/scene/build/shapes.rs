@@ -5,6 +5,7 @@ use super::devices::vector;
 use super::smooth;
 use base::locate::{InputError, Located};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, EulerRot, Vec3A};
+use import::MeshPart;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
@@ -147,7 +148,15 @@ pub(crate) fn place(
                         used.push(key.clone());
                         find(ctx, name)?
                     }
-                    None => material,
+                    None => {
+                        if let Some(name) = part.material.as_ref().filter(|_| m.materials) {
+                            ctx.note(format!(
+                                "{}: no library has its material `{name}`: `{}` is used",
+                                *m.file, *object.material
+                            ));
+                        }
+                        material
+                    }
                 };
                 if m.flat {
                     part.mesh.normals.clear();
@@ -238,7 +247,7 @@ pub(crate) fn place(
 }
 
 /// Reads a mesh file in the format that the shape names.
-fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import::MeshPart>, InputError> {
+fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPart>, InputError> {
     let bytes = ctx.bytes(&m.file, m.file.span())?;
     let path = ctx.path(&m.file);
     if let ShapeFile::Gltf(_) = shape {
@@ -254,13 +263,17 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<import
     };
     let (parsed, ()) = rayon::join(parse, || ctx.count(&bytes));
     drop(bytes);
-    parsed.map_err(|e| {
+    let model = parsed.map_err(|e| {
         ctx.error(
             m.file.span(),
             format!("{}: {e}", path.display()),
-            "mend or re-export the file, or use the shape key of its format (obj, gltf, ply)",
+            "repair or re-export the file, or use the shape key of its format (obj, gltf, ply)",
         )
-    })
+    })?;
+    for note in model.notes {
+        ctx.note(format!("{}: {note}", *m.file));
+    }
+    Ok(model.parts)
 }
 
 /// A mesh moved to the world.

@@ -18,9 +18,10 @@ use crate::build::context::Context;
 use base::locate::{InputError, Located};
 use std::collections::BTreeMap;
 use std::path::Path;
-use syntax::scene::{RenderFile, SceneFile};
+use syntax::scene::{GapsFile, RenderFile, SceneFile};
 use syntax::slice::SliceFile;
 use syntax::values::{TimeBins, TimeFile};
+use transport::scene::Scene;
 
 /// A scene in our language.
 #[derive(Clone, Debug)]
@@ -210,7 +211,14 @@ fn run(
             "spectra are read at the scene's wavelengths, as in Mitsuba's spectral variants; its RGB variants turn them into colours",
         );
     }
-    check(&importer, &file, toml, files)?;
+    let (notes, gap) = check(&importer, &file, toml, files)?;
+    for note in notes {
+        importer.note(note);
+    }
+    if let Some(gap) = gap {
+        file.render.gaps = GapsFile::Warn;
+        importer.note(gap);
+    }
     let text = file.to_toml().map_err(|e| {
         source.error(
             &scene.span,
@@ -282,21 +290,23 @@ fn heading(xml: &Path) -> String {
     )
 }
 
-/// Builds the scene, whose places are those of the XML file, and whose files are named from where it is to lie.
+/// Builds the scene, whose places are those of the XML file, and whose files are named from where it is to lie. Its notes, and
+/// the gap in which light is lost.
 fn check(
     importer: &Importer,
     file: &SceneFile,
     toml: &Path,
     files: &BTreeMap<String, Vec<u8>>,
-) -> Result<(), InputError> {
+) -> Result<(Vec<String>, Option<String>), InputError> {
     let source = importer.source;
     let folder = toml.parent().unwrap_or(Path::new(""));
     let (name, text) = source.main();
     let mut ctx = Context::new(&name, &text, &file.wavelengths_nm)?
         .in_folder(folder)
         .with_files(files.clone());
-    let built = assemble::build(&mut ctx, file);
-    built.map(drop).map_err(|e| {
+    let built = assemble::with_gaps(&mut ctx, file);
+    let said = |(scene, gap): (Scene, Option<InputError>)| (scene.notes.clone(), gap.map(|g| g.message));
+    built.map(said).map_err(|e| {
         source.placed(InputError {
             span: e.span.or(Some(importer.document.scene.span.clone())),
             help: e.help.or(Some("correct the value".into())),
@@ -356,9 +366,9 @@ mod tests {
         bytes.into_inner()
     }
 
-    /// Files in memory are read by their names; colours of formats that hold light are linear, others are decoded.
+    /// Files in memory are found by their names; whether colours are encoded is the reader's to know.
     #[test]
-    fn images_in_memory_are_read_as_their_formats_say() {
+    fn images_in_memory_are_found() {
         let files: BTreeMap<String, Vec<u8>> = [
             (
                 "light.exr".to_owned(),
@@ -380,13 +390,10 @@ mod tests {
             let (xml, toml) = (Path::new("/nowhere/scene.json"), Path::new("/nowhere/scene.toml"));
             Import::with_files(xml, &text(name), toml, &BTreeMap::new(), files)
         };
-        assert!(
-            made("light.exr", &files)
-                .expect("a scene")
-                .toml
-                .contains("raw = true")
-        );
-        assert!(!made("colours.png", &files).expect("a scene").toml.contains("raw"));
+        for name in ["light.exr", "colours.png"] {
+            let toml = made(name, &files).expect("a scene").toml;
+            assert!(toml.contains(name) && !toml.contains("raw"), "{toml}");
+        }
         let missing = made("light.exr", &BTreeMap::new())
             .expect_err("no file")
             .to_string();

@@ -7,6 +7,7 @@ use super::names::PROJECTOR_RESOLUTION;
 use super::tree::{Node, numbers};
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3};
+use import::picture;
 use std::f64::consts::PI;
 use syntax::device::{EmitterFile, ProjectorFile};
 use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, Rows, SpotFile};
@@ -155,20 +156,36 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     let mut environment = EnvironmentFile::new(scale);
     environment.rows = Rows::Poles;
     environment.image = Some(Located::at(node.span.clone(), importer.file(name)));
-    environment.transform = place.map(|map| {
-        // Lengths do not matter to directions.
-        let turn = DAffine3::from_mat3(DMat3::from_cols(
-            map.matrix3.x_axis.normalize_or_zero(),
-            map.matrix3.y_axis.normalize_or_zero(),
-            map.matrix3.z_axis.normalize_or_zero(),
-        ));
-        let matrix = TransformFile {
-            matrix: Some(rows(&turn)),
-            ..TransformFile::default()
-        };
-        Located::at(node.span.clone(), matrix)
-    });
+    environment.transform = match place {
+        None => None,
+        Some(map) => {
+            let turn = directions(map.matrix3).ok_or_else(|| {
+                source.error(
+                    &node.span,
+                    "the to_world of the envmap scales or shears it, so that Mitsuba distorts the image",
+                    "give it rotations and reflections alone",
+                )
+            })?;
+            let matrix = TransformFile {
+                matrix: Some(rows(&DAffine3::from_mat3(turn))),
+                ..TransformFile::default()
+            };
+            Some(Located::at(node.span.clone(), matrix))
+        }
+    };
     Ok(EmitterFile::Environment(Box::new(environment)))
+}
+
+/// Returns a linear map if it rotates and mirrors only, freed of rounding errors in the lengths of its columns.
+fn directions(map: DMat3) -> Option<DMat3> {
+    let off = map.transpose() * map - DMat3::IDENTITY;
+    let rigid = off.to_cols_array().iter().all(|v| v.abs() < 1e-3);
+    rigid.then(|| {
+        // Gram and Schmidt; the third column keeps its side.
+        let x = map.x_axis.normalize();
+        let y = map.y_axis.reject_from_normalized(x).normalize();
+        DMat3::from_cols(x, y, x.cross(y) * map.determinant().signum())
+    })
 }
 
 /// How a shape with an `area` emitter shines.
@@ -288,17 +305,15 @@ fn white(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
         )));
     }
     let path = importer.path(name);
-    let image = base::input::open(&path)
-        .map_err(image::ImageError::from)
-        .and_then(|_| image::open(&path))
-        .map_err(|e| refused(format!("cannot read {name}: {e}")))?;
-    let rgb = image.to_rgb16();
-    if rgb.pixels().any(|p| p.0 != [u16::MAX; 3]) {
+    let bytes = base::input::read(&path).map_err(|e| refused(format!("cannot read {name}: {e}")))?;
+    let image = picture::decode(name, &bytes, None)
+        .map_err(|e| refused(format!("cannot decode {name}: {}", e.message)))?;
+    if image.values.iter().any(|p| *p != [1.0; 3]) {
         return Err(refused(format!("{name} is not white")));
     }
     node.finish(
         source,
         &["raw", "format", "to_uv", "filter_type", "wrap_mode", "accel"],
     );
-    Ok([rgb.width(), rgb.height()])
+    Ok([image.width as u32, image.height as u32])
 }

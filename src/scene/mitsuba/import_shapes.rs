@@ -240,7 +240,7 @@ fn has_normals(importer: &Importer, node: &Node) -> Result<bool, InputError> {
     } else {
         import::parse_obj(&bytes)
     };
-    Ok(parts.is_ok_and(|parts| parts.iter().any(|p| !p.mesh.normals.is_empty())))
+    Ok(parts.is_ok_and(|model| model.parts.iter().any(|p| !p.mesh.normals.is_empty())))
 }
 
 /// Faces of Mitsuba's cube, with its texture coordinates: corner, u and v, where v is 1 minus Mitsuba's.

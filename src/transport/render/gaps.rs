@@ -1,5 +1,7 @@
 //! Gaps behind sheets and interfaces that are thinner than single precision can tell: a ray that leaves the one surface may start
-//! beyond the other and never meet it, and rays from afar may meet the two in either order. Scenes with such gaps are refused.
+//! beyond the other and never meet it, and rays from afar may meet the two in either order. Where a thin layer of air between
+//! the two changes nothing that they stand for ([`Gap::separable`]), the one can be moved away from the other; other scenes with
+//! such gaps are refused.
 //!
 //! With δ the way that rays start off a surface and k its rounding (`geometry::rounding`), light is safe from surface A to
 //! B where the gap is wider than 3 δ_A + δ_B (twice δ_A are the shots of `manifold`), and rays from across the scene tell
@@ -23,6 +25,9 @@ const MOST_PRIMITIVES: usize = 4096;
 /// Least cosine between the normals on both sides of a gap: a wedge is thin at its edge, which is no fault.
 const PARALLEL: f32 = 0.95;
 
+/// Directions across gaps that differ by less than the inverse of this are one.
+const DIRECTIONS: f32 = 8.0;
+
 /// Finds that it takes: one may be of a rim.
 const LEAST_FINDS: usize = 3;
 
@@ -43,6 +48,12 @@ pub struct Gap {
     pub at: Vec3A,
     /// See `at`.
     pub across: Vec3A,
+    /// Numbers of the objects on both sides, that of the surface that lets light through first; `None` for copies of groups.
+    pub objects: [Option<u32>; 2],
+    /// Which of the two objects may be moved away from the other without changing how light passes: one whose surface bends no
+    /// light, or one that lets light through and lies on one that does not. `None` where both bend light: glass on glass, or
+    /// water in it, is another thing with air between.
+    pub separable: Option<usize>,
 }
 
 /// True if light goes on behind a surface.
@@ -51,6 +62,12 @@ fn transmits(scene: &Scene, s: &Surface, wo: Vec3A) -> bool {
     materials.is_null(s.material)
         || materials.straight(s.material, s, wo).is_some()
         || materials.beyond(s.material, s, wo, scene.lanes()).is_some()
+}
+
+/// True if light goes straight on behind a surface: a sheet, or a boundary that bends no light.
+fn is_sheet(scene: &Scene, s: &Surface, wo: Vec3A) -> bool {
+    let materials = &scene.materials;
+    materials.is_null(s.material) || materials.straight(s.material, s, wo).is_some()
 }
 
 /// The gap behind a surface for light along `dir`, if there is one.
@@ -74,11 +91,22 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
         // What is before it by more than rounding is met before it.
         let width = far - other.t;
         let close = width < least && width > -4.0 * scale;
-        (close && t.ng.dot(s.ng).abs() > PARALLEL).then_some(Gap {
+        if !close || t.ng.dot(s.ng).abs() <= PARALLEL {
+            return None;
+        }
+        let object = |hit: &Hit| (hit.owner == Owner::WORLD).then(|| g.object(hit));
+        let separable = if is_sheet(scene, s, -dir) || !transmits(scene, &t, back.dir) {
+            Some(0)
+        } else {
+            is_sheet(scene, &t, back.dir).then_some(1)
+        };
+        Some(Gap {
             width: width.max(0.0),
             least,
             at: s.p,
             across,
+            objects: [object(hit), object(&other)],
+            separable,
         })
     };
     let found = g.crossings(&back, far + 8.0 * scale).into_iter().filter_map(gap);
@@ -134,10 +162,10 @@ fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Optio
     }
 }
 
-/// The narrowest of the gaps that rays of camera and projector come upon, and that are behind points of all surfaces that let light
-/// through (those of instances are looked at by the rays alone).
+/// The gaps that rays of camera and projector come upon, and that are behind points of all surfaces that let light through (those of
+/// instances are looked at by the rays alone): the narrowest of each pair of objects and direction, the narrowest of all first.
 #[must_use]
-pub fn narrowest(scene: &Scene) -> Option<Gap> {
+pub fn narrow(scene: &Scene) -> Vec<Gap> {
     let projector = scene.projector.as_ref().map(|p| &p.pinhole);
     let devices: Vec<&Pinhole> = std::iter::once(&scene.camera).chain(projector).collect();
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(GRID);
@@ -163,7 +191,18 @@ pub fn narrowest(scene: &Scene) -> Option<Gap> {
             })
         })
     });
-    let found: Vec<Gap> = seen.chain(owned).collect();
-    let narrowest = found.iter().copied().min_by(|a, b| a.width.total_cmp(&b.width));
-    narrowest.filter(|_| found.len() >= LEAST_FINDS)
+    let mut found: Vec<Gap> = seen.chain(owned).collect();
+    if found.len() < LEAST_FINDS {
+        return vec![];
+    }
+    found.sort_by(|a, b| a.width.total_cmp(&b.width));
+    let direction = |gap: &Gap| (gap.across * DIRECTIONS).round();
+    let mut distinct: Vec<Gap> = vec![];
+    for gap in found {
+        let same = |other: &Gap| other.objects == gap.objects && direction(other) == direction(&gap);
+        if !distinct.iter().any(same) {
+            distinct.push(gap);
+        }
+    }
+    distinct
 }

@@ -1,0 +1,199 @@
+//! What of a glTF document is not used: extensions, and keys that no part of the importer reads.
+
+use gltf::json::Value;
+
+use super::error::ImportError;
+use super::gltf::{INSTANCING, VISIBILITY};
+use super::notes::Notes;
+
+/// Extensions that are read, here or with the materials.
+const READ: [&str; 4] = [
+    INSTANCING,
+    VISIBILITY,
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Extensions without which the triangles cannot be read.
+const COMPRESSIONS: [&str; 3] = [
+    "KHR_draco_mesh_compression",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+];
+
+/// Beginnings of the names of extensions that change no triangle.
+const NO_GEOMETRY: [&str; 14] = [
+    "KHR_materials_",
+    "EXT_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "MSFT_texture_",
+    "MSFT_packing_",
+    "KHR_lights_",
+    "EXT_lights_",
+    "KHR_xmp",
+    "KHR_animation_",
+    "KHR_audio",
+    "KHR_physics_",
+    "KHR_techniques_webgl",
+    "AGI_",
+];
+
+/// Keys of each kind of object that are read, or that say nothing about the surfaces (names, and bounds that follow from the
+/// data). `extras` belong to applications and have no meaning to others.
+const KEYS: [(&str, &[&str]); 7] = [
+    ("scenes", &["name", "nodes"]),
+    (
+        "nodes",
+        &[
+            "name",
+            "children",
+            "mesh",
+            "skin",
+            "weights",
+            "matrix",
+            "translation",
+            "rotation",
+            "scale",
+        ],
+    ),
+    ("meshes", &["name", "primitives", "weights"]),
+    (
+        "accessors",
+        &[
+            "name",
+            "bufferView",
+            "byteOffset",
+            "componentType",
+            "normalized",
+            "count",
+            "type",
+            "min",
+            "max",
+            "sparse",
+        ],
+    ),
+    (
+        "bufferViews",
+        &[
+            "name",
+            "buffer",
+            "byteOffset",
+            "byteLength",
+            "byteStride",
+            "target",
+        ],
+    ),
+    ("buffers", &["name", "uri", "byteLength"]),
+    ("skins", &["name", "joints", "inverseBindMatrices", "skeleton"]),
+];
+
+/// Keys of the document; materials and what belongs to them are accounted for with them.
+const TOP: [&str; 13] = [
+    "asset",
+    "scene",
+    "scenes",
+    "nodes",
+    "meshes",
+    "accessors",
+    "bufferViews",
+    "buffers",
+    "skins",
+    "materials",
+    "textures",
+    "images",
+    "samplers",
+];
+
+const PRIMITIVE: [&str; 5] = ["attributes", "indices", "material", "mode", "targets"];
+
+/// Notes what is not used.
+///
+/// # Errors
+/// [`ImportError`] if the document requires an extension that its triangles may depend on.
+pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportError> {
+    let names = |key: &str| -> Vec<&str> {
+        let list = document[key].as_array().map_or(&[][..], Vec::as_slice);
+        list.iter().filter_map(Value::as_str).collect()
+    };
+    let is_known = |name: &str| READ.contains(&name) || NO_GEOMETRY.iter().any(|n| name.starts_with(n));
+    for name in names("extensionsRequired") {
+        if COMPRESSIONS.contains(&name) {
+            let what = format!("its meshes are compressed ({name})");
+            return Err(ImportError::unsupported(
+                what,
+                "export it again without compression",
+            ));
+        }
+        if !is_known(name) {
+            let what = format!("the file requires the extension {name}");
+            return Err(ImportError::unsupported(
+                what,
+                "export it again without the extension",
+            ));
+        }
+    }
+    let mut account = Account { notes };
+    if let Some(top) = document.as_object() {
+        for (key, value) in top {
+            let is_read = TOP.contains(&key.as_str()) || key.starts_with("extensions") || key == "extras";
+            let size = value.as_array().map_or(1, Vec::len);
+            if !is_read && size > 0 {
+                let more = if key == "animations" {
+                    ": the pose is that of rest"
+                } else {
+                    ""
+                };
+                account.notes.add(format!("`{key}` is not used{more}"));
+            }
+        }
+    }
+    account.extensions(document, "the document");
+    for (kind, keys) in KEYS {
+        for item in document[kind].as_array().into_iter().flatten() {
+            account.object(item, kind, keys);
+            for primitive in item["primitives"].as_array().into_iter().flatten() {
+                account.object(primitive, "primitives", &PRIMITIVE);
+                account.attributes(&primitive["attributes"]);
+            }
+        }
+    }
+    Ok(())
+}
+
+struct Account<'a> {
+    notes: &'a mut Notes,
+}
+
+impl Account<'_> {
+    fn object(&mut self, item: &Value, kind: &str, keys: &[&str]) {
+        for key in item.as_object().into_iter().flat_map(|o| o.keys()) {
+            let is_read = keys.contains(&key.as_str()) || ["extensions", "extras"].contains(&key.as_str());
+            if !is_read {
+                self.notes.add(format!("`{key}` of `{kind}` is not used"));
+            }
+        }
+        self.extensions(item, &format!("`{kind}`"));
+    }
+
+    fn extensions(&mut self, item: &Value, place: &str) {
+        for name in item["extensions"].as_object().into_iter().flat_map(|o| o.keys()) {
+            if !READ.contains(&name.as_str()) {
+                self.notes
+                    .add(format!("the extension {name} of {place} is not used"));
+            }
+        }
+    }
+
+    fn attributes(&mut self, attributes: &Value) {
+        for name in attributes.as_object().into_iter().flat_map(|o| o.keys()) {
+            let is_read = ["POSITION", "NORMAL", "TEXCOORD_0"].contains(&name.as_str())
+                || name.starts_with("JOINTS_")
+                || name.starts_with("WEIGHTS_");
+            // Tangents follow from normals and texture coordinates (section 3.7.2.1).
+            if !is_read && name != "TANGENT" {
+                self.notes.add(format!("the attribute {name} is not used"));
+            }
+        }
+    }
+}

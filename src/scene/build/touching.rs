@@ -1,0 +1,106 @@
+//! Objects that touch within rounding: one of the two is moved off the other by as much as single precision needs.
+
+use super::context::Context;
+use super::shapes::{self, Solid};
+use base::locate::{InputError, Located};
+use glam::{DAffine3, DMat3, DVec3};
+use std::collections::BTreeMap;
+use syntax::scene::SceneFile;
+use syntax::shape::ObjectFile;
+use syntax::transform::TransformFile;
+use transport::render::gaps::Gap;
+
+/// Widths of a gap that count as enough, in units of the least.
+const ENOUGH: f64 = 2.0;
+
+/// An object thinner than this many of the moves is moved as a whole; a thicker one becomes thinner on both sides.
+const FLAT: f64 = 8.0;
+
+/// The largest share by which an object becomes thinner.
+const MOST_SHRUNK: f64 = 0.01;
+
+/// Moves one of the objects at a gap off the other, and says so; `None` if that is not possible.
+pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Option<String> {
+    let side = gap.separable?;
+    let numbers = [gap.objects[0]? as usize, gap.objects[1]? as usize];
+    if numbers[0] == numbers[1] {
+        return None;
+    }
+    let [object, other] = [numbers[side], numbers[1 - side]].map(|i| (i, file.objects.get(i)));
+    let (object, other) = ((object.0, object.1?), (other.0, other.1?));
+    // Away from the other object.
+    let away = gap.across.as_dvec3() * if side == 0 { -1.0 } else { 1.0 };
+    let by = ENOUGH * f64::from(gap.least) - f64::from(gap.width);
+    let (low, high) = extent(ctx, file, object.1, away).ok()?;
+    let (middle, thickness) = (0.5 * (low + high), high - low);
+    let map = if thickness < FLAT * by {
+        DAffine3::from_translation(away * by)
+    } else {
+        let share = by / (middle - gap.at.as_dvec3().dot(away));
+        if !(0.0..MOST_SHRUNK).contains(&share) {
+            return None;
+        }
+        let outer = DMat3::from_cols(away * away.x, away * away.y, away * away.z);
+        DAffine3::from_mat3_translation(DMat3::IDENTITY - outer * share, away * (middle * share))
+    };
+    let named = |(i, o): (usize, &Located<ObjectFile>)| {
+        let name = o.name.clone().unwrap_or_else(|| format!("objects[{i}]"));
+        format!("`{name}`{}", ctx.line(o.span()))
+    };
+    let [x, y, z] = gap.at.to_array();
+    let note = format!(
+        "{} touches {} at ({x:.4}, {y:.4}, {z:.4}): its surface is moved {by:.1e} m off, so that air is between the two",
+        named(object),
+        named(other)
+    );
+    let place = match &object.1.transform {
+        Some(t) => shapes::transform(ctx, t).ok()?,
+        None => DAffine3::IDENTITY,
+    };
+    let (number, span) = (object.0, object.1.span());
+    let mut moved = (**object.1).clone();
+    let at = moved
+        .transform
+        .as_ref()
+        .map_or_else(|| span.clone(), Located::span);
+    moved.transform = Some(Located::at(at, matrix(&(map * place))));
+    file.objects[number] = Located::at(span, moved);
+    Some(note)
+}
+
+/// How far an object reaches along a direction, metres.
+fn extent(
+    ctx: &mut Context,
+    file: &SceneFile,
+    object: &Located<ObjectFile>,
+    along: DVec3,
+) -> Result<(f64, f64), InputError> {
+    let names: BTreeMap<&str, u32> = file.materials.keys().map(String::as_str).zip(0..).collect();
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut add = |p: DVec3| {
+        low = low.min(p.dot(along));
+        high = high.max(p.dot(along));
+    };
+    for placed in shapes::place(ctx, object, &names)? {
+        match placed.solid(ctx, object)? {
+            Solid::Mesh(mesh) => mesh.positions.iter().for_each(|p| add(p.as_dvec3())),
+            Solid::Quadric(quadric) => {
+                let (a, b) = quadric.bounds();
+                let corners = [a, b].map(|p| p.as_dvec3());
+                for k in 0..8 {
+                    add(DVec3::from_array([0, 1, 2].map(|i| corners[k >> i & 1][i])));
+                }
+            }
+        }
+    }
+    Ok((low, high))
+}
+
+fn matrix(map: &DAffine3) -> TransformFile {
+    let (m, t) = (map.matrix3, map.translation);
+    let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]];
+    TransformFile {
+        matrix: Some([row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]),
+        ..TransformFile::default()
+    }
+}
