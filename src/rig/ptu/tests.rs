@@ -543,7 +543,7 @@ fn damaged_files_end_in_words_or_numbers() {
             Ok(())
         });
         match result {
-            Ok(_) => read += 1,
+            Ok(()) => read += 1,
             Err(e) => {
                 assert!(e.to_string().starts_with("f.ptu: "), "{e}");
                 refused += 1;
