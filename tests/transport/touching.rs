@@ -93,7 +93,9 @@ fn a_boundary_that_bends_no_light_is_moved_off() {
 #[test]
 fn two_refracting_objects_that_touch_are_refused() {
     let both = block("upper", "glass", 1.0, 2.0) + &block("lower", "water", 0.0, 1.0);
-    let error = from_text(Path::new("test.toml"), &text(&both, "")).err().expect("refused");
+    let error = from_text(Path::new("test.toml"), &text(&both, ""))
+        .err()
+        .expect("refused");
     assert!(error.message.contains("m apart at"), "{}", error.message);
     let scene = from_text(Path::new("test.toml"), &text(&both, "gaps = \"warn\"\n")).expect("a scene");
     assert!(

@@ -92,7 +92,7 @@ impl Quadric {
     #[must_use]
     pub fn flipped(mut self) -> Self {
         self.facing = -self.facing;
-        self.normals = self.normals * -1.0;
+        self.normals *= -1.0;
         self
     }
 
