@@ -13,7 +13,7 @@ use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::table::{Options, Table};
 use sunstone::transport::material::measured::write::tabulate;
 use sunstone::transport::material::rough_conductor::RoughConductor;
-use sunstone::transport::material::texture::Scalar;
+use sunstone::transport::material::texture::{Scalar, Spectrum};
 use sunstone::transport::material::{Lanes, Material, Materials};
 
 fn pbsdf(c: &mut Criterion) {
@@ -23,6 +23,7 @@ fn pbsdf(c: &mut Criterion) {
         list: vec![Material::RoughConductor(RoughConductor {
             n: Spectral::new([1.38, 0.42, 0.14, 1.0]),
             k: Spectral::new([1.9, 2.5, 3.7, 0.0]),
+            reflectance: Spectrum::uniform(Spectral::ONE),
             roughness: Roughness {
                 distribution: Distribution::Ggx,
                 masking: Masking::Correlated,

@@ -1,7 +1,21 @@
-//! Pictures of files → texels and weights, and what is drawn → files.
+//! Image files → texels, and drawn images → files. The one reader of images that scenes name.
+//!
+//! Formats: PNG, JPEG, GIF, BMP, TGA and PNM (whole numbers, sRGB-encoded), OpenEXR, Radiance HDR and PFM (real numbers,
+//! linear).
+
+mod openexr;
+mod pfm;
+mod primaries;
+mod radiance;
+#[cfg(test)]
+mod tests;
 
 use image::{DynamicImage, ImageError, ImageFormat};
 use optics::spectrum::{Spectral, Wavelengths};
+use std::io::Cursor;
+
+/// Largest number of pixels of an image.
+const MOST_PIXELS: usize = 1 << 28;
 
 /// What the three channels of an image mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -26,35 +40,185 @@ pub fn linear(value: f32, encoded: bool) -> f32 {
     }
 }
 
-/// Appends the texels of a picture, top row first: colours as red, green or blue for each wavelength, numbers as they are.
-pub fn texels(image: &DynamicImage, channels: Channels, wavelengths: &Wavelengths, out: &mut Vec<[f32; 4]>) {
+/// A decoded image file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pixels {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Three channels, top row first; whole numbers as 0..1. One channel is repeated; alpha is dropped.
+    pub values: Vec<[f32; 3]>,
+    /// Colours are sRGB-encoded.
+    pub encoded: bool,
+    /// Rows of a matrix that maps the channels to linear red, green and blue of ITU-R BT.709; `None`: they are these.
+    pub to_rgb: Option<[[f32; 3]; 3]>,
+    /// What the file states that is not used, or used in a way that its reader should know, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Why a file cannot be decoded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PictureError {
+    /// What was found.
+    pub message: String,
+    /// How to fix it.
+    pub help: String,
+}
+
+impl PictureError {
+    fn new(message: impl Into<String>, help: impl Into<String>) -> Self {
+        Self {
+            message: message.into(),
+            help: help.into(),
+        }
+    }
+
+    fn damaged(format: &str, what: impl std::fmt::Display) -> Self {
+        Self::new(
+            format!("the {format} file is damaged: {what}"),
+            "copy or export it again",
+        )
+    }
+}
+
+/// Decodes an image file by its first bytes; `name` tells TGA files, which have no signature. `layer` chooses one of an
+/// OpenEXR file.
+///
+/// # Errors
+/// [`PictureError`] if the format is not supported, the file is damaged, or it does not say which of its channels are meant.
+pub fn decode(name: &str, bytes: &[u8], layer: Option<&str>) -> Result<Pixels, PictureError> {
+    if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+        return openexr::decode(bytes, layer);
+    }
+    if let Some(layer) = layer {
+        return Err(PictureError::new(
+            format!("layer `{layer}` is asked for, and the file is not an OpenEXR file"),
+            "remove layer: only OpenEXR files have layers",
+        ));
+    }
+    if bytes.starts_with(b"#?") {
+        return radiance::decode(bytes);
+    }
+    if bytes.starts_with(b"PF\n")
+        || bytes.starts_with(b"Pf\n")
+        || bytes.starts_with(b"PF ")
+        || bytes.starts_with(b"Pf ")
+    {
+        return pfm::decode(bytes);
+    }
+    whole_numbers(name, bytes)
+}
+
+/// The formats of the `image` crate.
+fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
+    const FORMATS: &str = "use a PNG, JPEG, OpenEXR, Radiance HDR, PFM, BMP, TGA, PNM or GIF file";
+    let is_tga = || {
+        std::path::Path::new(name)
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("tga"))
+    };
+    let format = match image::guess_format(bytes) {
+        Ok(format) => format,
+        Err(_) if is_tga() => ImageFormat::Tga,
+        Err(_) => {
+            return Err(PictureError::new(
+                "the file's first bytes are of no image format that is read",
+                FORMATS,
+            ));
+        }
+    };
+    if !format.reading_enabled() {
+        return Err(PictureError::new(
+            format!("{format:?} images are not read"),
+            FORMATS,
+        ));
+    }
+    let name = format!("{format:?}").to_uppercase();
+    let damaged = |e: ImageError| PictureError::damaged(&name, e);
+    let mut notes = vec![];
+    let image = image::load_from_memory_with_format(bytes, format).map_err(damaged)?;
+    // As in Mitsuba, glTF and web browsers, colours of PNG are sRGB's; many programs write a wrong gAMA chunk.
+    if format == ImageFormat::Png
+        && let Some(gamma) = png_gamma(bytes)
+        && (gamma - 1.0 / 2.2).abs() > 0.02
+    {
+        notes.push(format!(
+            "its gAMA chunk, {gamma}, is ignored: colours are read as sRGB; if they are linear, set raw"
+        ));
+    }
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let wide = image.color().bytes_per_pixel() > image.color().channel_count();
+    let values = if wide {
+        let all = image.into_rgb16();
+        all.pixels()
+            .map(|p| p.0.map(|v| f32::from(v) / 65535.0))
+            .collect()
+    } else {
+        let all = image.into_rgb8();
+        all.pixels().map(|p| p.0.map(|v| f32::from(v) / 255.0)).collect()
+    };
+    Ok(Pixels {
+        width,
+        height,
+        values,
+        encoded: true,
+        to_rgb: None,
+        notes,
+    })
+}
+
+/// Returns the exponent that a PNG file states, unless it states sRGB too. `png` 0.18 does not return it.
+fn png_gamma(bytes: &[u8]) -> Option<f64> {
+    let mut rest = bytes.get(8..)?;
+    let mut gamma = None;
+    loop {
+        let (length, after) = rest.split_first_chunk()?;
+        let (kind, data) = after.split_first_chunk::<4>()?;
+        let length = u32::from_be_bytes(*length) as usize;
+        match kind {
+            b"gAMA" => gamma = Some(f64::from(u32::from_be_bytes(*data.first_chunk()?)) / 1e5),
+            b"sRGB" => return None,
+            b"IDAT" => return gamma,
+            _ => {}
+        }
+        rest = data.get(length.checked_add(4)?..)?;
+    }
+}
+
+/// Appends the texels of an image, top row first: colours as red, green or blue for each wavelength, numbers as they are.
+pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out: &mut Vec<[f32; 4]>) {
+    let encoded = image.encoded && channels != Channels::LinearColours;
     let channel = |nm: f64| match nm {
         nm if nm < 500.0 => 2,
         nm if nm < 590.0 => 1,
         _ => 0,
     };
-    let encoded = !matches!(
-        image,
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
-    );
-    out.extend(image.to_rgb32f().pixels().map(|p| {
-        match channels {
-            Channels::Numbers => [p.0[0], p.0[1], p.0[2], 0.0],
-            _ => wavelengths
-                .map(|nm| linear(p.0[channel(nm)], encoded && channels == Channels::Colours))
-                .to_array(),
+    out.extend(image.values.iter().map(|p| {
+        if channels == Channels::Numbers {
+            return [p[0], p[1], p[2], 0.0];
         }
+        let rgb = image.to_rgb.map_or(*p, |m| primaries::times(&m, *p));
+        wavelengths.map(|nm| linear(rgb[channel(nm)], encoded)).to_array()
     }));
 }
 
-/// Brightness of every pixel, as it is encoded, 0..1, top row first.
+/// Brightness of every pixel, as it is encoded, top row first.
 #[must_use]
-pub fn weights(image: &DynamicImage) -> Vec<f32> {
-    let luma = image.to_luma16();
-    luma.pixels().map(|p| f32::from(p.0[0]) / 65535.0).collect()
+pub fn weights(image: &Pixels) -> Vec<f32> {
+    let brightness = |p: &[f32; 3]| {
+        let [r, g, b] = image.to_rgb.map_or(*p, |m| primaries::times(&m, *p));
+        // A grey pixel keeps its value to the last bit.
+        if r == g && g == b {
+            r
+        } else {
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        }
+    };
+    image.values.iter().map(brightness).collect()
 }
 
-/// Multiplies texels by a factor for each wavelength; false if one is no light (0..1e30) then.
+/// Multiplies texels by a factor for each wavelength; false if one is not a radiance (0..1e30) then.
 #[must_use]
 pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
     let by = by.to_array();
@@ -66,28 +230,25 @@ pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
     })
 }
 
-/// Rows of `width` texels of which the first and the last are at the poles → twice as many, less two, each in the middle of its share: a quarter
-/// and three quarters of the way from one to the next.
-#[must_use]
-pub fn from_poles(width: usize, texels: &[[f32; 4]]) -> Vec<[f32; 4]> {
-    let rows: Vec<&[[f32; 4]]> = texels.chunks(width).collect();
-    let mixed = |a: &[[f32; 4]], b: &[[f32; 4]], t: f32| -> Vec<[f32; 4]> {
-        let pairs = a.iter().zip(b);
-        let mix = |(a, b): (&[f32; 4], &[f32; 4])| std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t);
-        pairs.map(mix).collect()
-    };
-    rows.windows(2)
-        .flat_map(|w| [0.25, 0.75].map(|t| mixed(w[0], w[1], t)))
-        .flatten()
-        .collect()
-}
-
-/// A picture as a file.
+/// Encodes a picture as a file.
 ///
 /// # Errors
 /// [`ImageError`] if the format cannot hold it.
 pub fn encoded(image: &DynamicImage, format: ImageFormat) -> Result<Vec<u8>, ImageError> {
-    let mut bytes = std::io::Cursor::new(vec![]);
+    let mut bytes = Cursor::new(vec![]);
     image.write_to(&mut bytes, format)?;
     Ok(bytes.into_inner())
+}
+
+/// Width × height if that many pixels are allowed.
+fn pixel_count(format: &str, width: usize, height: usize) -> Result<usize, PictureError> {
+    let count = width
+        .checked_mul(height)
+        .filter(|n| (1..=MOST_PIXELS).contains(n));
+    count.ok_or_else(|| {
+        PictureError::new(
+            format!("the {format} file has {width} × {height} pixels"),
+            format!("give 1 to {MOST_PIXELS} pixels"),
+        )
+    })
 }

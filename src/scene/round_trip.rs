@@ -171,6 +171,7 @@ impl Choices<'_> {
             wrap: [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][self.below(3) as usize],
             filter: [Filter::Bilinear, Filter::Nearest][self.below(2) as usize],
             raw: self.below(2) == 0,
+            layer: self.some(Self::text),
         }
     }
 
@@ -363,6 +364,7 @@ impl Choices<'_> {
             _ => EmitterFile::Environment(Box::new(EnvironmentFile {
                 radiance: self.spectrum().into(),
                 image: self.some_text(),
+                layer: self.some(Self::text),
                 rows: [Rows::Centres, Rows::Poles][self.below(2) as usize],
                 transform: self.some(Self::transform),
                 stokes: self.stokes(),
@@ -471,6 +473,7 @@ impl Choices<'_> {
                 uv: self.uv(),
                 wrap: [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][self.below(3) as usize],
                 filter: [Filter::Bilinear, Filter::Nearest][self.below(2) as usize],
+                layer: self.some(Self::text),
             }),
             11 => MaterialFile::PartialDepolarizer(PartialDepolarizerFile {
                 material: self.text().into(),

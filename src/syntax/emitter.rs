@@ -7,6 +7,7 @@ use super::values::SpectrumFile;
 use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+pub use transport::light::sky::Rows;
 
 /// How a surface shines: the same radiance in all directions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -39,13 +40,16 @@ pub struct EnvironmentFile {
         skip_serializing_if = "defaults::is_unit_spectrum"
     )]
     pub radiance: Located<SpectrumFile>,
-    /// Equirectangular OpenEXR, Radiance HDR, PNG or JPEG file: its columns run with atan2(x, -z), its rows from +y down;
+    /// Equirectangular image file, as of [`ImageAlbedo::image`]: its columns run with atan2(x, -z), its rows from +y down;
     /// red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
     pub image: Option<Located<String>>,
-    /// What the image's first and last row are of.
+    /// As of [`ImageAlbedo::layer`].
+    pub layer: Option<String>,
+    /// Where the rows of the image lie. With `poles`, a second row that is the last one is also used at the lower pole, as in
+    /// Mitsuba, so that it lies on the horizon.
     #[serde(default, skip_serializing_if = "is_default")]
     pub rows: Rows,
-    /// Turns the image: `rotate_deg`, or a `matrix` that only turns.
+    /// Rotates or mirrors the image: `rotate_deg`, or a `matrix` that does no more.
     pub transform: Option<Located<TransformFile>>,
     /// As of [`EmissionFile::stokes`]; with an image alone.
     pub stokes: Option<Located<[f64; 4]>>,
@@ -54,17 +58,6 @@ pub struct EnvironmentFile {
     /// As of [`EmissionFile::horizontal`].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
-}
-
-/// Where the rows of an image of the sky lie.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Rows {
-    /// Each in the middle of its share of the angles, as OpenEXR's latitude-longitude maps have it.
-    #[default]
-    Centres,
-    /// The first and the last at the poles, as Mitsuba reads its envmap.
-    Poles,
 }
 
 /// A point that shines into a cone: full up to `beam_deg` off its axis, falling linearly with the angle to nothing at
@@ -176,6 +169,7 @@ impl EnvironmentFile {
         Self {
             radiance: radiance.into().into(),
             image: None,
+            layer: None,
             rows: Rows::default(),
             transform: None,
             stokes: None,

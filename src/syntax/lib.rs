@@ -14,6 +14,7 @@ pub mod instance;
 pub mod material;
 pub mod medium;
 mod path;
+pub mod plastic;
 pub mod scene;
 pub mod shape;
 pub mod slice;

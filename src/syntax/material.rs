@@ -1,6 +1,7 @@
 //! The syntax of materials, in scene files and in files of their own.
 
 use super::defaults::{self, is_default};
+pub use super::plastic::{InterreflectionFile, PassageFile, PlasticFile, SingleScatterFile};
 use super::texture::{AlbedoFile, ScalarFile, UvRows};
 use super::values::{IndexFile, SpectrumFile};
 use base::locate::Located;
@@ -159,124 +160,6 @@ pub struct RoughDielectricFile {
     pub masking: Masking,
 }
 
-/// See [`MaterialFile::Plastic`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PlasticFile {
-    /// Albedo of the base, 0..1: a number, one per wavelength, or an image.
-    pub albedo: Located<AlbedoFile>,
-    /// Refractive index of the coat: a number, one per wavelength, or a name of the optical constants.
-    pub ior: Located<IndexFile>,
-    /// Refractive index outside.
-    #[serde(
-        default = "defaults::unit_index",
-        skip_serializing_if = "defaults::is_unit_index"
-    )]
-    pub exterior_ior: Located<IndexFile>,
-    /// Factor of the surface reflection, 0..1: a number or one per wavelength.
-    #[serde(
-        default = "defaults::unit_spectrum",
-        skip_serializing_if = "defaults::is_unit_spectrum"
-    )]
-    pub specular: Located<SpectrumFile>,
-    /// A coloured lobe of light scattered once below the surface (Hwang et al. 2022).
-    pub single_scatter: Option<SingleScatterFile>,
-    /// What becomes of light that the coat reflects back into the base.
-    #[serde(default, skip_serializing_if = "is_default")]
-    pub interreflection: InterreflectionFile,
-    /// What light passes on its way into the base and out.
-    #[serde(default, skip_serializing_if = "is_default")]
-    pub passage: PassageFile,
-    /// Roughness, 0.001..1: a number or an image.
-    pub alpha: Located<ScalarFile>,
-    /// Distribution of facet normals.
-    #[serde(default, skip_serializing_if = "is_default")]
-    pub distribution: Distribution,
-    /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
-    #[serde(default, skip_serializing_if = "is_default")]
-    pub masking: Masking,
-}
-
-/// See [`PlasticFile::passage`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PassageFile {
-    /// The smooth mean surface (Baek et al. 2018, Mitsuba's `pplastic` and `plastic`).
-    #[default]
-    Smooth,
-    /// The facets: all light that they do not reflect enters the base.
-    Facets,
-    /// One facet, as in Mitsuba's `roughplastic`: light that meets a second one is lost.
-    SingleFacet,
-}
-
-/// See [`PlasticFile::interreflection`]: `false`, `true` or `"linear"`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum InterreflectionFile {
-    /// `false`: it is lost (Baek et al. 2018, Mitsuba's `pplastic`).
-    #[default]
-    Lost,
-    /// `true`: it meets the base again, which deepens colours (Mitsuba's `plastic` with `nonlinear`).
-    Coloured,
-    /// `"linear"`: it returns as from a white base, so that the base's light is proportional to `albedo` (Mitsuba's `plastic`).
-    Linear,
-}
-
-impl Serialize for InterreflectionFile {
-    fn serialize<S: serde::Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Lost => s.serialize_bool(false),
-            Self::Coloured => s.serialize_bool(true),
-            Self::Linear => s.serialize_str("linear"),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for InterreflectionFile {
-    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
-        struct V;
-        impl serde::de::Visitor<'_> for V {
-            type Value = InterreflectionFile;
-            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-                f.write_str("true, false or \"linear\"")
-            }
-            fn visit_bool<E>(self, v: bool) -> Result<InterreflectionFile, E> {
-                Ok(if v {
-                    InterreflectionFile::Coloured
-                } else {
-                    InterreflectionFile::Lost
-                })
-            }
-            fn visit_str<E: serde::de::Error>(self, v: &str) -> Result<InterreflectionFile, E> {
-                match v {
-                    "linear" => Ok(InterreflectionFile::Linear),
-                    _ => Err(E::invalid_value(serde::de::Unexpected::Str(v), &self)),
-                }
-            }
-        }
-        d.deserialize_any(V)
-    }
-}
-
-impl JsonSchema for InterreflectionFile {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "InterreflectionFile".into()
-    }
-    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        schemars::json_schema!({ "enum": [true, false, "linear"] })
-    }
-}
-
-/// See [`PlasticFile::single_scatter`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SingleScatterFile {
-    /// Factor of the lobe, 0..1: a number, one per wavelength, or an image.
-    pub albedo: Located<AlbedoFile>,
-    /// Roughness, 0.001..1: a number or an image.
-    pub alpha: Located<ScalarFile>,
-}
-
 /// See [`MaterialFile::TwoSided`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -319,6 +202,8 @@ pub struct NormalMapFile {
     /// Between the image's texels.
     #[serde(default, skip_serializing_if = "is_default")]
     pub filter: Filter,
+    /// Layer of an OpenEXR file, as of other images.
+    pub layer: Option<String>,
 }
 
 /// See [`MaterialFile::PartialDepolarizer`].

@@ -38,8 +38,8 @@ pub enum ScalarFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageAlbedo {
-    /// PNG, JPEG, OpenEXR or Radiance HDR file, relative to the scene file; colours of the first two are sRGB-encoded, those of the
-    /// others and numbers (roughness, weights) linear.
+    /// Image file, relative to the scene file. Colours of PNG, JPEG, BMP, TGA, PNM and GIF are sRGB-encoded; those of OpenEXR,
+    /// Radiance HDR and PFM, and numbers (roughness, weights), are linear.
     pub image: Located<String>,
     /// Multiplies the image, at most 2; albedos end at 1.
     #[serde(default = "one", skip_serializing_if = "is_one")]
@@ -55,6 +55,8 @@ pub struct ImageAlbedo {
     /// Its colours are linear, not sRGB-encoded.
     #[serde(default, skip_serializing_if = "is_default")]
     pub raw: bool,
+    /// Layer of an OpenEXR file, such as `ViewLayer.Combined`; absent: the one without a name, or the only one of colours.
+    pub layer: Option<String>,
 }
 
 /// `[[a, b, c], [d, e, f]]`: the surface's texture coordinates (u, v) lie at (a u + b v + c, d u + e v + f) of the image,
@@ -113,6 +115,7 @@ impl ImageAlbedo {
             wrap: Wrap::default(),
             filter: Filter::default(),
             raw: false,
+            layer: None,
         }
     }
 }
@@ -127,6 +130,7 @@ struct AlbedoMap {
     wrap: Option<Wrap>,
     filter: Option<Filter>,
     raw: Option<bool>,
+    layer: Option<String>,
     checkerboard: Option<[SpectrumFile; 2]>,
     nm: Option<Vec<f64>>,
     values: Option<Vec<f64>>,
@@ -142,6 +146,7 @@ impl AlbedoMap {
                 wrap,
                 filter,
                 raw,
+                layer,
                 checkerboard: None,
                 nm: None,
                 values: None,
@@ -152,6 +157,7 @@ impl AlbedoMap {
                 wrap: wrap.unwrap_or_default(),
                 filter: filter.unwrap_or_default(),
                 raw: raw.unwrap_or_default(),
+                layer,
             })),
             Self {
                 checkerboard: Some(checkerboard),
@@ -161,6 +167,7 @@ impl AlbedoMap {
                 wrap: None,
                 filter: None,
                 raw: None,
+                layer: None,
                 nm: None,
                 values: None,
             } => Ok(AlbedoFile::Checkerboard(CheckerboardFile { checkerboard, uv })),
@@ -173,13 +180,14 @@ impl AlbedoMap {
                 wrap: None,
                 filter: None,
                 raw: None,
+                layer: None,
                 checkerboard: None,
             } => Ok(AlbedoFile::Spectrum(SpectrumFile::Table(SpectrumTable {
                 nm,
                 values,
             }))),
             _ => Err(E::custom(
-                "a texture is { image = \"file.png\", scale, uv, wrap, filter, raw }, { checkerboard = [0.4, 0.2], uv } or { nm = [..], values = [..] }",
+                "a texture is { image = \"file.png\", scale, uv, wrap, filter, raw, layer }, { checkerboard = [0.4, 0.2], uv } or { nm = [..], values = [..] }",
             )),
         }
     }

@@ -330,9 +330,9 @@ fn an_open_or_inverted_mesh_is_noticed() {
 /// Loads a file that holds one mesh.
 fn mirror_room_mesh(file: &str) -> import::MeshPart {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/mirror_room");
-    let mut parts = import::load(&folder.join(file)).unwrap();
-    assert_eq!(parts.len(), 1, "{file}");
-    parts.remove(0)
+    let mut model = import::load(&folder.join(file)).unwrap();
+    assert_eq!(model.parts.len(), 1, "{file}");
+    model.parts.remove(0)
 }
 
 /// A mesh of the mirror room is closed and has the size that it should.

@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use sunstone::optics::sampling::stream::Stream;
 use sunstone::transport::light::filter::Polarized;
 use sunstone::transport::light::profile::Profile;
-use sunstone::transport::light::sky::Sky;
+use sunstone::transport::light::sky::{Rows, Sky};
 
 const ROWS: usize = 16;
 const COLUMNS: usize = 32;
@@ -71,26 +71,91 @@ fn agree(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32, wha
     assert!(z > 5.0, "{what}: a planted error is not seen, z = {z:.1}");
 }
 
-/// An image with a dark half, a bright spot and a slope, turned.
-#[test]
-fn chi2_sky() {
-    let (w, h) = (24, 12);
-    let texels = (0..w * h).map(|k| {
-        let (i, j) = (k % w, k / w);
-        let v = if (i, j) == (5, 4) {
-            30.0
-        } else {
-            f32::from(u8::from(i > 10)) * (1.0 + j as f32)
-        };
-        [v, 0.5 * v, 0.0, 0.0]
-    });
+fn environment([w, h]: [usize; 2], value: impl Fn(usize, usize) -> f32, rows: Rows, to_world: Mat3A) -> Sky {
     let light = Polarized {
         axis: Vec3A::X,
         filter: None,
     };
+    let texels = (0..w * h).map(|k| {
+        let v = value(k % w, k / w);
+        [v, 0.5 * v, 0.0, 0.0]
+    });
+    Sky::new([w, h], texels.collect(), rows, to_world, light).expect("not black")
+}
+
+/// An image with a dark half, a bright spot and a slope, rotated and mirrored.
+#[test]
+fn chi2_sky() {
+    let value = |i: usize, j: usize| match (i, j) {
+        (5, 4) => 30.0,
+        (0..=10, _) => 0.0,
+        _ => 1.0 + j as f32,
+    };
+    let rotated = Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3));
+    let mirrored = rotated * Mat3A::from_diagonal(glam::Vec3::new(1.0, -1.0, 1.0));
+    for (rows, to_world) in [
+        (Rows::Centres, rotated),
+        (Rows::Centres, mirrored),
+        (Rows::Poles, rotated),
+    ] {
+        let sky = environment([24, 12], value, rows, to_world);
+        agree(
+            |u| sky.sample(u),
+            |d| sky.density(d),
+            &format!("{rows:?} {to_world}"),
+        );
+    }
+}
+
+/// One lit texel of 1 in rows from pole to pole: the peak is 1, and the flux is that of a tent over its neighbours in closed
+/// form: with Δ = π/(h - 1), 2π/w times sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a pole.
+#[test]
+fn a_lit_texel_keeps_its_peak_and_its_flux() {
     let to_world = Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3));
-    let sky = Sky::new([w, h], texels.collect(), to_world, light).expect("no black sky");
-    agree(|u| sky.sample(u), |d| sky.density(d), "sky");
+    for ([w, h], lit) in [
+        ([8, 5], [3, 2]),
+        ([8, 5], [0, 1]),
+        ([8, 5], [7, 0]),
+        ([7, 4], [6, 3]),
+        ([64, 33], [20, 9]),
+        ([2, 3], [1, 1]),
+    ] {
+        let value = |i, j| f32::from(u8::from([i, j] == lit));
+        let sky = environment([w, h], value, Rows::Poles, to_world);
+        let step = PI / (h - 1) as f32;
+        let (theta, phi) = (
+            lit[1] as f32 * step,
+            std::f32::consts::TAU * (lit[0] as f32 + 0.5) / w as f32,
+        );
+        let dir = Vec3A::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
+        let peak = sky.radiance(to_world * dir).to_array()[0];
+        // At a pole, which column is meant depends on rounding.
+        if lit[1] != 0 && lit[1] != h - 1 {
+            assert!((peak - 1.0).abs() < 1e-3, "{w} x {h}, {lit:?}: peak {peak}");
+        }
+        let tent = if lit[1] == 0 || lit[1] == h - 1 {
+            1.0 - step.sin() / step
+        } else {
+            theta.sin() * 2.0 * (1.0 - step.cos()) / step
+        };
+        let want = f64::from(std::f32::consts::TAU / w as f32 * tent);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        let n = 300;
+        for k in 0..n * n {
+            let u = [(k % n) as f32 + 0.5, (k / n) as f32 + 0.5].map(|v| v / n as f32);
+            let d = sky.sample(u);
+            let f = f64::from(sky.radiance(d).to_array()[0] / sky.density(d));
+            sum += f;
+            squares += f * f;
+        }
+        let mean = sum / f64::from(n * n);
+        // A grid is more exact than as many random samples.
+        let sigma = ((squares / f64::from(n * n) - mean * mean) / f64::from(n * n)).sqrt();
+        assert!(
+            (mean - want).abs() < 5.0 * sigma && sigma < 0.01 * want,
+            "{w} x {h}, {lit:?}: flux {mean} ± {sigma}, closed form {want}"
+        );
+    }
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod double_images;
 mod doubling;
 mod doubt;
 mod energy;
+mod filled_sheets;
 mod frames;
 mod glass;
 mod imported_albedo;

@@ -19,7 +19,7 @@ use sunstone::tensor::axes::AxisKind::T;
 use sunstone::transport::material::coat::{self, Passage};
 use sunstone::transport::material::dielectric::Dielectric;
 use sunstone::transport::material::facets::Roughness;
-use sunstone::transport::material::plastic::{Interreflection, Plastic, SingleScatter, internal_reflectance};
+use sunstone::transport::material::plastic::{Interreflection, Plastic, SingleScatter};
 use sunstone::transport::material::rough_conductor::RoughConductor;
 use sunstone::transport::material::rough_dielectric::RoughDielectric;
 use sunstone::transport::material::texture::{Scalar, Spectrum};
@@ -509,7 +509,7 @@ fn interreflection_conserves_energy() {
             passage: None,
             single_scatter: None,
         };
-        let inner = internal_reflectance(Spectral::splat(eta));
+        let inner = coat::smooth_internal_reflectance(Spectral::splat(eta));
         let [closed, linear, open] = [
             Interreflection::Coloured(inner),
             Interreflection::Linear(inner),
@@ -568,7 +568,7 @@ fn a_white_base_below_facets_returns_all_light() {
             Material::Plastic(white),
             Material::Plastic(Plastic {
                 passage: None,
-                interreflection: Interreflection::Linear(internal_reflectance(eta)),
+                interreflection: Interreflection::Linear(coat::smooth_internal_reflectance(eta)),
                 ..white
             }),
         ];

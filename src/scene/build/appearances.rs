@@ -6,7 +6,7 @@
 
 use super::context::Context;
 use base::locate::Located;
-use image::{DynamicImage, ImageBuffer, ImageFormat, Rgb};
+use image::{ImageBuffer, ImageFormat, Rgb};
 use import::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
 use import::body;
 use optics::sampling::microfacet::{Distribution, Masking};
@@ -90,6 +90,7 @@ impl<'a> Table<'a> {
                 uv: picture.uv,
                 wrap: picture.wrap,
                 filter: picture.filter,
+                layer: None,
             });
         }
         let opacity = self.opacity(a);
@@ -312,22 +313,22 @@ impl<'a> Table<'a> {
     /// Linear texels of a picture: colours decoded if `encoded`, alpha as it is. `None` if it cannot be read, which is
     /// reported where the material that names it is built.
     fn texels(&mut self, picture: &Picture, encoded: bool) -> Option<(u32, u32, Vec<Texel>)> {
-        let bytes = match &picture.source {
-            Source::File(name) => self.ctx.read(name, self.file.span()).ok()?,
-            Source::Embedded(_, bytes) => bytes.clone(),
+        let (name, bytes) = match &picture.source {
+            Source::File(name) => (name.as_str(), self.ctx.read(name, self.file.span()).ok()?),
+            Source::Embedded(_, bytes) => ("", bytes.clone()),
         };
-        let image = image::load_from_memory(&bytes).ok()?;
-        let real = matches!(
-            image,
-            DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
-        );
-        let decode = |v: f32| import::picture::linear(v, encoded && !real);
-        let texels = image
-            .to_rgba32f()
-            .pixels()
-            .map(|p| [decode(p.0[0]), decode(p.0[1]), decode(p.0[2]), p.0[3]])
-            .collect();
-        Some((image.width(), image.height(), texels))
+        let pixels = import::picture::decode(name, &bytes, None).ok()?;
+        // Of the formats that mesh files name, those of whole numbers have alpha.
+        let alpha = image::load_from_memory(&bytes).ok().map(|i| i.into_rgba16());
+        let alpha = |i: usize| {
+            alpha
+                .as_ref()
+                .map_or(1.0, |a| f32::from(a.as_raw()[4 * i + 3]) / 65535.0)
+        };
+        let decode = |v: f32| import::picture::linear(v, encoded && pixels.encoded);
+        let texels = pixels.values.iter().enumerate();
+        let texels = texels.map(|(i, [r, g, b])| [decode(*r), decode(*g), decode(*b), alpha(i)]);
+        Some((pixels.width as u32, pixels.height as u32, texels.collect()))
     }
 
     /// The greatest value of each channel.
@@ -383,6 +384,7 @@ impl<'a> Table<'a> {
             uv: picture.uv,
             wrap: picture.wrap,
             filter: picture.filter,
+            layer: None,
             raw,
         }
     }

@@ -214,11 +214,11 @@ fn sky(
             let m = transform(ctx, t)?.matrix3;
             let off = m.transpose() * m - glam::DMat3::IDENTITY;
             let turned = off.to_cols_array().iter().all(|x| x.abs() < 1e-4);
-            if !turned || m.determinant() < 0.0 {
+            if !turned {
                 return Err(ctx.error(
                     t.span(),
-                    "an image of the sky can only be turned",
-                    "give rotate_deg, or a matrix that is a rotation",
+                    "the transform of an environment map scales or shears it",
+                    "give rotate_deg, or a matrix that only rotates or mirrors",
                 ));
             }
             m.as_mat3().into()
@@ -226,19 +226,29 @@ fn sky(
     };
     let scale = ctx.located(&v.radiance, "radiance", 0.0..=HUGE)?;
     let polarized = polarized(ctx, v.stokes.as_ref(), v.polarizer_deg.as_ref(), v.horizontal, at)?;
-    let ([width, mut height], mut texels) = textures::sky(ctx, image)?;
-    if v.rows == Rows::Poles && height > 1 {
-        texels = picture::from_poles(width as usize, &texels);
-        height = 2 * (height - 1);
+    let ([width, mut height], mut texels) = textures::sky(ctx, image, v.layer.as_deref())?;
+    if v.rows == Rows::Poles && height == 2 {
+        texels.extend_from_within(width as usize..);
+        height = 3;
     }
     if !picture::scale(&mut texels, scale) {
         return Err(ctx.error(
             image.span(),
-            format!("{} holds values that no light has", ctx.path(image).display()),
-            "give an image of finite values from 0",
+            format!(
+                "{} has texels below 0, above 1e30 or not finite",
+                ctx.path(image).display()
+            ),
+            "correct them: radiances are finite and not negative",
         ));
     }
-    Sky::new([width as usize, height as usize], texels, to_world, polarized).ok_or_else(|| {
+    Sky::new(
+        [width as usize, height as usize],
+        texels,
+        v.rows,
+        to_world,
+        polarized,
+    )
+    .ok_or_else(|| {
         ctx.error(
             image.span(),
             format!("the sky of {} is black", ctx.path(image).display()),

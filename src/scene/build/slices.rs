@@ -1,6 +1,7 @@
 //! Slices of a scene file → [`Slice`]s, checked against camera and projector.
 
 use super::context::Context;
+use super::textures;
 use base::locate::{InputError, Located};
 use import::picture;
 use std::ops::Range;
@@ -287,28 +288,29 @@ fn mask(
     [w, h]: [u32; 2],
     span: Range<usize>,
 ) -> Result<ProjectorSelect, InputError> {
-    let bytes = ctx.read(name, span.clone())?;
-    let image = image::load_from_memory(&bytes).map_err(|e| {
-        ctx.error(
-            span.clone(),
-            format!("cannot decode {name}: {e}"),
-            "use a PNG or JPEG file",
-        )
-    })?;
-    if (image.width(), image.height()) != (w, h) {
+    let image = textures::decoded(ctx, &Located::at(span.clone(), name.to_owned()), None)?;
+    if (image.width, image.height) != (w as usize, h as usize) {
         return Err(ctx.error(
             span,
             format!(
                 "{name} has {} × {} pixels, the projector {w} × {h}",
-                image.width(),
-                image.height()
+                image.width, image.height
             ),
             "scale the image to the projector's resolution",
         ));
     }
+    let weights = picture::weights(&image);
+    let outside = weights.iter().filter(|v| !(0.0..=1.0).contains(*v)).count();
+    if outside > 0 {
+        return Err(ctx.error(
+            span,
+            format!("{name}: {outside} pixels are not within 0..1"),
+            "a drive image holds what the projector shows, from 0 (black) to 1",
+        ));
+    }
     Ok(ProjectorSelect::Mask {
         name: name.to_owned(),
-        weights: picture::weights(&image),
+        weights,
     })
 }
 

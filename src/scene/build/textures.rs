@@ -2,7 +2,7 @@
 
 use super::context::Context;
 use base::locate::{InputError, Located};
-use import::picture::{self, Channels};
+use import::picture::{self, Channels, Pixels};
 use optics::spectrum::Spectral;
 use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
@@ -12,9 +12,12 @@ use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvR
 use syntax::values::SpectrumFile;
 use transport::material::texture::{Filter, Image, SAME, Scalar, Spectrum, Textures, UvMap, Wrap};
 
+/// What texels are read from: a file, its layer, and what its channels mean.
+type ImageKey = (PathBuf, Option<String>, Channels);
+
 /// The images that have been read: size and first texel.
 #[derive(Default)]
-pub(crate) struct Images(BTreeMap<(PathBuf, Channels), ([u32; 2], u32)>);
+pub(crate) struct Images(BTreeMap<ImageKey, ([u32; 2], u32)>);
 
 /// Most that an image of albedos may be multiplied by.
 const BRIGHTEST: f64 = 2.0;
@@ -70,6 +73,7 @@ pub(super) fn spectrum(
                     brightened(ctx, textures, texture, value, &i.image),
                 )
             } else {
+                note_reflectance_above_one(ctx, textures, texture, value, &i.image);
                 (value, texture)
             };
             Spectrum {
@@ -88,6 +92,30 @@ pub(super) fn spectrum(
             }
         }
     })
+}
+
+/// Notes texels of a reflectance that return more light than they receive.
+fn note_reflectance_above_one(
+    ctx: &mut Context,
+    textures: &Textures,
+    number: u32,
+    scale: Spectral,
+    name: &Located<String>,
+) {
+    let image = textures.images[number as usize];
+    let (first, count) = (image.first as usize, (image.width * image.height) as usize);
+    let scale = scale.to_array();
+    let above = |t: &&[f32; 4]| t.iter().zip(scale).any(|(v, s)| v * s > 1.0);
+    let bright = textures.texels[first..first + count].iter().filter(above).count();
+    if bright > 0 {
+        let note = format!(
+            "{}: {bright} texels reflect more light than they receive (above 1)",
+            **name
+        );
+        if !ctx.notes.contains(&note) {
+            ctx.notes.push(note);
+        }
+    }
 }
 
 /// A number within `range`, an image scaled to it or a checkerboard.
@@ -134,7 +162,7 @@ pub(super) fn radiances(
     textures: &mut Textures,
     file: &ImageAlbedo,
 ) -> Result<u32, InputError> {
-    let channels = if file.raw || holds_light(&file.image) {
+    let channels = if file.raw {
         Channels::LinearColours
     } else {
         Channels::Colours
@@ -146,24 +174,11 @@ pub(super) fn radiances(
 pub(super) fn sky(
     ctx: &mut Context,
     name: &Located<String>,
+    layer: Option<&str>,
 ) -> Result<([u32; 2], Vec<[f32; 4]>), InputError> {
-    let channels = if holds_light(name) {
-        Channels::LinearColours
-    } else {
-        Channels::Colours
-    };
     let mut textures = Textures::default();
-    let (size, _) = read(ctx, &mut textures, name, channels)?;
+    let (size, _) = read(ctx, &mut textures, name, layer, Channels::Colours)?;
     Ok((size, textures.texels))
-}
-
-/// True of formats whose values are proportional to light.
-pub(crate) fn holds_light(name: &str) -> bool {
-    let extension = std::path::Path::new(name).extension().and_then(|e| e.to_str());
-    matches!(
-        extension.unwrap_or("").to_ascii_lowercase().as_str(),
-        "exr" | "hdr" | "pic" | "rgbe"
-    )
 }
 
 /// The image of a normal map.
@@ -177,6 +192,7 @@ pub(super) fn normals(
         uv: n.uv,
         wrap: n.wrap,
         filter: n.filter,
+        layer: n.layer.clone(),
         ..ImageAlbedo::new("")
     };
     let file = ImageAlbedo {
@@ -231,11 +247,12 @@ fn image(
 ) -> Result<u32, InputError> {
     let name = &file.image;
     let uv = uv_map(ctx, file.uv.as_ref(), name.span())?;
-    let key = (ctx.path(name), channels);
+    let layer = file.layer.as_deref();
+    let key = (ctx.path(name), file.layer.clone(), channels);
     let (size, first) = if let Some(known) = images.0.get(&key) {
         *known
     } else {
-        let known = read(ctx, textures, name, channels)?;
+        let known = read(ctx, textures, name, layer, channels)?;
         images.0.insert(key, known);
         known
     };
@@ -253,17 +270,50 @@ fn read(
     ctx: &mut Context,
     textures: &mut Textures,
     name: &Located<String>,
+    layer: Option<&str>,
     channels: Channels,
 ) -> Result<([u32; 2], u32), InputError> {
+    let image = decoded(ctx, name, layer)?;
+    let first = textures.texels.len();
+    picture::texels(&image, channels, &ctx.wavelengths, &mut textures.texels);
+    let lanes = match channels {
+        Channels::Numbers => 3,
+        _ => ctx.wavelengths.count(),
+    };
+    let least = match channels {
+        Channels::Numbers => f32::MIN,
+        _ => 0.0,
+    };
+    let values = textures.texels[first..].iter().flat_map(|t| &t[..lanes]);
+    let wrong = values.filter(|v| !(least..=1e30).contains(*v)).count();
+    if wrong > 0 {
+        return Err(ctx.error(
+            name.span(),
+            format!(
+                "{}: {wrong} values are negative, above 1e30 or not finite",
+                ctx.path(name).display()
+            ),
+            "correct them in the image",
+        ));
+    }
+    Ok(([image.width as u32, image.height as u32], first as u32))
+}
+
+/// Reads and decodes an image; what its reader should know goes to the notes.
+pub(super) fn decoded(
+    ctx: &mut Context,
+    name: &Located<String>,
+    layer: Option<&str>,
+) -> Result<Pixels, InputError> {
     let bytes = ctx.read(name, name.span())?;
-    let image = image::load_from_memory(&bytes).map_err(|e| {
+    let image = picture::decode(name, &bytes, layer).map_err(|e| {
         ctx.error(
             name.span(),
-            format!("cannot decode {}: {e}", ctx.path(name).display()),
-            "use a PNG, JPEG, OpenEXR or Radiance HDR file",
+            format!("cannot decode {}: {}", ctx.path(name).display(), e.message),
+            e.help,
         )
     })?;
-    let first = textures.texels.len() as u32;
-    picture::texels(&image, channels, &ctx.wavelengths, &mut textures.texels);
-    Ok(([image.width(), image.height()], first))
+    let notes = image.notes.iter().map(|note| format!("{}: {note}", **name));
+    ctx.notes.extend(notes);
+    Ok(image)
 }

@@ -20,7 +20,7 @@ use transport::light::area::AreaLight;
 use transport::light::distant::{Across, Distant};
 use transport::light::filter::Polarized;
 use transport::light::profile::Profile;
-use transport::light::sky::Sky;
+use transport::light::sky::{Rows, Sky};
 use transport::material::texture::{Image, Textures};
 
 /// Writes light.
@@ -119,14 +119,18 @@ impl EmitterWriter<'_> {
         self.unpolarized(&sky.polarized, at.clone())?;
         self.at_one_wavelength(at.clone(), "an image of the sky")?;
         let [w, h] = sky.size();
-        // Mitsuba stretches rows from pole to pole: of 2h + 1 of them, the odd ones are then where ours are, and those in
-        // between their means.
         let at_row = |k: usize, i: usize| sky.texels()[k.min(h - 1) * w + i][0];
-        let value = |k: usize, i: usize| match k % 2 {
-            1 => at_row(k / 2, i),
-            _ => 0.5 * (at_row((k / 2).saturating_sub(1), i) + at_row(k / 2, i)),
+        // Mitsuba's rows run from pole to pole. Rows in the middle of their share become the odd ones of 2h + 1, and those
+        // between are their means.
+        let value = |k: usize, i: usize| match (sky.rows(), k % 2) {
+            (Rows::Poles, _) => at_row(k, i),
+            (Rows::Centres, 1) => at_row(k / 2, i),
+            (Rows::Centres, _) => 0.5 * (at_row((k / 2).saturating_sub(1), i) + at_row(k / 2, i)),
         };
-        let rows = 2 * h + 1;
+        let rows = match sky.rows() {
+            Rows::Poles => h,
+            Rows::Centres => 2 * h + 1,
+        };
         let values = (0..rows * w).map(|n| value(n / w, n % w));
         let file = self.exr("sky.exr", [w as u32, rows as u32], values, at)?;
         let columns = [

@@ -206,6 +206,11 @@ fn run(
         // What was left out would make others.
         return Ok(None);
     }
+    if importer.spectral.get() {
+        importer.note(
+            "spectra are read at the scene's wavelengths, as in Mitsuba's spectral variants; its RGB variants turn them into colours",
+        );
+    }
     let (notes, gap) = check(&importer, &file, toml, files)?;
     for note in notes {
         importer.note(note);
@@ -361,9 +366,9 @@ mod tests {
         bytes.into_inner()
     }
 
-    /// Files in memory are read by their names; colours of formats that hold light are linear, others are decoded.
+    /// Files in memory are found by their names; whether colours are encoded is the reader's to know.
     #[test]
-    fn images_in_memory_are_read_as_their_formats_say() {
+    fn images_in_memory_are_found() {
         let files: BTreeMap<String, Vec<u8>> = [
             (
                 "light.exr".to_owned(),
@@ -385,13 +390,10 @@ mod tests {
             let (xml, toml) = (Path::new("/nowhere/scene.json"), Path::new("/nowhere/scene.toml"));
             Import::with_files(xml, &text(name), toml, &BTreeMap::new(), files)
         };
-        assert!(
-            made("light.exr", &files)
-                .expect("a scene")
-                .toml
-                .contains("raw = true")
-        );
-        assert!(!made("colours.png", &files).expect("a scene").toml.contains("raw"));
+        for name in ["light.exr", "colours.png"] {
+            let toml = made(name, &files).expect("a scene").toml;
+            assert!(toml.contains(name) && !toml.contains("raw"), "{toml}");
+        }
         let missing = made("light.exr", &BTreeMap::new())
             .expect_err("no file")
             .to_string();

@@ -222,7 +222,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         let bins = *importer.whole(&node.span, bins, "temporal_bins")?;
         time = Some((start, width, bins));
     }
-    let mut filter = "gaussian";
+    let mut filter = None;
     for child in node.children() {
         let inner = importer.resolve(child)?;
         if inner.tag != "rfilter" {
@@ -232,11 +232,13 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
                 "keep the rfilter alone",
             );
         }
-        filter = inner.kind.as_str();
+        if filter.replace(inner.kind.as_str()).is_some() {
+            return importer.error(child.span(), "the film has a second rfilter", "keep one");
+        }
         // Shapes of filters that are not used.
         inner.finish(source, &["radius", "stddev", "lobes", "B", "C"]);
     }
-    if filter != "box" {
+    if filter != Some("box") {
         importer.note(FILTERED);
     }
     let own: &[&str] = match node.kind.as_str() {
@@ -341,7 +343,19 @@ pub(super) fn integrator<'a>(
                     .unwrap_or(if differentiable { 6 } else { -1 });
                 rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
             }
-            "direct" | "direct_projective" => max_depth = 2,
+            "direct" => {
+                max_depth = 2;
+                let shading = node.integer(source, "shading_samples")?.unwrap_or(1);
+                let samples = node.integer(source, "emitter_samples")?.unwrap_or(shading);
+                node.get("bsdf_samples");
+                if samples != 1 {
+                    importer.note(format!(
+                        "direct: Mitsuba 3.9 counts point, spot and directional emitters {samples} times (emitter_samples), \
+                         sunstone once"
+                    ));
+                }
+            }
+            "direct_projective" => max_depth = 2,
             // Of Mitsuba 0.x, all of which compute the same light.
             "volpath_simple" | "bdpt" | "mlt" | "pssmlt" | "erpt" | "adjoint" => {
                 max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
@@ -369,14 +383,8 @@ pub(super) fn integrator<'a>(
         if node.boolean(source, "strict_normals")?.unwrap_or(false) {
             importer.note("strict_normals is not used");
         }
-        // How the work is parted, and how many samples a strategy has of the same light.
-        let work = ["samples_per_pass", "block_size", "timeout"];
-        let samples = [
-            "shading_samples",
-            "emitter_samples",
-            "bsdf_samples",
-            "use_spectral_mis",
-        ];
+        // How the work is divided and how light is sampled.
+        let work = ["samples_per_pass", "block_size", "timeout", "use_spectral_mis"];
         let derivatives = [
             "sppc",
             "sppp",
@@ -386,7 +394,7 @@ pub(super) fn integrator<'a>(
             "guiding_rounds",
             "project_seed",
         ];
-        node.finish(source, &[&work[..], &samples, &derivatives].concat());
+        node.finish(source, &[&work[..], &derivatives].concat());
     }
     if max_depth < 0 {
         max_depth = 64;

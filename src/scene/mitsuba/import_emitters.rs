@@ -6,7 +6,8 @@ use super::importer::{Importer, rows};
 use super::names::PROJECTOR_RESOLUTION;
 use super::tree::{Node, numbers};
 use base::locate::{InputError, Located};
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DVec3};
+use import::picture;
 use std::f64::consts::PI;
 use syntax::device::{EmitterFile, ProjectorFile};
 use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, Rows, SpotFile};
@@ -36,6 +37,7 @@ pub(super) fn add<'a>(
     let source = importer.source;
     let emitter = match node.kind.as_str() {
         "point" => {
+            one_of(importer, node, "position", "to_world")?;
             let place = node.transform(source, "to_world")?.map(|t| t.translation);
             let position = node.vector(source, "position")?.or(place).unwrap_or_default();
             let intensity = importer.spectrum_or(node, "intensity", 1.0)?;
@@ -43,7 +45,8 @@ pub(super) fn add<'a>(
             if let EmitterFile::Point(point) = &mut point {
                 point.intensity = intensity;
             }
-            node.finish(source, &["sampling_weight"]);
+            sampling_weight(importer, node)?;
+            node.finish(source, &[]);
             point
         }
         "spot" => spot(importer, node)?,
@@ -58,7 +61,9 @@ pub(super) fn add<'a>(
             if let EmitterFile::Environment(environment) = &mut environment {
                 environment.radiance = radiance;
             }
-            node.finish(source, &["to_world", "sampling_weight"]);
+            sampling_weight(importer, node)?;
+            // It is the same from everywhere.
+            node.finish(source, &["to_world"]);
             environment
         }
         "projector" if file.projector.is_some() => {
@@ -81,7 +86,7 @@ pub(super) fn add<'a>(
 }
 
 /// Looks along its +z.
-fn spot<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
+fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
     if let Some(child) = node.named("texture") {
         return importer.error(
@@ -101,17 +106,20 @@ fn spot<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFile, Inpu
         beam_deg: Some(Located::at(node.span.clone(), beam)),
         horizontal: [1.0, 0.0, 0.0],
     };
-    node.finish(source, &["sampling_weight"]);
+    sampling_weight(importer, node)?;
+    node.finish(source, &[]);
     Ok(EmitterFile::Spot(spot))
 }
 
 /// Travels along `direction`, or along +z of `to_world`.
-fn directional<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
+fn directional<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
+    one_of(importer, node, "direction", "to_world")?;
     let place = node.transform(source, "to_world")?.unwrap_or_default();
     let direction = node.vector(source, "direction")?.unwrap_or(place.matrix3.z_axis);
     let irradiance = importer.spectrum_or(node, "irradiance", 1.0)?;
-    node.finish(source, &["sampling_weight"]);
+    sampling_weight(importer, node)?;
+    node.finish(source, &[]);
     Ok(EmitterFile::Directional(DirectionalFile {
         direction: direction.to_array(),
         irradiance,
@@ -133,29 +141,56 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     };
     let scale = node.float(source, "scale")?.unwrap_or(1.0);
     let place = node.transform(source, "to_world")?;
-    node.finish(source, &["mis_compensation", "sampling_weight"]);
+    sampling_weight(importer, node)?;
+    if place.is_some_and(|map| {
+        map.matrix3
+            .to_cols_array_2d()
+            .iter()
+            .any(|c| (DVec3::from_array(*c).length() - 1.0).abs() > 1e-4)
+    }) {
+        importer
+            .note("the envmap's to_world scales: sunstone takes its turn alone, Mitsuba distorts the image");
+    }
+    // It changes noise alone.
+    node.finish(source, &["mis_compensation"]);
     let mut environment = EnvironmentFile::new(scale);
     environment.rows = Rows::Poles;
     environment.image = Some(Located::at(node.span.clone(), importer.file(name)));
-    environment.transform = place.map(|map| {
-        // Lengths do not matter to directions.
-        let turn = DAffine3::from_mat3(DMat3::from_cols(
-            map.matrix3.x_axis.normalize_or_zero(),
-            map.matrix3.y_axis.normalize_or_zero(),
-            map.matrix3.z_axis.normalize_or_zero(),
-        ));
-        let matrix = TransformFile {
-            matrix: Some(rows(&turn)),
-            ..TransformFile::default()
-        };
-        Located::at(node.span.clone(), matrix)
-    });
+    environment.transform = match place {
+        None => None,
+        Some(map) => {
+            let turn = directions(map.matrix3).ok_or_else(|| {
+                source.error(
+                    &node.span,
+                    "the to_world of the envmap scales or shears it, so that Mitsuba distorts the image",
+                    "give it rotations and reflections alone",
+                )
+            })?;
+            let matrix = TransformFile {
+                matrix: Some(rows(&DAffine3::from_mat3(turn))),
+                ..TransformFile::default()
+            };
+            Some(Located::at(node.span.clone(), matrix))
+        }
+    };
     Ok(EmitterFile::Environment(Box::new(environment)))
+}
+
+/// Returns a linear map if it rotates and mirrors only, freed of rounding errors in the lengths of its columns.
+fn directions(map: DMat3) -> Option<DMat3> {
+    let off = map.transpose() * map - DMat3::IDENTITY;
+    let rigid = off.to_cols_array().iter().all(|v| v.abs() < 1e-3);
+    rigid.then(|| {
+        // Gram and Schmidt; the third column keeps its side.
+        let x = map.x_axis.normalize();
+        let y = map.y_axis.reject_from_normalized(x).normalize();
+        DMat3::from_cols(x, y, x.cross(y) * map.determinant().signum())
+    })
 }
 
 /// How a shape with an `area` emitter shines.
 pub(super) fn area<'a>(
-    importer: &Importer<'a>,
+    importer: &mut Importer<'a>,
     node: &'a Node,
     turned: bool,
 ) -> Result<(Located<EmissionFile>, bool), InputError> {
@@ -175,8 +210,32 @@ pub(super) fn area<'a>(
         Some(image) => emission.image = Some(Located::at(node.span.clone(), image)),
         None => emission.radiance = importer.spectrum_or(node, "radiance", 1.0)?,
     }
-    node.finish(importer.source, &["sampling_weight"]);
+    sampling_weight(importer, node)?;
+    node.finish(importer.source, &[]);
     Ok((Located::at(node.span.clone(), emission), uv.images))
+}
+
+/// Notes an emitter that Mitsuba never samples. Other weights change noise alone.
+fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
+    if node.float(importer.source, "sampling_weight")? == Some(0.0) {
+        importer.note(format!(
+            "the emitter `{}` has sampling_weight 0: sunstone samples it like the others",
+            node.kind
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses two properties that say the same.
+fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), InputError> {
+    if node.get(a).is_some() && node.get(b).is_some() {
+        return importer.error(
+            &node.span,
+            format!("the emitter `{}` has both {a} and {b}", node.kind),
+            "keep one of the two",
+        );
+    }
+    Ok(())
 }
 
 /// Mitsuba's projector gives π times its `scale` × `irradiance` on the plane at 1 m.
@@ -246,17 +305,15 @@ fn white(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
         )));
     }
     let path = importer.path(name);
-    let image = base::input::open(&path)
-        .map_err(image::ImageError::from)
-        .and_then(|_| image::open(&path))
-        .map_err(|e| refused(format!("cannot read {name}: {e}")))?;
-    let rgb = image.to_rgb16();
-    if rgb.pixels().any(|p| p.0 != [u16::MAX; 3]) {
+    let bytes = base::input::read(&path).map_err(|e| refused(format!("cannot read {name}: {e}")))?;
+    let image = picture::decode(name, &bytes, None)
+        .map_err(|e| refused(format!("cannot decode {name}: {}", e.message)))?;
+    if image.values.iter().any(|p| *p != [1.0; 3]) {
         return Err(refused(format!("{name} is not white")));
     }
     node.finish(
         source,
         &["raw", "format", "to_uv", "filter_type", "wrap_mode", "accel"],
     );
-    Ok([rgb.width(), rgb.height()])
+    Ok([image.width as u32, image.height as u32])
 }

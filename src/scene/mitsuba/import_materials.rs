@@ -337,6 +337,7 @@ impl MaterialReader {
                     uv: image.uv,
                     wrap: image.wrap,
                     filter: image.filter,
+                    layer: None,
                 })
             }
             "null" => MaterialFile::Null(NullFile {}),

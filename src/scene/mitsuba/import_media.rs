@@ -72,14 +72,26 @@ fn homogeneous<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Medium
         Located::at(node.span.clone(), spectrum)
     };
     let (scattering, absorption) = (each(&|t, a| t * a), each(&|t, a| t * (1.0 - a)));
-    let mut phase = PhaseFile::Isotropic;
+    let mut phase = None;
+    // Coefficients have been read by name; what else is inside is reported by `finish`.
     for child in node.children() {
-        let inner = importer.resolve(child)?;
-        if inner.tag == "phase" {
-            phase = phase_function(importer, inner)?;
+        let inner = importer.peek(child)?;
+        if inner.tag != "phase" {
+            continue;
         }
+        child.take();
+        if phase.is_some() {
+            return importer.error(child.span(), "the medium has a second phase function", "keep one");
+        }
+        phase = Some(phase_function(importer, inner)?);
     }
-    node.finish(importer.source, &["has_spectral_extinction", "sample_emitters"]);
+    let phase = phase.unwrap_or(PhaseFile::Isotropic);
+    if !node.boolean(importer.source, "sample_emitters")?.unwrap_or(true) {
+        importer
+            .note("sample_emitters = false of a medium: sunstone looks for emitters in media as elsewhere");
+    }
+    // How distances are sampled.
+    node.finish(importer.source, &["has_spectral_extinction"]);
     Ok(MediumFile::Homogeneous(Box::new(HomogeneousFile {
         absorption,
         scattering,

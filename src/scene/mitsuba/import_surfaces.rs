@@ -2,7 +2,6 @@
 
 use super::importer::{Importer, is_spectrum};
 use super::tree::{Node, Value};
-use crate::build::textures::holds_light;
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
 use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
@@ -75,7 +74,10 @@ pub(super) fn metal<'a>(
         reflectance,
     };
     match (name, n, k) {
-        (None, n, k) => Ok(metal(None, n.or_else(|| bare(0.0)), k.or_else(|| bare(1.0)))),
+        (None, n, k) => {
+            let [none, one] = import::metal::PERFECT;
+            Ok(metal(None, n.or_else(|| bare(none)), k.or_else(|| bare(one))))
+        }
         (Some(name), None, None) => match constants::find(name) {
             Ok(found) => {
                 importer.note(format!(
@@ -404,7 +406,7 @@ pub(super) fn bitmap(
         uv: shortest(rows, wrap == Wrap::Repeat),
         wrap,
         filter,
-        // Mitsuba decodes what a file's format says is encoded; colours of these formats are linear.
-        raw: (linear || holds_light(name)) && !raw,
+        raw: linear && !raw,
+        layer: None,
     })
 }

@@ -7,6 +7,7 @@ use super::source::Source;
 use super::tree::{Child, Inside, Node, Value, numbers};
 use base::locate::{InputError, Located};
 use glam::DAffine3;
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -19,6 +20,8 @@ pub(super) struct Importer<'a> {
     pub ids: BTreeMap<&'a str, &'a Node>,
     pub wavelengths: Vec<f64>,
     pub notes: Vec<String>,
+    /// A spectrum was read that Mitsuba's RGB variants convert to colours.
+    pub spectral: Cell<bool>,
     /// Files that are only in memory.
     pub files: &'a BTreeMap<String, Vec<u8>>,
     /// Folder of the scene file.
@@ -78,6 +81,7 @@ impl<'a> Importer<'a> {
             wavelengths,
             notes: document.notes.clone(),
             files,
+            spectral: Cell::new(false),
             to: toml.parent().unwrap_or(Path::new("")).to_owned(),
         })
     }
@@ -188,6 +192,7 @@ impl<'a> Importer<'a> {
 
     /// Mitsuba's spectra are zero beyond their last pair, ours go on as they are.
     fn table(&self, pairs: &[[f64; 2]], span: &Range<usize>) -> Result<SpectrumFile, InputError> {
+        self.spectral.set(true);
         let covers =
             |nm: f64| pairs.first().is_some_and(|p| p[0] <= nm) && pairs.last().is_some_and(|p| p[0] >= nm);
         if let Some(nm) = self.wavelengths.iter().find(|nm| !covers(**nm)) {
@@ -291,6 +296,7 @@ impl<'a> Importer<'a> {
                 if kelvin <= 0.0 {
                     return self.error(&node.span, "the temperature is not above zero", "give kelvins");
                 }
+                self.spectral.set(true);
                 let values = self.wavelengths.iter().map(|nm| scale * planck(*nm, kelvin));
                 SpectrumFile::PerWavelength(values.collect())
             }
@@ -302,13 +308,38 @@ impl<'a> Importer<'a> {
                 );
             }
         };
-        node.finish(self.source, &["wavelength_min", "wavelength_max"]);
+        self.in_range(node)?;
+        node.finish(self.source, &[]);
         Ok(spectrum)
+    }
+
+    /// Refuses a spectrum that Mitsuba takes for zero at one of the wavelengths.
+    fn in_range(&self, node: &Node) -> Result<(), InputError> {
+        let first = node
+            .float(self.source, "wavelength_min")?
+            .unwrap_or(f64::NEG_INFINITY);
+        let last = node
+            .float(self.source, "wavelength_max")?
+            .unwrap_or(f64::INFINITY);
+        match self.wavelengths.iter().find(|nm| !(first..=last).contains(*nm)) {
+            None => Ok(()),
+            Some(nm) => self.error(
+                &node.span,
+                format!("the spectrum says nothing of {nm} nm"),
+                "widen its range of wavelengths, or choose the wavelengths: -D wavelengths_nm=550",
+            ),
+        }
     }
 
     /// The plugin that a child is, or refers to.
     pub fn resolve(&self, child: &'a Child) -> Result<&'a Node, InputError> {
-        match child.take() {
+        child.take();
+        self.peek(child)
+    }
+
+    /// As [`Self::resolve`], without counting it as used.
+    pub fn peek(&self, child: &'a Child) -> Result<&'a Node, InputError> {
+        match &child.what {
             Inside::Node(node) => Ok(node),
             Inside::Reference { id, span, .. } => self.ids.get(id.as_str()).copied().ok_or_else(|| {
                 self.source.error(

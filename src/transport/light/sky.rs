@@ -1,59 +1,84 @@
-//! An image of the sky all around: radiance by direction, drawn in proportion to its brightness.
+//! An environment map: radiance by direction, sampled in proportion to its brightness.
 //!
-//! Equirectangular: the column runs with atan2(x, -z)/2π and the row with acos(y)/π of a direction in the sky's own frame,
-//! from the top (Mitsuba's `envmap`). Values between texels are mixed from four. Directions are drawn from a table that is
-//! constant over each texel: its brightness, smoothed with its neighbours so that wherever there is light some is drawn,
-//! times the solid angle (Pharr et al. 2023, sect. 12.5.2).
+//! Equirectangular: the column runs with atan2(x, -z)/2π and the row with acos(y)/π of a direction in the map's own frame,
+//! from the top (Mitsuba's `envmap`). [`Rows`] states where the rows lie. Values between texels are bilinear, periodic in the
+//! columns. Directions are sampled from a table that is constant over each cell: the brightness of all texels that
+//! contribute there, so that the density is positive wherever there is light, times the solid angle (Pharr et al. 2023,
+//! sect. 12.5.2).
 
 use super::drawn::Drawn;
 use super::filter::Polarized;
 use glam::{Mat3A, Vec3A};
 use optics::spectrum::{Spectral, max_lane};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::f32::consts::{PI, TAU};
 
-/// An image of the sky.
+/// Where the rows of an environment map lie.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Rows {
+    /// Row j of h at the polar angle π (j + ½)/h, as in OpenEXR's latitude-longitude maps; constant from the first and the
+    /// last row to the poles.
+    #[default]
+    Centres,
+    /// Row j of h at the polar angle π j/(h - 1): the first and the last row are at the poles, as in Mitsuba's `envmap`.
+    Poles,
+}
+
+/// An environment map.
 #[derive(Clone, Debug)]
 pub struct Sky {
     width: usize,
     height: usize,
+    placed: Rows,
+    /// Cells of the sampling table along the polar angle.
+    cells: usize,
     /// Radiances, top row first, W/(m² sr nm).
     texels: Vec<[f32; 4]>,
     /// Share of all weight up to the end of each row, and within each row up to the end of each column.
     rows: Vec<f32>,
     columns: Vec<f32>,
-    /// World to the sky's own frame.
+    /// World to the map's own frame.
     to_local: Mat3A,
     /// Its frame and filter.
     pub polarized: Polarized,
 }
 
 impl Sky {
-    /// Of `width` × `height` texels, top row first; `to_world` turns its own frame. `None` if it is black.
+    /// Returns the map of `width` × `height` texels, top row first; `to_world` rotates or mirrors its own frame. `None` if
+    /// it is black.
     #[must_use]
     pub fn new(
         [width, height]: [usize; 2],
         texels: Vec<[f32; 4]>,
+        placed: Rows,
         to_world: Mat3A,
         polarized: Polarized,
     ) -> Option<Self> {
+        // One row is constant from pole to pole, wherever it lies.
+        let placed = if height == 1 { Rows::Centres } else { placed };
+        let cells = match placed {
+            Rows::Centres => height,
+            Rows::Poles => height - 1,
+        };
         let bright = |i: usize, j: usize| max_lane(Spectral::new(texels[j * width + i]));
         let weight = |i: usize, j: usize| {
             let mut sum = 0.0;
-            for dj in [height - 1, 0, 1] {
-                let row = if dj == height - 1 {
-                    j.saturating_sub(1)
-                } else {
-                    (j + dj).min(height - 1)
-                };
+            let rows = match placed {
+                Rows::Centres => j.saturating_sub(1)..=(j + 1).min(height - 1),
+                Rows::Poles => j..=j + 1,
+            };
+            for row in rows {
                 for di in [width - 1, 0, 1] {
                     sum += bright((i + di) % width, row);
                 }
             }
-            let theta = PI * (j as f32 + 0.5) / height as f32;
+            let theta = PI * (j as f32 + 0.5) / cells as f32;
             f64::from(sum * theta.sin())
         };
         let (mut rows, mut columns, mut all) = (vec![], vec![], 0.0);
-        for j in 0..height {
+        for j in 0..cells {
             let mut row = 0.0;
             let start = columns.len();
             for i in 0..width {
@@ -69,6 +94,8 @@ impl Sky {
         (all > 0.0 && all.is_finite()).then(|| Self {
             width,
             height,
+            placed,
+            cells,
             texels,
             rows: rows.iter().map(|r| (r / all) as f32).collect(),
             columns: columns.iter().map(|c| *c as f32).collect(),
@@ -89,20 +116,26 @@ impl Sky {
         &self.texels
     }
 
-    /// Turns the sky's own frame to the world.
+    /// Where its rows lie.
+    #[must_use]
+    pub fn rows(&self) -> Rows {
+        self.placed
+    }
+
+    /// Maps its own frame to the world's.
     #[must_use]
     pub fn to_world(&self) -> Mat3A {
         self.to_local.transpose()
     }
 
-    /// Column and row, continuous, of a unit direction.
+    /// Column and cell row, continuous, of a unit direction.
     #[inline]
     fn place(&self, dir: Vec3A) -> [f32; 2] {
         let d = self.to_local * dir;
         let turn = d.x.atan2(-d.z) / TAU;
         [
             turn.rem_euclid(1.0) * self.width as f32,
-            d.y.clamp(-1.0, 1.0).acos() / PI * self.height as f32,
+            d.y.clamp(-1.0, 1.0).acos() / PI * self.cells as f32,
         ]
     }
 
@@ -110,7 +143,12 @@ impl Sky {
     #[inline]
     #[must_use]
     pub fn radiance(&self, dir: Vec3A) -> Spectral {
-        let [x, y] = self.place(dir).map(|v| v - 0.5);
+        let [x, y] = self.place(dir);
+        let x = x - 0.5;
+        let y = match self.placed {
+            Rows::Centres => y - 0.5,
+            Rows::Poles => y,
+        };
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
         let at = |i: f32, j: f32| {
@@ -129,19 +167,16 @@ impl Sky {
     #[must_use]
     pub fn density(&self, dir: Vec3A) -> f32 {
         let [x, y] = self.place(dir);
-        let (i, j) = (
-            (x as usize).min(self.width - 1),
-            (y as usize).min(self.height - 1),
-        );
+        let (i, j) = ((x as usize).min(self.width - 1), (y as usize).min(self.cells - 1));
         let below = |list: &[f32], k: usize| list[k] - if k > 0 { list[k - 1] } else { 0.0 };
         let row = &self.columns[j * self.width..(j + 1) * self.width];
         let share = below(&self.rows, j) * below(row, i);
-        let sin = (PI * y / self.height as f32).sin();
+        let sin = (PI * y / self.cells as f32).sin();
         // dω = sinθ dθ dφ.
-        share * (self.width * self.height) as f32 / (PI * TAU * sin.max(1e-6))
+        share * (self.width * self.cells) as f32 / (PI * TAU * sin.max(1e-6))
     }
 
-    /// Draws a direction.
+    /// Samples a direction.
     #[inline]
     #[must_use]
     pub fn sample(&self, [u, v]: [f32; 2]) -> Vec3A {
@@ -154,7 +189,7 @@ impl Sky {
         let y = choose(&self.rows, v);
         let j = y as usize;
         let x = choose(&self.columns[j * self.width..(j + 1) * self.width], u);
-        let (theta, phi) = (PI * y / self.height as f32, TAU * x / self.width as f32);
+        let (theta, phi) = (PI * y / self.cells as f32, TAU * x / self.width as f32);
         let (sin, cos) = theta.sin_cos();
         // The columns of the frame's transpose are its rows.
         (self.to_local.transpose() * Vec3A::new(sin * phi.sin(), cos, -sin * phi.cos())).normalize()

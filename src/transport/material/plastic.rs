@@ -70,19 +70,6 @@ pub struct SingleScatter {
     pub alpha: Scalar,
 }
 
-/// ∫ R(θ) 2 cosθ d(cosθ) from inside of an interface of relative index `eta`, by the midpoint rule to 1e-6 or better.
-#[must_use]
-pub fn internal_reflectance(eta: Spectral) -> Spectral {
-    const N: u32 = 4096;
-    // Outside angles: (1 - F) η² = ∫ T(θ) 2 cosθ d(cosθ), which is smooth, whereas inside total reflection sets in.
-    let mut sum = Spectral::ZERO;
-    for k in 0..N {
-        let cos = (k as f32 + 0.5) / N as f32;
-        sum += fresnel::dielectric(cos, eta).transmission.a * Spectral::splat(2.0 * cos / N as f32);
-    }
-    Spectral::ONE - sum / (eta * eta)
-}
-
 /// The plastic as light that leaves along `wo` met it.
 struct Seen {
     facets: Facets,

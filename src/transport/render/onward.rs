@@ -1,12 +1,13 @@
 //! How a walk goes on from a surface or a particle.
 
+use super::bridge::pass;
 use super::environment::Chosen;
 use super::flight::{Flight, Hero};
 use super::guide::{self, At, Guide, Lean};
 use super::parted::part;
 use super::point::Point;
 use super::polarized::quarter_turn;
-use super::state::From;
+use super::state::{From, State};
 use crate::geometry::ray::Surface;
 use crate::material::{Lanes, Sampled};
 use crate::scene::Scene;
@@ -141,6 +142,12 @@ pub(super) fn scatter_on(
     flight.state.lanes = lanes;
     flight.push(&next.scatter);
     if scene.sheets && next.delta && next.wi == -back && next.filling.is_none() {
+        if scene.filled {
+            // The sheet may bound a filled object.
+            let (dir, lane) = (flight.state.ray.dir, lanes.nth(0));
+            let State { filling, .. } = &mut flight.state;
+            pass(scene, &mut flight.nest, filling, surface, dir, lane);
+        }
         return Onward::Straight;
     }
     progress.density = density;

@@ -47,7 +47,8 @@ fn same(a: &Scene, b: &Scene) -> usize {
             g.intersect(&ray, f32::INFINITY).map(|h| g.surface(&ray, &h))
         });
         match (p, q) {
-            (Some(p), Some(q)) if p.ng.dot(q.ng) > 0.999 => {
+            // A mirror turns shapes of Mitsuba inside out, and copies of groups not.
+            (Some(p), Some(q)) if p.ng.dot(q.ng).abs() > 0.999 => {
                 // Beside a grazing ray, rounding is small.
                 if p.ng.dot(ray.dir).abs() > 0.1 {
                     assert!((p.p - q.p).length() < 1e-4, "{p:?} {q:?}");
@@ -86,7 +87,10 @@ fn shape_groups_are_read() {
     assert!((meets(-2.0, 0.0).unwrap() - 8.5).abs() < 1e-5);
     // The cube stands on the other side in the mirror image.
     assert!(meets(-2.7, -1.0).is_some() && meets(-1.3, -1.0).is_none());
-    // The same written out.
+    // The same written out; uneven scales aside, which spheres of Mitsuba do not follow, and copies do.
+    let even = HAND.replace(r#"<scale x="2" y="0.5"/>"#, r#"<scale value="2"/>"#);
+    let import = imported(folder.path(), &even).unwrap();
+    let scene = sunstone::scene::from_text(&path, &import.toml).unwrap();
     let group =
         &HAND[HAND.find("        <shape type=\"sphere\"").unwrap()..HAND.find("    </shape>\n").unwrap()];
     let start = HAND.find("    <shape type=\"shapegroup\"").unwrap();
@@ -94,7 +98,7 @@ fn shape_groups_are_read() {
     let cube = r#"<transform name="to_world"><scale value="0.2"/><translate x="0.7"/>"#;
     let places = [
         "",
-        r#"<scale x="2" y="0.5"/><rotate z="1" angle="90"/><translate x="3"/>"#,
+        r#"<scale value="2"/><rotate z="1" angle="90"/><translate x="3"/>"#,
         r#"<scale x="-1"/><translate x="-2" y="-1"/>"#,
     ];
     let copies: String = places

@@ -16,6 +16,7 @@ use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::write::write as write_table;
 use sunstone::transport::scene::Scene;
 
+mod accounting;
 mod export;
 mod import;
 mod instances;

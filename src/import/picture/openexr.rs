@@ -1,0 +1,223 @@
+//! OpenEXR files: which channels are meant, and what they hold.
+//!
+//! `image`'s reader takes channels called exactly R, G and B alone.
+
+use super::{PictureError, Pixels, pixel_count, primaries};
+use exr::prelude::{AnyChannel, FlatSamples, ReadChannels, ReadLayers, Vec2};
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+/// Channels of a layer, by their last names in capitals: `R` of `ViewLayer.Combined.R` and of `red`.
+type Layer<'a> = BTreeMap<String, &'a FlatSamples>;
+
+/// A layer among those of all parts, with the size of its part.
+struct Part<'a> {
+    channels: Layer<'a>,
+    size: [usize; 2],
+}
+
+pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, PictureError> {
+    let headers = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false)
+        .map_err(|e| PictureError::damaged("OpenEXR", e))?
+        .headers;
+    for header in &headers {
+        if header.deep {
+            return Err(PictureError::new(
+                "the OpenEXR file holds deep pixels",
+                "flatten it to one value per pixel",
+            ));
+        }
+        pixel_count("OpenEXR", header.layer_size.0, header.layer_size.1)?;
+        if let Some(channel) = header.channels.list.iter().find(|c| c.sampling != Vec2(1, 1)) {
+            return Err(PictureError::new(
+                format!("the OpenEXR channel `{}` is subsampled", channel.name),
+                "export red, green and blue at full resolution",
+            ));
+        }
+    }
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|e| PictureError::damaged("OpenEXR", e))?;
+    let mut notes = vec![];
+    let mut layers: BTreeMap<String, Part> = BTreeMap::new();
+    for part in &image.layer_data {
+        let own = part.attributes.layer_name.as_ref().map(ToString::to_string);
+        // A single part needs no name of its own: many writers give one that says nothing.
+        let own = own.filter(|_| image.layer_data.len() > 1).unwrap_or_default();
+        let (origin, display) = (part.attributes.layer_position, image.attributes.display_window);
+        if (origin, part.size) != (display.position, display.size) {
+            let note = "its display window is not its data window: the pixels of the data window are the image, as in Mitsuba";
+            notes.push(note.to_owned());
+        }
+        for channel in &part.channel_data.list {
+            let (prefix, last) = names(channel);
+            let name = match (own.as_str(), prefix.as_str()) {
+                (own, "") => own.to_owned(),
+                ("", prefix) => prefix.to_owned(),
+                (own, prefix) if prefix == own || prefix.starts_with(&format!("{own}.")) => prefix.to_owned(),
+                (own, prefix) => format!("{own}.{prefix}"),
+            };
+            let known = layers.entry(name).or_insert_with(|| Part {
+                channels: Layer::new(),
+                size: [part.size.0, part.size.1],
+            });
+            known.channels.insert(last, &channel.sample_data);
+        }
+    }
+    notes.dedup();
+    let name = choose(&layers, layer)?;
+    let chosen = &layers[name];
+    let (channels, is_xyz) = colours(name, &chosen.channels)?;
+    if layers.len() > 1 && layer.is_none() {
+        notes.push(format!("of its {} layers, {} is used", layers.len(), said(name)));
+    }
+    let given = image
+        .attributes
+        .chromaticities
+        .map(|c| [c.red, c.green, c.blue, c.white].map(|Vec2(x, y)| [f64::from(x), f64::from(y)]));
+    let to_rgb = match (is_xyz, given.filter(|p| !primaries::is_bt709(p))) {
+        (true, _) => Some(primaries::from_xyz()),
+        (false, None) => None,
+        (false, Some(given)) => {
+            let map = primaries::to_bt709(&given);
+            Some(map.ok_or_else(|| PictureError::damaged("OpenEXR", "its chromaticities span no gamut"))?)
+        }
+    };
+    // Grey has no primaries.
+    let to_rgb = to_rgb.filter(|_| channels.len() == 3);
+    let [width, height] = chosen.size;
+    let mut values = vec![[0.0; 3]; width * height];
+    for (c, samples) in channels.iter().enumerate() {
+        let all = match samples {
+            FlatSamples::F16(v) => v.iter().map(|v| v.to_f32()).collect(),
+            FlatSamples::F32(v) => v.clone(),
+            FlatSamples::U32(_) => {
+                return Err(PictureError::new(
+                    format!(
+                        "{} of the OpenEXR file holds 32-bit whole numbers, which are identifiers",
+                        said(name)
+                    ),
+                    "export its channels as half or float",
+                ));
+            }
+        };
+        for (pixel, v) in values.iter_mut().zip(all) {
+            match channels.len() {
+                1 => *pixel = [v; 3],
+                _ => pixel[c] = v,
+            }
+        }
+    }
+    Ok(Pixels {
+        width,
+        height,
+        values,
+        encoded: false,
+        to_rgb,
+        notes,
+    })
+}
+
+/// The layer of a channel, and its last name in capitals.
+fn names(channel: &AnyChannel<FlatSamples>) -> (String, String) {
+    let name = channel.name.to_string();
+    let (layer, last) = name.rsplit_once('.').unwrap_or(("", &name));
+    let last = match last.to_uppercase().as_str() {
+        "RED" => "R".to_owned(),
+        "GREEN" => "G".to_owned(),
+        "BLUE" => "B".to_owned(),
+        "ALPHA" => "A".to_owned(),
+        other => other.to_owned(),
+    };
+    (layer.to_owned(), last)
+}
+
+/// A layer for people.
+fn said(name: &str) -> String {
+    if name.is_empty() {
+        "the layer without a name".to_owned()
+    } else {
+        format!("layer `{name}`")
+    }
+}
+
+/// The name of the layer that is meant: the one asked for, the only one, the one without a name, the only one of colours, or
+/// Blender's `Combined`.
+fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result<&'a str, PictureError> {
+    let list = layers
+        .keys()
+        .map(|n| format!("`{n}`"))
+        .collect::<Vec<_>>()
+        .join(", ");
+    if let Some(asked) = asked {
+        return match layers.get_key_value(asked) {
+            Some((name, _)) => Ok(name),
+            None => Err(PictureError::new(
+                format!("the OpenEXR file has no layer `{asked}`"),
+                format!("name one of its layers: {list}"),
+            )),
+        };
+    }
+    let is_colour = |l: &Layer| ["R", "G", "B"].iter().all(|c| l.contains_key(*c));
+    let only = |fits: &dyn Fn(&str, &Layer) -> bool| {
+        let mut all = layers
+            .iter()
+            .filter(|(n, p)| fits(n, &p.channels))
+            .map(|(n, _)| n.as_str());
+        all.next().filter(|_| all.next().is_none())
+    };
+    let is_usable = |l: &Layer| colours("", l).is_ok();
+    only(&|_, _| true)
+        .or_else(|| only(&|n, l| n.is_empty() && is_usable(l)))
+        .or_else(|| only(&|_, l| is_colour(l)))
+        .or_else(|| only(&|n, l| is_colour(l) && n.rsplit('.').next() == Some("Combined")))
+        .or_else(|| only(&|_, l| is_usable(l)))
+        .ok_or_else(|| {
+            PictureError::new(
+                format!(
+                    "the OpenEXR file has {} layers, and none of them is the obvious one",
+                    layers.len()
+                ),
+                format!("choose one with layer: {list}"),
+            )
+        })
+}
+
+/// The one or three channels of a layer that are an image, and whether they are CIE XYZ.
+fn colours<'a>(name: &str, layer: &Layer<'a>) -> Result<(Vec<&'a FlatSamples>, bool), PictureError> {
+    let all = |names: &[&str]| {
+        names
+            .iter()
+            .map(|n| layer.get(*n).copied())
+            .collect::<Option<Vec<_>>>()
+    };
+    if let Some(rgb) = all(&["R", "G", "B"]) {
+        return Ok((rgb, false));
+    }
+    if layer.contains_key("RY") || layer.contains_key("BY") {
+        return Err(PictureError::new(
+            "the OpenEXR file holds luminance and chroma (Y, RY, BY)",
+            "export red, green and blue",
+        ));
+    }
+    if let Some(xyz) = all(&["X", "Y", "Z"]) {
+        return Ok((xyz, true));
+    }
+    let without_alpha: Vec<_> = layer.iter().filter(|(n, _)| *n != "A").map(|(_, c)| *c).collect();
+    match (&without_alpha[..], layer.len()) {
+        ([one], _) => Ok((vec![one], false)),
+        ([], 1) => Ok((layer.values().copied().collect(), false)),
+        _ => {
+            let list = layer.keys().cloned().collect::<Vec<_>>().join(", ");
+            Err(PictureError::new(
+                format!("{} of the OpenEXR file has the channels {list}", said(name)),
+                "give R, G and B, X, Y and Z, or one channel",
+            ))
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Colours of other primaries → linear red, green and blue of ITU-R BT.709 (those of sRGB).
+//!
+//! By CIE XYZ, without adaptation to another white, as OpenEXR's library and Mitsuba do.
+
+use glam::{DMat3, DVec3};
+
+/// Chromaticities (x, y) of red, green, blue and white.
+pub(super) type Primaries = [[f64; 2]; 4];
+
+/// ITU-R BT.709, white D65.
+pub(super) const BT709: Primaries = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06], [0.3127, 0.329]];
+
+/// Red, green and blue → XYZ, where white has Y = 1; `None` if the primaries span no gamut.
+fn to_xyz(primaries: &Primaries) -> Option<DMat3> {
+    let xyz = |[x, y]: [f64; 2]| DVec3::new(x, y, 1.0 - x - y);
+    let [r, g, b, w] = primaries.map(xyz);
+    let columns = DMat3::from_cols(r, g, b);
+    if !columns.is_finite() || columns.determinant().abs() < 1e-6 || w.y.abs() < 1e-6 {
+        return None;
+    }
+    let scale = columns.inverse() * (w / w.y);
+    Some(columns * DMat3::from_diagonal(scale))
+}
+
+/// True of the primaries of BT.709 themselves.
+pub(super) fn is_bt709(primaries: &Primaries) -> bool {
+    let pairs = primaries.iter().flatten().zip(BT709.iter().flatten());
+    pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() < 1e-6
+}
+
+/// Returns the rows of the matrix from linear colours of `primaries`; `None` if these span no gamut.
+pub(super) fn to_bt709(primaries: &Primaries) -> Option<[[f32; 3]; 3]> {
+    Some(rows(xyz_to_bt709() * to_xyz(primaries)?))
+}
+
+/// Rows of the matrix from XYZ.
+pub(super) fn from_xyz() -> [[f32; 3]; 3] {
+    rows(xyz_to_bt709())
+}
+
+fn xyz_to_bt709() -> DMat3 {
+    match to_xyz(&BT709) {
+        Some(m) => m.inverse(),
+        None => unreachable!("BT.709 spans a gamut"),
+    }
+}
+
+fn rows(m: DMat3) -> [[f32; 3]; 3] {
+    let rows = m.transpose();
+    [rows.x_axis, rows.y_axis, rows.z_axis].map(|row| row.as_vec3().to_array())
+}
+
+/// A matrix of rows times a colour.
+pub(super) fn times(m: &[[f32; 3]; 3], c: [f32; 3]) -> [f32; 3] {
+    m.map(|row| row[0] * c[0] + row[1] * c[1] + row[2] * c[2])
+}

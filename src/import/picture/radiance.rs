@@ -1,0 +1,243 @@
+//! Radiance HDR files (Ward, "Real Pixels", Graphics Gems II, 1991; Radiance's `color.c` and `resolu.c`).
+//!
+//! `image`'s reader takes the signature `#?RADIANCE` and the orientation `-Y +X` alone, and leaves the exposure out.
+
+use super::{PictureError, Pixels, pixel_count, primaries};
+
+/// What the header states.
+struct Header {
+    /// Factors by which the stored values are those of the scene.
+    correction: [f64; 3],
+    is_xyz: bool,
+    primaries: Option<primaries::Primaries>,
+    notes: Vec<String>,
+}
+
+pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
+    let mut rest = bytes;
+    let mut header = header(&mut rest)?;
+    let resolution = line(&mut rest).ok_or_else(|| damaged("it has no resolution"))?;
+    let layout = Layout::parse(&resolution).ok_or_else(|| {
+        damaged(format!(
+            "its resolution is `{resolution}`, not as `-Y 512 +X 1024`"
+        ))
+    })?;
+    let (width, height) = (layout.width, layout.height);
+    let count = pixel_count("Radiance", width, height)?;
+    let (length, lines) = if layout.by_columns {
+        (height, width)
+    } else {
+        (width, height)
+    };
+    let mut values = vec![[0.0; 3]; count];
+    let mut scan = vec![[0; 4]; length];
+    for k in 0..lines {
+        scanline(&mut rest, &mut scan).ok_or_else(|| damaged(format!("scan line {} of {lines}", k + 1)))?;
+        for (i, rgbe) in scan.iter().enumerate() {
+            let (x, y) = if layout.by_columns { (k, i) } else { (i, k) };
+            let x = if layout.from_right { width - 1 - x } else { x };
+            let y = if layout.from_below { height - 1 - y } else { y };
+            values[y * width + x] = colour(*rgbe, header.correction);
+        }
+    }
+    let given = header.primaries.filter(|p| !primaries::is_bt709(p));
+    let to_rgb = match (header.is_xyz, given) {
+        (true, _) => Some(primaries::from_xyz()),
+        (false, None) => None,
+        (false, Some(given)) => {
+            let map = primaries::to_bt709(&given);
+            Some(map.ok_or_else(|| damaged("its PRIMARIES span no gamut"))?)
+        }
+    };
+    if header.correction != [1.0; 3] {
+        let [r, g, b] = header.correction.map(|c| 1.0 / c);
+        header.notes.push(format!(
+            "its EXPOSURE and COLORCORR are taken back: values are divided by {r} {g} {b} (Mitsuba ignores them)"
+        ));
+    }
+    Ok(Pixels {
+        width,
+        height,
+        values,
+        encoded: false,
+        to_rgb,
+        notes: header.notes,
+    })
+}
+
+fn damaged(what: impl std::fmt::Display) -> PictureError {
+    PictureError::damaged("Radiance", what)
+}
+
+/// The next line without its end.
+fn line(rest: &mut &[u8]) -> Option<String> {
+    let end = rest.iter().position(|b| *b == b'\n')?;
+    let text = String::from_utf8_lossy(&rest[..end])
+        .trim_end_matches('\r')
+        .to_owned();
+    *rest = &rest[end + 1..];
+    Some(text)
+}
+
+/// Reads up to the empty line.
+fn header(rest: &mut &[u8]) -> Result<Header, PictureError> {
+    let mut header = Header {
+        correction: [1.0; 3],
+        is_xyz: false,
+        primaries: None,
+        notes: vec![],
+    };
+    loop {
+        let text = line(rest).ok_or_else(|| damaged("its header has no end"))?;
+        if text.is_empty() {
+            return Ok(header);
+        }
+        let Some((key, value)) = text.split_once('=') else {
+            continue;
+        };
+        let numbers: Option<Vec<f64>> = value.split_whitespace().map(|n| n.parse().ok()).collect();
+        let positive = |n: &f64| n.is_finite() && *n > 0.0;
+        match (key.trim(), numbers.as_deref()) {
+            ("FORMAT", _) => match value.trim() {
+                "32-bit_rle_rgbe" => header.is_xyz = false,
+                "32-bit_rle_xyze" => header.is_xyz = true,
+                other => {
+                    return Err(PictureError::new(
+                        format!("the Radiance file has FORMAT={other}"),
+                        "convert it to 32-bit_rle_rgbe",
+                    ));
+                }
+            },
+            ("EXPOSURE", Some(&[e])) if positive(&e) => {
+                header.correction = header.correction.map(|c| c / e);
+            }
+            ("COLORCORR", Some(c @ [_, _, _])) if c.iter().all(positive) => {
+                for (all, c) in header.correction.iter_mut().zip(c) {
+                    *all /= c;
+                }
+            }
+            ("EXPOSURE" | "COLORCORR", _) => return Err(damaged(format!("its header has `{text}`"))),
+            ("PRIMARIES", Some(&[rx, ry, gx, gy, bx, by, wx, wy])) => {
+                header.primaries = Some([[rx, ry], [gx, gy], [bx, by], [wx, wy]]);
+            }
+            ("PRIMARIES", _) => return Err(damaged(format!("its header has `{text}`"))),
+            ("GAMMA", Some(&[g])) if (g - 1.0).abs() > 1e-3 => {
+                header
+                    .notes
+                    .push(format!("its GAMMA={g} is ignored: values are read as linear"));
+            }
+            _ => {}
+        }
+    }
+}
+
+/// In which order the pixels stand.
+struct Layout {
+    width: usize,
+    height: usize,
+    by_columns: bool,
+    from_right: bool,
+    from_below: bool,
+}
+
+impl Layout {
+    fn parse(text: &str) -> Option<Self> {
+        let mut words = text.split_whitespace();
+        let mut axis = || Some((words.next()?, words.next()?.parse::<usize>().ok()?));
+        let (first, second) = (axis()?, axis()?);
+        let by_columns = first.0.ends_with('X');
+        let (y, x) = if by_columns {
+            (second, first)
+        } else {
+            (first, second)
+        };
+        let one = |name: &str, minus: &str, plus: &str| match name {
+            n if n == minus => Some(true),
+            n if n == plus => Some(false),
+            _ => None,
+        };
+        Some(Self {
+            width: x.1,
+            height: y.1,
+            by_columns,
+            from_right: one(x.0, "-X", "+X")?,
+            from_below: !one(y.0, "-Y", "+Y")?,
+        })
+    }
+}
+
+/// Mantissas with a common exponent.
+fn colour([r, g, b, e]: [u8; 4], correction: [f64; 3]) -> [f32; 3] {
+    if e == 0 {
+        return [0.0; 3];
+    }
+    let unit = (f64::from(e) - 136.0).exp2();
+    let [r, g, b] = [r, g, b].map(|m| f64::from(m) * unit);
+    [r * correction[0], g * correction[1], b * correction[2]].map(|v| v as f32)
+}
+
+/// Reads one scan line of any of the three encodings; `None` if it breaks off or does not fit.
+fn scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
+    let take = |rest: &mut &[u8]| {
+        let (first, after) = rest.split_first()?;
+        *rest = after;
+        Some(*first)
+    };
+    let &[a, b, high, low, ..] = *rest else {
+        return None;
+    };
+    let length = usize::from(high) << 8 | usize::from(low);
+    if !(8..0x8000).contains(&out.len()) || a != 2 || b != 2 || high >= 128 {
+        return old_scanline(rest, out);
+    }
+    if length != out.len() {
+        return None;
+    }
+    *rest = &rest[4..];
+    for channel in 0..4 {
+        let mut i = 0;
+        while i < out.len() {
+            let code = usize::from(take(rest)?);
+            let (count, run) = if code > 128 {
+                (code - 128, Some(take(rest)?))
+            } else {
+                (code, None)
+            };
+            if count == 0 || count > out.len() - i {
+                return None;
+            }
+            for pixel in &mut out[i..i + count] {
+                pixel[channel] = match run {
+                    Some(value) => value,
+                    None => take(rest)?,
+                };
+            }
+            i += count;
+        }
+    }
+    Some(())
+}
+
+/// Pixels as they are, of which (1, 1, 1, n) repeats the one before n times, and further ones in a row 256 n times and so on.
+fn old_scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
+    let (mut i, mut shift) = (0, 0);
+    while i < out.len() {
+        let (pixel, after) = rest.split_first_chunk::<4>()?;
+        *rest = after;
+        if pixel[..3] == [1, 1, 1] && i > 0 {
+            let count = usize::from(pixel[3]).checked_shl(shift)?;
+            if count > out.len() - i {
+                return None;
+            }
+            let before = out[i - 1];
+            out[i..i + count].fill(before);
+            i += count;
+            shift += 8;
+        } else {
+            out[i] = *pixel;
+            i += 1;
+            shift = 0;
+        }
+    }
+    Some(())
+}
