@@ -16,7 +16,7 @@ use sunstone::scene::mitsuba::import::Import;
 /// SCENE.xml, or .json of a dictionary: reads what people write by hand, what Mitsuba writes and what `export --mitsuba` does,
 /// with include, alias, path and default: diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric,
 /// plastic, roughplastic, pplastic, principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask,
-/// normalmap, null; bitmap and checkerboard; homogeneous media; sphere, disk, cylinder, rectangle, cube, obj, ply, shapegroup,
+/// normalmap, null; bitmap and checkerboard; homogeneous media; sphere, disk, cylinder, rectangle, cube, obj, ply, serialized, shapegroup,
 /// instance; perspective, thinlens; projector, point, spot, directional, constant, envmap, area. All that it cannot take is told at
 /// once, each with its place; models that are not the same here are named in notes. Colours given as RGB become values at the
 /// scene's wavelengths (red above 590 nm, green from 500 nm, blue below).

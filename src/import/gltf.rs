@@ -17,15 +17,12 @@ use gltf::json::{Index, Root, Value};
 use super::accessor::{Data, broken, percent_decoded};
 use super::error::{ImportError, ImportProblem};
 use super::gltf_deform::{self, Pose};
-use super::gltf_notes;
+use super::gltf_notes::{self, INSTANCING, VISIBILITY};
 use super::part::{Model, Parts};
 use transport::geometry::mesh::Mesh;
 
 /// The most triangles that instancing may blow one file up to (about 2 GB of tables).
 const MAX_TRIANGLES: usize = 1 << 26;
-
-pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
-pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
 /// Reads a glTF document or GLB container. Takes the default scene, else the first one, else all nodes, else all meshes;
 /// each primitive of each node that has a mesh becomes a part named after the node, baked to world space. `base_dir`

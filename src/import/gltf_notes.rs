@@ -3,8 +3,10 @@
 use gltf::json::Value;
 
 use super::error::ImportError;
-use super::gltf::{INSTANCING, VISIBILITY};
 use super::notes::Notes;
+
+pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
 /// Extensions that are read, here or with the materials.
 const READ: [&str; 4] = [

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3, vec3};
 use serde_json::{Value, json};
 
-use super::gltf::INSTANCING;
+use super::gltf_notes::INSTANCING;
 use super::{ImportError, Model, parse_gltf};
 
 /// A GLB container around a document and its binary chunk.

@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3};
 use super::error::{ImportError, ImportProblem};
 use super::notes::Notes;
 use super::part::{Model, Parts};
-use super::polygon::{self, Cut};
+use super::polygon::{self, CROSSING, Cut, too_large};
 use super::text;
 use transport::geometry::mesh::Mesh;
 
@@ -444,14 +444,4 @@ impl Reader<'_> {
         unused.for_each(|note| self.parts.notes.add(note));
         self.parts.end("export the mesh with faces (f lines)")
     }
-}
-
-pub(super) const CROSSING: &str = "a polygon's outline crosses itself: its triangles cover it only roughly";
-
-/// The error for [`Cut::TooLarge`].
-pub(super) fn too_large(corners: usize) -> ImportError {
-    ImportError::unsupported(
-        format!("a concave polygon has {corners} corners"),
-        "triangulate the mesh where it was made",
-    )
 }

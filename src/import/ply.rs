@@ -5,11 +5,10 @@ use std::collections::HashMap;
 use glam::{Vec2, Vec3};
 
 use super::error::{ImportError, ImportProblem};
-use super::obj::{CROSSING, too_large};
 use super::part::{Model, Parts};
-use super::ply_body::Body;
+use super::ply_body::{self, Body};
 use super::ply_header::{self, Element, Format, Header};
-use super::polygon::{self, Cut};
+use super::polygon::{self, CROSSING, Cut, too_large};
 use transport::geometry::mesh::Mesh;
 
 const FIX: &str = "export the mesh again, with vertices x, y, z and faces vertex_indices";
@@ -206,9 +205,7 @@ impl File {
                 let count = body.count(count)?;
                 if Some(i) == indices {
                     corners.clear();
-                    for _ in 0..count {
-                        corners.push(index(body.integer(p.kind)?)?);
-                    }
+                    body.corners(p.kind, count, &mut corners)?;
                 } else {
                     numbers.clear();
                     for _ in 0..count {
@@ -258,7 +255,7 @@ impl File {
                         strip.clear();
                         continue;
                     }
-                    strip.push(index(corner)?);
+                    strip.push(ply_body::index(corner)?);
                     if let [.., a, b, c] = strip[..] {
                         let odd = strip.len() % 2 == 0;
                         self.triangles.push(if odd { [b, a, c] } else { [a, b, c] });
@@ -385,10 +382,6 @@ fn cut_all(
         start = end;
     }
     Ok(())
-}
-
-fn index(corner: i64) -> Result<u32, String> {
-    u32::try_from(corner).map_err(|_| format!("a face uses vertex {corner}"))
 }
 
 /// Notes the properties of an element that are not used.

@@ -119,6 +119,29 @@ impl<'a> Body<'a> {
         }
     }
 
+    /// Appends as many indices of vertices.
+    pub fn corners(&mut self, kind: Kind, count: usize, out: &mut Vec<u32>) -> Result<(), String> {
+        if self.format == Format::Ascii || !matches!(kind, Kind::I32 | Kind::U32) {
+            for _ in 0..count {
+                out.push(index(self.integer(kind)?)?);
+            }
+            return Ok(());
+        }
+        let big = self.format == Format::BigEndian;
+        for bytes in self.take(count.saturating_mul(4))?.as_chunks::<4>().0 {
+            let i = if big {
+                u32::from_be_bytes(*bytes)
+            } else {
+                u32::from_le_bytes(*bytes)
+            };
+            out.push(match kind {
+                Kind::I32 => index(i64::from(i as i32))?,
+                _ => i,
+            });
+        }
+        Ok(())
+    }
+
     /// The length of a list.
     pub fn count(&mut self, kind: Kind) -> Result<usize, String> {
         let count = self.integer(kind)?;
@@ -212,6 +235,11 @@ impl<'a> Body<'a> {
         self.at += triangles.as_ref().map_or(0, |_| size);
         triangles
     }
+}
+
+/// A vertex that a face uses.
+pub(super) fn index(corner: i64) -> Result<u32, String> {
+    u32::try_from(corner).map_err(|_| format!("a face uses vertex {corner}"))
 }
 
 /// A number of as many bytes as its type has.

@@ -3,6 +3,7 @@
 //! A polygon that every diagonal from its first corner lies within is cut into a fan, any other one by ear clipping (Meisters
 //! 1975). Collinear corners stay corners of triangles: a neighbouring polygon may share them, and the surface stays closed.
 
+use super::error::ImportError;
 use glam::{DVec2, DVec3, Vec3};
 
 /// The most corners of a polygon that is no fan: ear clipping takes time of their square.
@@ -22,6 +23,17 @@ pub(super) enum Cut {
     TooLarge,
 }
 
+/// The note for [`Cut::Crossing`].
+pub(super) const CROSSING: &str = "a polygon's outline crosses itself: its triangles cover it only roughly";
+
+/// The error for [`Cut::TooLarge`].
+pub(super) fn too_large(corners: usize) -> ImportError {
+    ImportError::unsupported(
+        format!("a concave polygon has {corners} corners"),
+        "triangulate the mesh where it was made",
+    )
+}
+
 /// Cuts a polygon of the vertices `corners`, at least three, and appends triangles of the same winding.
 pub(super) fn cut(corners: &[u32], position: impl Fn(u32) -> Vec3, out: &mut Vec<[u32; 3]>) -> Cut {
     if let &[a, b, c] = corners {
@@ -29,11 +41,12 @@ pub(super) fn cut(corners: &[u32], position: impl Fn(u32) -> Vec3, out: &mut Vec
         return Cut::Whole;
     }
     let first = position(corners[0]).as_dvec3();
-    let points: Vec<DVec3> = corners.iter().map(|&i| position(i).as_dvec3() - first).collect();
-    let fan = || points[1..].windows(2).map(|w| w[0].cross(w[1]));
+    let point = |i: u32| position(i).as_dvec3() - first;
+    let fan = || corners[1..].windows(2).map(|w| point(w[0]).cross(point(w[1])));
     // Twice the area, along the normal (Newell's method).
     let normal: DVec3 = fan().sum();
-    let least = FLAT * points.iter().map(|p| p.length_squared()).fold(0.0, f64::max);
+    let extent = corners.iter().map(|&i| point(i).length_squared());
+    let least = FLAT * extent.fold(0.0, f64::max);
     let is_fan = fan().all(|n| n.dot(normal) > least * normal.length());
     let has_inside = normal.length() > least && normal.is_finite();
     if is_fan || !has_inside {
@@ -49,7 +62,10 @@ pub(super) fn cut(corners: &[u32], position: impl Fn(u32) -> Vec3, out: &mut Vec
         return Cut::TooLarge;
     }
     let (u, v) = normal.normalize().any_orthonormal_pair();
-    let flat: Vec<DVec2> = points.iter().map(|p| DVec2::new(p.dot(u), p.dot(v))).collect();
+    let flat: Vec<DVec2> = corners
+        .iter()
+        .map(|&i| DVec2::new(point(i).dot(u), point(i).dot(v)))
+        .collect();
     let mut whole = true;
     for ear in clip(&flat, least, &mut whole) {
         out.push(ear.map(|i| corners[i]));

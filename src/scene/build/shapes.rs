@@ -274,10 +274,11 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPa
     };
     let (parsed, ()) = rayon::join(parse, || ctx.count(&bytes));
     drop(bytes);
-    let model = parsed.map_err(|e| {
+    let model = parsed.map_err(|mut e| {
+        e.file = Some(path.clone());
         ctx.error(
             m.file.span(),
-            format!("{}: {e}", path.display()),
+            e.to_string(),
             "repair or re-export the file, or use the shape key of its format (obj, gltf, ply, serialized)",
         )
     })?;

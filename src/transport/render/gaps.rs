@@ -51,6 +51,9 @@ pub struct Gap {
     pub objects: [Option<u32>; 2],
     /// What the contact of the two stands for.
     pub contact: Contact,
+    /// False where the direction speaks against it: surfaces at one place are found to lie on both sides of one another. Light
+    /// leaves glass for what it touches, and comes to the front of what a sheet lies on.
+    likely: bool,
 }
 
 /// What the contact of two surfaces stands for.
@@ -124,6 +127,10 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
             across,
             objects: [object(hit), object(&other)],
             contact,
+            likely: match contact {
+                Contact::Air(_) => t.ng.dot(across) < 0.0,
+                Contact::Touch | Contact::Glass => s.ng.dot(across) > 0.0,
+            },
         })
     };
     let found = g.crossings(&back, far + 8.0 * scale).into_iter().filter_map(gap);
@@ -213,10 +220,20 @@ pub fn narrow(scene: &Scene) -> Vec<Gap> {
         return vec![];
     }
     found.sort_by(|a, b| a.width.total_cmp(&b.width));
+    found.sort_by_key(|gap| !gap.likely);
     let direction = |gap: &Gap| (gap.across * DIRECTIONS).round();
     let mut distinct: Vec<Gap> = vec![];
     for gap in found {
-        let same = |other: &Gap| other.objects == gap.objects && direction(other) == direction(&gap);
+        let [a, b] = gap.objects;
+        let same = |other: &Gap| {
+            let (along, against) = (
+                direction(&gap) == direction(other),
+                direction(&gap) == -direction(other),
+            );
+            // An unlikely gap is a likely one seen the wrong way round.
+            (other.objects == [a, b] && (along || against && other.likely && !gap.likely))
+                || (other.objects == [b, a] && against)
+        };
         if !distinct.iter().any(same) {
             distinct.push(gap);
         }
