@@ -27,7 +27,7 @@ pub enum ImportProblem {
         cause: std::io::Error,
     },
     /// The extension is not one of those known.
-    #[error("the extension {0:?} is not a known mesh format; use .obj, .ply, .gltf or .glb")]
+    #[error("the extension {0:?} is not a known mesh format; use .obj, .ply, .gltf, .glb or .serialized")]
     Extension(String),
     /// The file has no bytes.
     #[error("the file is empty; export it again")]

@@ -40,6 +40,11 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
     let cannot = |e: gltf::json::Error| broken(format!("the glTF JSON cannot be read ({e})"));
     // Not `deserialize::from_slice`, which would be compiled for `Root` here, optimized, once more.
     let mut document: Value = gltf::json::deserialize::from_slice(&json).map_err(cannot)?;
+    let version = document["asset"]["version"].as_str().unwrap_or("1.0");
+    if !version.starts_with("2.") {
+        let what = format!("the glTF version is {version}");
+        return Err(ImportError::unsupported(what, "export as glTF 2.0"));
+    }
     let mut parts = Parts::default();
     gltf_notes::read(&document, &mut parts.notes)?;
     let materials = material_names(&document);
@@ -59,10 +64,6 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
     }
     let json = gltf::json::serialize::to_vec(&document).map_err(cannot)?;
     let root = Root::from_slice(&json).map_err(cannot)?;
-    if !root.asset.version.starts_with("2.") {
-        let what = format!("the glTF version is {}", root.asset.version);
-        return Err(ImportError::unsupported(what, "export as glTF 2.0"));
-    }
     let data = Data::new(&root, blob.as_deref(), base_dir, &mut parts.notes)?;
     let mut importer = Importer {
         worlds: worlds(&root)?,
@@ -127,8 +128,11 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
             // The specification (section 4.4.1) asks to ignore others.
             _ => {}
         }
-        // Chunks begin at multiples of 4; some exporters give the length without the padding.
-        at += 8 + chunk.len().next_multiple_of(4);
+        at += 8 + chunk.len();
+        // Chunks begin at multiples of 4. Some exporters give the length without the padding, others leave the padding out.
+        if bytes.get(at + 4..at + 8) != Some(b"BIN\0") {
+            at = at.next_multiple_of(4);
+        }
     }
     let json = json.ok_or_else(|| broken("the GLB container has no chunk `JSON`"))?;
     Ok((json.into(), bin.map(Cow::Borrowed)))
@@ -473,6 +477,18 @@ fn read_primitive(
         ));
         return Ok(None);
     };
+    let compression = p.extensions.as_ref().and_then(|e| {
+        let names = e.others.keys();
+        names
+            .map(String::as_str)
+            .find(|name| gltf_notes::COMPRESSIONS.contains(name))
+    });
+    let is_empty = |a: &gltf::json::Accessor| a.buffer_view.is_none() && a.sparse.is_none();
+    if let Some(name) = compression
+        && data.root.accessors.get(positions).is_some_and(is_empty)
+    {
+        return Err(gltf_notes::compressed(name));
+    }
     let vec3 = |index| -> Result<Vec<Vec3>, ImportError> {
         Ok(data.floats(index)?.into_iter().map(Vec3::from_array).collect())
     };

@@ -15,7 +15,7 @@ const READ: [&str; 4] = [
 ];
 
 /// Extensions without which the triangles cannot be read.
-const COMPRESSIONS: [&str; 3] = [
+pub(super) const COMPRESSIONS: [&str; 3] = [
     "KHR_draco_mesh_compression",
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
@@ -105,25 +105,25 @@ const TOP: [&str; 13] = [
     "samplers",
 ];
 
+/// Attributes of morph targets; tangents follow from the others.
+const TARGET: [&str; 3] = ["POSITION", "NORMAL", "TANGENT"];
+
 const PRIMITIVE: [&str; 5] = ["attributes", "indices", "material", "mode", "targets"];
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().map_or(&[], Vec::as_slice)
+}
 
 /// Notes what is not used.
 ///
 /// # Errors
 /// [`ImportError`] if the document requires an extension that its triangles may depend on.
 pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportError> {
-    let names = |key: &str| -> Vec<&str> {
-        let list = document[key].as_array().map_or(&[][..], Vec::as_slice);
-        list.iter().filter_map(Value::as_str).collect()
-    };
+    let names = |key: &str| -> Vec<&str> { list(&document[key]).iter().filter_map(Value::as_str).collect() };
     let is_known = |name: &str| READ.contains(&name) || NO_GEOMETRY.iter().any(|n| name.starts_with(n));
     for name in names("extensionsRequired") {
         if COMPRESSIONS.contains(&name) {
-            let what = format!("its meshes are compressed ({name})");
-            return Err(ImportError::unsupported(
-                what,
-                "export it again without compression",
-            ));
+            return Err(compressed(name));
         }
         if !is_known(name) {
             let what = format!("the file requires the extension {name}");
@@ -148,17 +148,49 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
             }
         }
     }
+    account.object(
+        &document["asset"],
+        "asset",
+        &["version", "minVersion", "generator", "copyright"],
+    );
     account.extensions(document, "the document");
     for (kind, keys) in KEYS {
-        for item in document[kind].as_array().into_iter().flatten() {
+        for item in list(&document[kind]) {
             account.object(item, kind, keys);
-            for primitive in item["primitives"].as_array().into_iter().flatten() {
+            for primitive in list(&item["primitives"]) {
                 account.object(primitive, "primitives", &PRIMITIVE);
                 account.attributes(&primitive["attributes"]);
+                for target in list(&primitive["targets"]) {
+                    account.object(target, "targets", &TARGET);
+                }
             }
+            if let Some(sparse) = item.get("sparse") {
+                account.object(sparse, "sparse", &["count", "indices", "values"]);
+                account.object(
+                    &sparse["indices"],
+                    "indices",
+                    &["bufferView", "byteOffset", "componentType"],
+                );
+                account.object(&sparse["values"], "values", &["bufferView", "byteOffset"]);
+            }
+            let read = [(INSTANCING, "attributes"), (VISIBILITY, "visible")];
+            for (name, key) in read {
+                account.object(&item["extensions"][name], name, &[key]);
+            }
+            account.object(
+                &item["extensions"][INSTANCING]["attributes"],
+                INSTANCING,
+                &["TRANSLATION", "ROTATION", "SCALE"],
+            );
         }
     }
     Ok(())
+}
+
+/// The error for meshes that are compressed by an extension.
+pub(super) fn compressed(name: &str) -> ImportError {
+    let what = format!("its meshes are compressed ({name})");
+    ImportError::unsupported(what, "export it again without compression")
 }
 
 struct Account<'a> {

@@ -1,10 +1,11 @@
-//! Meshes from files: Wavefront OBJ, PLY (ASCII and binary) and glTF 2.0 (`.gltf`, `.glb`), and what else of scenes is read or
-//! asked triangle by triangle and pixel by pixel: whether surfaces are closed, pictures, places of many copies.
+//! Meshes from files: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's `serialized`; and what else
+//! of scenes is read or computed triangle by triangle and pixel by pixel: closed surfaces, pictures, places of many copies.
 //!
 //! The parsers are pure functions of the bytes and hold up against arbitrary input: a broken file gives an
 //! [`ImportError`] that says where it is broken, never a panic, and no allocation exceeds what the file's own length
 //! supports. All of them finish a mesh the same way: triangles without area are dropped, then unused vertices,
-//! normals are made unit length (or dropped where one has no length), and the result is validated.
+//! normals are made unit length (those without a length are replaced), and the result is validated. Whatever a file holds is
+//! used, noted or refused.
 
 #![warn(missing_docs)]
 
@@ -28,9 +29,12 @@ mod ply;
 mod ply_body;
 mod ply_header;
 mod polygon;
+mod serialized;
 mod text;
 pub mod write_ply;
 
+#[cfg(test)]
+mod accounting;
 #[cfg(test)]
 mod fuzz;
 #[cfg(test)]
@@ -48,8 +52,10 @@ pub use self::gltf_materials::appearances as gltf_appearances;
 pub use self::obj::parse_obj;
 pub use self::part::{MeshPart, Model, lies_within};
 pub use self::ply::{has_colours as ply_has_colours, parse_ply};
+pub use self::serialized::parse_serialized;
 
-/// Loads every mesh of a file; the format follows from the extension (`.obj`, `.ply`, `.gltf`, `.glb`, in any case).
+/// Loads every mesh of a file; the format follows from the extension (`.obj`, `.ply`, `.gltf`, `.glb`, `.serialized` (its first mesh),
+/// in any case).
 ///
 /// # Errors
 /// [`ImportError`], which names the file, if it cannot be read, is not one of those formats, breaks its format, or
@@ -72,7 +78,7 @@ fn load_unnamed(path: &Path) -> Result<Model, ImportError> {
     let extension = path
         .extension()
         .map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
-    if !["obj", "ply", "gltf", "glb"].contains(&extension.as_str()) {
+    if !["obj", "ply", "gltf", "glb", "serialized"].contains(&extension.as_str()) {
         return Err(ImportProblem::Extension(extension).into());
     }
     let bytes = base::input::read(path).map_err(|cause| ImportProblem::Read {
@@ -82,6 +88,7 @@ fn load_unnamed(path: &Path) -> Result<Model, ImportError> {
     match extension.as_str() {
         "obj" => parse_obj(&bytes),
         "ply" => parse_ply(&bytes),
+        "serialized" => parse_serialized(&bytes, 0),
         _ => parse_gltf(&bytes, Some(path.parent().unwrap_or(Path::new("")))),
     }
 }

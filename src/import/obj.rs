@@ -86,7 +86,8 @@ impl Tables {
             let at_line = |e: ImportError| e.at_line(number);
             match keyword {
                 "v" | "V" => {
-                    let (c, n) = coordinates::<8>(rest, 3).map_err(at_line)?;
+                    let (c, _) = coordinates::<4>(rest, 3).map_err(at_line)?;
+                    let n = rest.split_whitespace().count();
                     let p = Vec3::new(c[0], c[1], c[2]);
                     let p = if n == 4 { p / c[3] } else { p };
                     if !p.is_finite() {
@@ -134,7 +135,8 @@ fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], us
     let mut found = 0;
     for (slot, word) in out.iter_mut().zip(rest.split_whitespace()) {
         *slot = match word.parse::<f32>() {
-            Ok(x) if x.is_finite() => x,
+            // Behind the needed ones may be colours, which are not used.
+            Ok(x) if x.is_finite() || found >= least => x,
             _ => {
                 let what = format!("{word:?} is not a finite number");
                 return Err(ImportError::malformed(what, FIX_NUMBER));
@@ -184,6 +186,10 @@ struct Lacking {
     normals: usize,
     /// Faces without normals in a smoothing group.
     smooth: usize,
+    /// Corners that name texture coordinates and normals that the file lacks.
+    missing: [usize; 2],
+    /// Faces of fewer than three corners.
+    short: usize,
 }
 
 struct Reader<'a> {
@@ -246,8 +252,8 @@ impl Reader<'_> {
             .map(|word| self.corner(word))
             .collect::<Result<Vec<Corner>, _>>()?;
         if corners.len() < 3 {
-            let what = format!("the face has {} corners", corners.len());
-            return Err(ImportError::malformed(what, FIX_FACE));
+            self.lacking.short += 1;
+            return Ok(());
         }
         let [_, has_uvs, has_normals] = [0, 1, 2].map(|k| corners.iter().all(|c| c[k] != 0));
         self.lacking.faces += 1;
@@ -269,7 +275,7 @@ impl Reader<'_> {
     }
 
     /// A corner, with relative indices resolved.
-    fn corner(&self, word: &str) -> Result<Corner, ImportError> {
+    fn corner(&mut self, word: &str) -> Result<Corner, ImportError> {
         let bad = || ImportError::malformed(format!("{word:?} is not a face corner in range"), FIX_FACE);
         let tables = self.tables;
         let counts = [tables.positions.len(), tables.uvs.len(), tables.normals.len()];
@@ -289,10 +295,13 @@ impl Reader<'_> {
             if index == 0 {
                 return Err(bad());
             }
+            if index > counts[k] && k > 0 {
+                self.lacking.missing[k - 1] += 1;
+                continue;
+            }
             if index > counts[k] {
-                let what = ["position", "uv", "normal"][k];
                 let what = format!(
-                    "the face uses {what} {index}, but the file has only {}",
+                    "the face uses position {index}, but the file has only {}",
                     counts[k]
                 );
                 return Err(ImportError::malformed(what, FIX_FACE));
@@ -402,7 +411,21 @@ impl Reader<'_> {
             uvs,
             normals,
             smooth,
+            missing,
+            short,
         } = self.lacking;
+        for (count, what) in missing.into_iter().zip(["texture coordinates", "normals"]) {
+            if count > 0 {
+                self.parts.notes.add(format!(
+                    "{count} corners of faces name {what} that the file lacks"
+                ));
+            }
+        }
+        if short > 0 {
+            self.parts
+                .notes
+                .add(format!("{short} faces of fewer than three corners are left out"));
+        }
         if (1..faces).contains(&uvs) {
             self.parts
                 .notes

@@ -47,6 +47,10 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
         file.element(element, &mut body, &mut parts)
             .map_err(|what| located(what, &header, &body, bytes))?;
     }
+    if body.surplus > 0 {
+        let note = "rows whose lines hold more numbers than the header announces; those are not used";
+        parts.notes.add(format!("{} {note}", body.surplus));
+    }
     if body.rest() > 0 {
         parts
             .notes
@@ -144,6 +148,7 @@ impl File {
                     for p in &element.properties {
                         body.skip(p.kind, p.list)?;
                     }
+                    body.surplus += usize::from(body.end_row());
                 }
                 Ok(())
             }
@@ -211,11 +216,10 @@ impl File {
                     }
                 }
             }
+            body.surplus += usize::from(body.end_row());
             if corners.len() < 3 {
-                return Err(format!(
-                    "face {number} (counted from 0) has {} corners where three are needed",
-                    corners.len()
-                ));
+                parts.notes.add("a face of fewer than three corners is left out");
+                continue;
             }
             let polygons = match numbers.len() {
                 0 => &mut self.plain,
@@ -270,6 +274,12 @@ impl File {
         let faces = self.triangles.len() + self.plain.ends.len() + self.textured.ends.len();
         if !has("vertex") {
             return Err(ImportError::malformed("there is no element \"vertex\"", FIX));
+        }
+        if faces == 0 && self.positions.is_empty() {
+            return Err(ImportError::malformed(
+                "the file has no vertices and no faces",
+                FIX,
+            ));
         }
         if faces == 0 {
             let names: Vec<&str> = header.elements.iter().map(|e| e.name.as_str()).collect();

@@ -14,11 +14,18 @@ pub(super) struct Body<'a> {
     pub format: Format,
     bytes: &'a [u8],
     at: usize,
+    /// Rows whose lines hold more than the header announces.
+    pub surplus: usize,
 }
 
 impl<'a> Body<'a> {
     pub fn new(format: Format, bytes: &'a [u8]) -> Self {
-        Self { format, bytes, at: 0 }
+        Self {
+            format,
+            bytes,
+            at: 0,
+            surplus: 0,
+        }
     }
 
     /// Text that is read already.
@@ -27,6 +34,7 @@ impl<'a> Body<'a> {
             format: Format::Ascii,
             bytes,
             at: bytes.len(),
+            surplus: 0,
         }
     }
 
@@ -44,6 +52,18 @@ impl<'a> Body<'a> {
             Format::Ascii => rest.trim_ascii().len(),
             _ => rest.len(),
         }
+    }
+
+    /// Ends a row: in ASCII files what else is on its line is skipped. True if there was something.
+    pub fn end_row(&mut self) -> bool {
+        if self.format != Format::Ascii {
+            return false;
+        }
+        let rest = &self.bytes[self.at..];
+        let length = rest.iter().position(|b| matches!(b, b'\n' | b'\r'));
+        let line = &rest[..length.unwrap_or(rest.len())];
+        self.at += line.len();
+        !line.trim_ascii().is_empty()
     }
 
     fn word(&mut self) -> Result<&'a str, String> {
@@ -132,6 +152,7 @@ impl<'a> Body<'a> {
                     }
                 }
                 rows.push(row);
+                self.surplus += usize::from(self.end_row());
             }
             return Ok(rows);
         }

@@ -91,6 +91,8 @@ fn clip(points: &[DVec2], least: f64, whole: &mut bool) -> Vec<[usize; 3]> {
                 let [a, b, c] = ear(i).map(|k| points[k]);
                 area(a, b, c) < -least
             });
+            // Seen edge-on it may have an area all the same, where the corners do not lie in a plane.
+            ears.extend(ring[1..].windows(2).map(|w| [ring[0], w[0], w[1]]));
             break;
         };
         *whole &= found.is_some();
@@ -261,6 +263,31 @@ mod tests {
         let mut triangles = vec![];
         cut(&[0, 1, 2, 3], |i| points[i as usize], &mut triangles);
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    /// A square whose outline goes up to an apex above one edge: of n corners there are n - 2 triangles.
+    #[test]
+    fn corners_off_the_plane_leave_no_hole() {
+        let points = [
+            [-1., 0., 1.],
+            [1., 0., 1.],
+            [1., 0., -1.],
+            [-1., 0., -1.],
+            [0., 1., -1.],
+        ]
+        .map(Vec3::from_array);
+        let mut triangles = vec![];
+        cut(&[0, 1, 2, 3, 4], |i| points[i as usize], &mut triangles);
+        assert_eq!(triangles.len(), 3, "{triangles:?}");
+        for i in 0..5 {
+            let edge = (i, (i + 1) % 5);
+            let edges = triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+            assert_eq!(
+                edges.filter(|e| *e == edge).count(),
+                1,
+                "{edge:?} of {triangles:?}"
+            );
+        }
     }
 
     #[test]

@@ -619,6 +619,7 @@ impl Choices<'_> {
     fn shape(&mut self) -> Located<ShapeFile> {
         let mesh = |c: &mut Self| MeshFile {
             file: c.text().into(),
+            index: c.below(3) as u32,
             flat: c.yes(),
             smooth: c.yes(),
             materials: c.yes(),
@@ -630,6 +631,7 @@ impl Choices<'_> {
             }),
             1 => ShapeFile::Obj(mesh(self)),
             2 => ShapeFile::Gltf(mesh(self)),
+            3 if self.yes() => ShapeFile::Serialized(mesh(self)),
             3 => ShapeFile::Ply(mesh(self)),
             4 => ShapeFile::Rectangle(RectangleFile {
                 corner: self.three(),

@@ -102,14 +102,14 @@ pub struct RenderFile {
     pub tile: Located<u32>,
 }
 
-/// What becomes of scenes in which light is lost in gaps.
+/// What becomes of scenes in which light is lost in gaps, where no surface can be moved to close or open them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GapsFile {
     /// They are refused.
     #[default]
     Refuse,
-    /// They are rendered without the light that is lost, and the gap is told.
+    /// They are rendered without the light that is lost, and a note names the gap.
     Warn,
 }
 

@@ -47,6 +47,8 @@ pub enum ShapeFile {
     Gltf(MeshFile),
     /// Stanford PLY file.
     Ply(MeshFile),
+    /// Mitsuba's `serialized` file.
+    Serialized(MeshFile),
     /// Exact sphere.
     Sphere(SphereFile),
     /// Parallelogram.
@@ -65,6 +67,9 @@ pub enum ShapeFile {
 pub struct MeshFile {
     /// Relative to the scene file.
     pub file: Located<String>,
+    /// Number of the mesh in the file, from 0: of a `serialized` file, which may hold several.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub index: u32,
     /// Ignore the file's vertex normals: flat faces.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flat: bool,
@@ -210,6 +215,7 @@ impl ShapeFile {
         let ending = file.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase());
         let mesh = MeshFile {
             file: file.into(),
+            index: 0,
             flat: false,
             smooth: false,
             materials: false,
@@ -217,6 +223,7 @@ impl ShapeFile {
         match ending.as_deref() {
             Some("obj") => Self::Obj(mesh),
             Some("gltf" | "glb") => Self::Gltf(mesh),
+            Some("serialized") => Self::Serialized(mesh),
             _ => Self::Ply(mesh),
         }
     }

@@ -47,6 +47,7 @@ mod standard_errors;
 mod strategies;
 mod textures;
 mod thin_plates;
+mod touching;
 mod wishes;
 
 use ::support;

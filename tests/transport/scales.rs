@@ -114,8 +114,14 @@ fn a_micrometre_works_or_is_refused() {
                     at(1.5 * least).expect("as far off as was asked for")
                 }
             };
-            assert!(at(0.0).is_err(), "{what}: on the wall");
-            if front == "null" {
+            let touching = at(0.0).unwrap_or_else(|e| panic!("{what} on the wall: {e}"));
+            assert!(
+                touching.notes.iter().any(|n| n.contains("touches")),
+                "{what}: {:?}",
+                touching.notes
+            );
+            // A pane that touches the wall as far as single precision knows has no air behind it, which is noted.
+            if front == "null" || scene.notes.iter().any(|n| n.contains("into it")) {
                 continue;
             }
             let mut wide = at(1e-3 * z).expect("a wide gap");

@@ -128,7 +128,7 @@ pub(crate) fn place(
         })
     };
     let form = match &*object.shape {
-        ShapeFile::Obj(m) | ShapeFile::Gltf(m) | ShapeFile::Ply(m) => {
+        ShapeFile::Obj(m) | ShapeFile::Gltf(m) | ShapeFile::Ply(m) | ShapeFile::Serialized(m) => {
             let parts = load(ctx, m, &object.shape)?;
             if m.flat && m.smooth {
                 return Err(ctx.error(
@@ -248,6 +248,16 @@ pub(crate) fn place(
 
 /// Reads a mesh file in the format that the shape names.
 fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPart>, InputError> {
+    if m.index > 0 && !matches!(shape, ShapeFile::Serialized(_)) {
+        return Err(ctx.error(
+            m.file.span(),
+            format!(
+                "the mesh has the index {}, but only `serialized` files have several",
+                m.index
+            ),
+            "remove index",
+        ));
+    }
     let bytes = ctx.bytes(&m.file, m.file.span())?;
     let path = ctx.path(&m.file);
     if let ShapeFile::Gltf(_) = shape {
@@ -259,6 +269,7 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPa
     let parse = || match shape {
         ShapeFile::Gltf(_) => import::parse_gltf(&bytes, path.parent()),
         ShapeFile::Ply(_) => import::parse_ply(&bytes),
+        ShapeFile::Serialized(m) => import::parse_serialized(&bytes, m.index),
         _ => import::parse_obj(&bytes),
     };
     let (parsed, ()) = rayon::join(parse, || ctx.count(&bytes));
@@ -267,7 +278,7 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPa
         ctx.error(
             m.file.span(),
             format!("{}: {e}", path.display()),
-            "repair or re-export the file, or use the shape key of its format (obj, gltf, ply)",
+            "repair or re-export the file, or use the shape key of its format (obj, gltf, ply, serialized)",
         )
     })?;
     for note in model.notes {

@@ -1,4 +1,7 @@
-//! Objects that touch within rounding: one of the two is moved off the other by as much as single precision needs.
+//! Objects that touch within rounding: the surface of one of the two is moved by as much as single precision needs.
+//!
+//! Glass on something opaque reaches into it, so that light in the glass meets what it lies on, as in other programs. A sheet, which
+//! bends no light, is moved off.
 
 use super::context::Context;
 use super::shapes::{self, Solid};
@@ -8,50 +11,60 @@ use std::collections::BTreeMap;
 use syntax::scene::SceneFile;
 use syntax::shape::ObjectFile;
 use syntax::transform::TransformFile;
-use transport::render::gaps::Gap;
+use transport::render::gaps::{Contact, Gap};
 
 /// Widths of a gap that count as enough, in units of the least.
 const ENOUGH: f64 = 2.0;
 
-/// An object thinner than this many of the moves is moved as a whole; a thicker one becomes thinner on both sides.
+/// An object thinner than this many of the moves is moved as a whole; of a thicker one the opposite side stays.
 const FLAT: f64 = 8.0;
 
-/// The largest share by which an object becomes thinner.
-const MOST_SHRUNK: f64 = 0.01;
+/// The largest share by which an object becomes thinner or thicker.
+const MOST_CHANGE: f64 = 0.01;
 
-/// Moves one of the objects at a gap off the other, and says so; `None` if that is not possible.
+/// Moves the surface of one of the objects at a gap, and says so; `None` if that is not possible.
 pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Option<String> {
-    let side = gap.separable?;
+    let (width, enough) = (f64::from(gap.width), ENOUGH * f64::from(gap.least));
+    // The object that is moved, and how far off the other one.
+    let (side, off) = match gap.contact {
+        Contact::Air(side) => (side, enough - width),
+        Contact::Touch => (0, -enough - width),
+        Contact::Glass => return None,
+    };
     let numbers = [gap.objects[0]? as usize, gap.objects[1]? as usize];
     if numbers[0] == numbers[1] {
         return None;
     }
     let [object, other] = [numbers[side], numbers[1 - side]].map(|i| (i, file.objects.get(i)));
     let (object, other) = ((object.0, object.1?), (other.0, other.1?));
-    // Away from the other object.
     let away = gap.across.as_dvec3() * if side == 0 { -1.0 } else { 1.0 };
-    let by = ENOUGH * f64::from(gap.least) - f64::from(gap.width);
     let (low, high) = extent(ctx, file, object.1, away).ok()?;
-    let (middle, thickness) = (0.5 * (low + high), high - low);
-    let map = if thickness < FLAT * by {
-        DAffine3::from_translation(away * by)
+    let map = if high - low < FLAT * off.abs() {
+        DAffine3::from_translation(away * off)
     } else {
-        let share = by / (middle - gap.at.as_dvec3().dot(away));
-        if !(0.0..MOST_SHRUNK).contains(&share) {
+        // Of the distance from the opposite side.
+        let share = off / (high - gap.at.as_dvec3().dot(away));
+        if !(share.abs() < MOST_CHANGE) {
             return None;
         }
         let outer = DMat3::from_cols(away * away.x, away * away.y, away * away.z);
-        DAffine3::from_mat3_translation(DMat3::IDENTITY - outer * share, away * (middle * share))
+        DAffine3::from_mat3_translation(DMat3::IDENTITY - outer * share, away * (high * share))
     };
     let named = |(i, o): (usize, &Located<ObjectFile>)| {
         let name = o.name.clone().unwrap_or_else(|| format!("objects[{i}]"));
         format!("`{name}`{}", ctx.line(o.span()))
     };
     let [x, y, z] = gap.at.to_array();
+    let way = if off < 0.0 {
+        "into it, so that no air is between the two"
+    } else {
+        "off it"
+    };
     let note = format!(
-        "{} touches {} at ({x:.4}, {y:.4}, {z:.4}): its surface is moved {by:.1e} m off, so that air is between the two",
+        "{} touches {} at ({x:.4}, {y:.4}, {z:.4}): its surface is moved {:.1e} m {way}",
         named(object),
-        named(other)
+        named(other),
+        off.abs()
     );
     let place = match &object.1.transform {
         Some(t) => shapes::transform(ctx, t).ok()?,

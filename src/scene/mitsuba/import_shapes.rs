@@ -93,30 +93,34 @@ fn objects<'a>(
         "disk" => ShapeFile::Disk(DiskFile::default()),
         "rectangle" => ShapeFile::Rectangle(RectangleFile::default()),
         "cube" => ShapeFile::Cube(CubeFile::default()),
-        kind @ ("obj" | "ply") => {
+        kind @ ("obj" | "ply" | "serialized") => {
             let file = mesh_file()?;
             let flat = node.boolean(source, "face_normals")?.unwrap_or(false);
-            turned = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
+            if kind != "serialized" {
+                turned = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
+            }
+            let index = shape_index(importer, node)?;
             // Mitsuba computes the other normals from the faces, which a mirror turns round.
             let given = !flat && mirrors && has_normals(importer, node)?;
             (inward, swapped) = (flip != mirrors, if given { flip } else { flip != mirrors });
             let mesh = MeshFile {
                 file,
+                index,
                 flat,
                 smooth: !flat,
                 materials: false,
             };
-            if kind == "obj" {
-                ShapeFile::Obj(mesh)
-            } else {
-                ShapeFile::Ply(mesh)
+            match kind {
+                "obj" => ShapeFile::Obj(mesh),
+                "ply" => ShapeFile::Ply(mesh),
+                _ => ShapeFile::Serialized(mesh),
             }
         }
         other => {
             return importer.error(
                 &node.span,
                 format!("sunstone has no shape `{other}`"),
-                "use obj, ply, sphere, rectangle, disk, cube or cylinder; convert other meshes to PLY",
+                "use obj, ply, serialized, sphere, rectangle, disk, cube or cylinder; convert other meshes to PLY",
             );
         }
     };
@@ -235,12 +239,28 @@ fn has_normals(importer: &Importer, node: &Node) -> Result<bool, InputError> {
         // Building the scene reports it.
         return Ok(false);
     };
-    let parts = if node.kind == "ply" {
-        import::parse_ply(&bytes)
-    } else {
-        import::parse_obj(&bytes)
+    let model = match node.kind.as_str() {
+        "ply" => import::parse_ply(&bytes),
+        "serialized" => import::parse_serialized(&bytes, shape_index(importer, node)?),
+        _ => import::parse_obj(&bytes),
     };
-    Ok(parts.is_ok_and(|model| model.parts.iter().any(|p| !p.mesh.normals.is_empty())))
+    Ok(model.is_ok_and(|model| model.parts.iter().any(|p| !p.mesh.normals.is_empty())))
+}
+
+/// The number of a mesh in a `serialized` file.
+fn shape_index(importer: &Importer, node: &Node) -> Result<u32, InputError> {
+    if node.kind != "serialized" {
+        return Ok(0);
+    }
+    let index = node.integer(importer.source, "shape_index")?.unwrap_or(0);
+    let wrong = || {
+        importer.source.error(
+            &node.span,
+            format!("the shape_index is {index}"),
+            "give the number of a mesh in the file, from 0",
+        )
+    };
+    u32::try_from(index).map_err(|_| wrong())
 }
 
 /// Faces of Mitsuba's cube, with its texture coordinates: corner, u and v, where v is 1 minus Mitsuba's.

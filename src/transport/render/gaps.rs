@@ -1,7 +1,6 @@
 //! Gaps behind sheets and interfaces that are thinner than single precision can tell: a ray that leaves the one surface may start
-//! beyond the other and never meet it, and rays from afar may meet the two in either order. Where a thin layer of air between
-//! the two changes nothing that they stand for ([`Gap::separable`]), the one can be moved away from the other; other scenes with
-//! such gaps are refused.
+//! beyond the other and never meet it, and rays from afar may meet the two in either order. Where it is known what such a contact
+//! stands for ([`Contact`]), the one surface can be moved; other scenes with such gaps are refused.
 //!
 //! With δ the way that rays start off a surface and k its rounding (`geometry::rounding`), light is safe from surface A to
 //! B where the gap is wider than 3 δ_A + δ_B (twice δ_A are the shots of `manifold`), and rays from across the scene tell
@@ -50,10 +49,20 @@ pub struct Gap {
     pub across: Vec3A,
     /// Numbers of the objects on both sides, that of the surface that lets light through first; `None` for copies of groups.
     pub objects: [Option<u32>; 2],
-    /// Which of the two objects may be moved away from the other without changing how light passes: one whose surface bends no
-    /// light, or one that lets light through and lies on one that does not. `None` where both bend light: glass on glass, or
-    /// water in it, is another thing with air between.
-    pub separable: Option<usize>,
+    /// What the contact of the two stands for.
+    pub contact: Contact,
+}
+
+/// What the contact of two surfaces stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Contact {
+    /// Air is between the two, or changes nothing: the surface of this side bends no light, or is known to be off the other.
+    Air(usize),
+    /// The two touch, as far as rounding knows; the first surface bends light, and the other one lets none through: light inside
+    /// meets the other one.
+    Touch,
+    /// Both bend light: with air between them they are another thing than without.
+    Glass,
 }
 
 /// True if light goes on behind a surface.
@@ -95,10 +104,18 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
             return None;
         }
         let object = |hit: &Hit| (hit.owner == Owner::WORLD).then(|| g.object(hit));
-        let separable = if is_sheet(scene, s, -dir) || !transmits(scene, &t, back.dir) {
-            Some(0)
+        let contact = if is_sheet(scene, s, -dir) {
+            Contact::Air(0)
+        } else if !transmits(scene, &t, back.dir) && !transmits(scene, &t, -back.dir) {
+            if width > both {
+                Contact::Air(0)
+            } else {
+                Contact::Touch
+            }
+        } else if is_sheet(scene, &t, back.dir) {
+            Contact::Air(1)
         } else {
-            is_sheet(scene, &t, back.dir).then_some(1)
+            Contact::Glass
         };
         Some(Gap {
             width: width.max(0.0),
@@ -106,7 +123,7 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
             at: s.p,
             across,
             objects: [object(hit), object(&other)],
-            separable,
+            contact,
         })
     };
     let found = g.crossings(&back, far + 8.0 * scale).into_iter().filter_map(gap);
