@@ -111,9 +111,9 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
     ),
     (
         "type=\"sphere\"",
-        "type=\"serialized\"",
+        "type=\"sdfgrid\"",
         12,
-        "no shape `serialized`",
+        "no shape `sdfgrid`",
     ),
     (
         "name=\"radius\"",
