@@ -373,12 +373,7 @@ impl<'a> MaterialWriter<'a> {
     }
 
     /// Mitsuba's `plastic` (smooth) or `roughplastic` (through one facet), which have interreflection and no polarization.
-    fn unpolarized_plastic(
-        &mut self,
-        id: u32,
-        element: Element,
-        p: &Plastic,
-    ) -> Result<Element, InputError> {
+    fn unpolarized_plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
         let smooth = p.roughness.alpha.texture.is_none() && p.roughness.alpha.value <= SMOOTH_COAT;
         let kind = match p.passage {
             Some(table) if table.single && p.roughness.alpha.texture.is_none() => "roughplastic",
@@ -415,7 +410,10 @@ impl<'a> MaterialWriter<'a> {
             .child(self.spectrum("specular_reflectance", p.specular))
             .float("int_ior", shortest(p.eta.to_array()[0]))
             .float("ext_ior", 1.0)
-            .boolean("nonlinear", matches!(p.interreflection, Interreflection::Coloured(_)));
+            .boolean(
+                "nonlinear",
+                matches!(p.interreflection, Interreflection::Coloured(_)),
+            );
         match kind {
             "plastic" => Ok(element),
             _ => self.roughness(id, element, &p.roughness),
