@@ -45,9 +45,9 @@ def plain(what: str, given: Any, *, fill: float | None = None) -> npt.NDArray[An
         given = np.ma.stack(given)  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
         if fill is None or given.dtype.kind not in "fiub":  # pyright: ignore[reportUnknownMemberType]
-            raise InputError(f"{what}: {int(np.ma.count_masked(given))} entries are masked; fill or remove them")  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
+            raise InputError(f"{what}: {int(np.ma.getmaskarray(given).sum())} entries are masked; fill or remove them")  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
         single = given.dtype.type in (np.float16, np.float32)  # pyright: ignore[reportUnknownMemberType]
-        return np.asarray(given.astype(np.float32 if single else np.float64).filled(fill))  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
+        return np.asarray(np.ma.filled(np.ma.asarray(given, np.float32 if single else np.float64), fill))  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
     try:
         return np.asarray(given)
     except (TypeError, ValueError, RuntimeError) as fault:

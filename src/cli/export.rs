@@ -9,8 +9,9 @@ use sunstone::store::probe::{Selection, parse_axes};
 
 /// Export an image slice as OpenEXR, or a scene for Mitsuba 3.
 ///
-/// STORE SLICE -o X.exr writes an image with Mitsuba's channel names (S0.R … S3.B, and R, G, B). Column 0 of the Mueller
-/// matrix is the Stokes image under unpolarized light. Axes other than y and x are summed unless selected or expanded
+/// STORE SLICE -o X.exr writes an image with the channels stokes.S0.R … stokes.S3.B, and R, G, B (S0 again). Column 0 of
+/// the Mueller matrix is the Stokes image under unpolarized light. Frames are Sunstone's, not those of Mitsuba's stokes
+/// integrator: CONVENTIONS.md has the angle between them. Axes other than y and x are summed unless selected or expanded
 /// into channels.
 ///
 /// SCENE.toml --mitsuba DIR writes DIR/scene.xml with the meshes, images and tables that it names, for
@@ -29,7 +30,7 @@ pub struct Arguments {
     /// Axes to write as channels of their own (comma-separated names).
     #[arg(long, default_value = "", conflicts_with = "mitsuba")]
     expand: String,
-    /// Write all 16 Mueller elements (M00.R … M33.B).
+    /// Write all 16 Mueller elements (mueller.M00.R … mueller.M33.B).
     #[arg(long, conflicts_with = "mitsuba")]
     mueller: bool,
     /// EXR file to write.

@@ -1,9 +1,10 @@
-//! Slices as OpenEXR images, with the channel names of Mitsuba 3's `stokes` integrator.
+//! Slices as OpenEXR images.
 //!
-//! `S0.R … S3.B` hold the Stokes vector for unpolarized light in, that is column 0 of the Mueller matrix; plain
-//! `R`, `G`, `B` repeat S0, as Mitsuba writes them. `M00.R … M33.B` hold the whole matrix where asked for. Of three
-//! wavelengths the longest is R and the shortest B; any other number is named by nanometres (`S0.450nm`). Every
-//! channel is f32. Frames are those of the stored tensor: projector frame in, camera frame out.
+//! `stokes.S0.R … stokes.S3.B` hold the Stokes vector for unpolarized light in, that is column 0 of the Mueller matrix;
+//! plain `R`, `G`, `B` repeat S0. `mueller.M00.R … mueller.M33.B` hold the whole matrix where asked for. Of three
+//! wavelengths the longest is R and the shortest B; any other number is named by nanometres (`stokes.S0.450nm`). Every
+//! channel is f32. Frames are those of the stored tensor: projector frame in, camera frame out. Mitsuba's `stokes`
+//! integrator has another frame in each pixel (see CONVENTIONS.md), so the names are not its `S0.R … S3.B`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -48,7 +49,7 @@ pub struct ExrOptions {
     pub select: Vec<Selection>,
     /// Axes to expand into channels of their own instead of summing them.
     pub expand: Vec<AxisKind>,
-    /// Write all 16 elements (`M00` …) too.
+    /// Write all 16 elements (`mueller.M00` …) too.
     pub mueller: bool,
 }
 
@@ -150,9 +151,9 @@ fn channels(tensor: &Tensor, mueller: bool) -> Vec<(String, Indices)> {
                 all.push((format!("{prefix}{colour}"), at(0, 0)));
             }
             for out in 0..outputs {
-                all.push((format!("{prefix}S{out}{dotted}"), at(out, 0)));
+                all.push((format!("{prefix}stokes.S{out}{dotted}"), at(out, 0)));
                 for inn in (0..tensor.extent(AxisKind::StokesIn)).filter(|_| mueller) {
-                    all.push((format!("{prefix}M{out}{inn}{dotted}"), at(out, inn)));
+                    all.push((format!("{prefix}mueller.M{out}{inn}{dotted}"), at(out, inn)));
                 }
             }
         }
@@ -251,15 +252,17 @@ mod tests {
         write_exr(&t, true, &path).unwrap();
         let channels = read_back(&path);
         assert_eq!(channels.len(), 3 + 12 + 48);
+        // These are in the frames of Mitsuba's sensor, which ours are not.
+        assert!(!channels.keys().any(|name| name.starts_with(['S', 'M'])));
         for (w, colour) in ["R", "B", "G"].into_iter().enumerate() {
             for (out, inn) in (0..4).flat_map(|o| (0..4).map(move |i| (o, i))) {
                 let expected = plane(&t, &vec![(StokesOut, out), (StokesIn, inn), (Wavelength, w)]);
-                assert_eq!(channels[&format!("M{out}{inn}.{colour}")], expected);
+                assert_eq!(channels[&format!("mueller.M{out}{inn}.{colour}")], expected);
                 if inn == 0 {
-                    assert_eq!(channels[&format!("S{out}.{colour}")], expected);
+                    assert_eq!(channels[&format!("stokes.S{out}.{colour}")], expected);
                 }
             }
-            assert_eq!(channels[colour], channels[&format!("S0.{colour}")]);
+            assert_eq!(channels[colour], channels[&format!("stokes.S0.{colour}")]);
         }
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
     }
@@ -275,9 +278,9 @@ mod tests {
         let channels = read_back(&path);
         assert_eq!(
             channels.keys().collect::<Vec<_>>(),
-            ["t12.5ps.S0.635nm", "t37.5ps.S0.635nm"]
+            ["t12.5ps.stokes.S0.635nm", "t37.5ps.stokes.S0.635nm"]
         );
-        assert_eq!(channels["t37.5ps.S0.635nm"], plane(&t, &vec![(T, 1)]));
+        assert_eq!(channels["t37.5ps.stokes.S0.635nm"], plane(&t, &vec![(T, 1)]));
         assert!(write_exr(&t, true, &path).is_err());
         assert!(write_exr(&t.select(Y, 0), false, &path).is_err());
         let bad = tensor(&[image[0], image[1], (AxisKind::StokesIn, STOKES)]);
@@ -355,6 +358,6 @@ mod tests {
                 .zip(&mut expected)
                 .for_each(|(v, e)| *e += v);
         }
-        assert_eq!(channels["component1.M23.R"], expected);
+        assert_eq!(channels["component1.mueller.M23.R"], expected);
     }
 }
