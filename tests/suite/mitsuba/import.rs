@@ -109,12 +109,7 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         12,
         "nothing has the id `golf`",
     ),
-    (
-        "type=\"sphere\"",
-        "type=\"serialized\"",
-        12,
-        "no shape `serialized`",
-    ),
+    ("type=\"sphere\"", "type=\"hair\"", 12, "no shape `hair`"),
     (
         "name=\"radius\"",
         "name=\"radios\"",
