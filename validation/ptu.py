@@ -5,8 +5,9 @@ For each of the twelve types of records:
 - words: random records, put behind a header by ptufile's own `encode_tag`, taken apart by `sunstone ptu records` and by ptufile;
 - written: random photons, syncs and markers across many turns of the clock, written by `sunstone ptu write`, read by ptufile;
 - histogram: of that file by `sunstone ptu histogram` and by ptufile's `decode_histogram` (T3), or by NumPy from ptufile's records (T2).
-Then scans that ptufile's `imwrite` writes, of both types of records that it has, by pixel, channel and bin; and tags of every type
-that `encode_tag` knows. All must be equal, every record and every count. Exits with 1 if a row is not.
+Then scans that ptufile's `imwrite` writes, of both types of records that it has, by pixel, channel and bin; sweeps: images whose lines run
+back and forth (`ImgHdr_BiDirect`), sinusoidally (`ImgHdr_SinCorrection`), or both, of several frames of which the first may lack its
+beginning; and tags of every type that `encode_tag` knows. All must be equal, every record and every count. Exits with 1 if a row is not.
 
 `--power` plants errors in the files that we are given, one at a time (each bit of one record, an overflow left out, the type of
 a tag, a torn record's bytes, a photon's bin), and checks that each is noticed.
@@ -219,6 +220,62 @@ def scans(rng, folder):
         yield f"scan {'x'.join(map(str, shape))}", image[0].size, unequal(found, read) + unequal(found, image.sum(axis=0))
 
 
+def encoded(events):
+    """Records of TimeHarp 260 P T3 for events (time, dtime) and markers (time, -bits), in the order of time."""
+    records, over = [], 0
+    for time, dtime in events:
+        turns = time // 1024 - over
+        if turns:
+            records.append(SPECIAL | 63 << 25 | turns)
+            over += turns
+        records.append(SPECIAL | -dtime << 25 | time % 1024 if dtime < 0 else dtime << 10 | time % 1024)
+    return records
+
+
+def sweep(rng, width, height, pixel_time, back, percent, torn):
+    """Events of three frames of lines: photons anywhere, `torn` lines of the first frame are not in the file."""
+    line = width * pixel_time
+    ticks = np.arange(line)
+    if percent:
+        edges = 0.5 * line * (1 + np.arcsin(percent / 100 * (2 * np.arange(width + 1) / width - 1)) / np.arcsin(percent / 100))
+        # A pixel that begins on a whole count begins there or one later by rounding.
+        exact = np.abs(edges - edges.round()) < 1e-6
+        ticks = np.setdiff1d(ticks, edges[exact].round().astype(int))
+    events, time = [], 2000
+    for frame in range(3):
+        for _ in range(torn if frame == 0 else 0, height):
+            events.append((time, -1))
+            photons = np.sort(rng.choice(ticks, 40))
+            events += [(time + int(t), int(d)) for t, d in zip(photons, rng.integers(0, 50, 40))]
+            # Some photons come after the last pixel, and some between lines.
+            events += [(time + line + int(t), 1) for t in np.sort(rng.integers(0, 50, 5))]
+            events += [(time + line + 60, -2), (time + line + 70, 3)]
+            time += line + 100
+        events.append((time, -4))
+        time += 500
+    return encoded(events)
+
+
+def sweeps(rng, folder):
+    """Images by lines, against ptufile's: what, how many counts, how many differ."""
+    path = folder / "sweep.ptu"
+    width, height, pixel_time, bins = 12, 9, 101, 50
+    for back in (False, True):
+        for percent in (0, 80, 100.0, 12.5):
+            for torn in (0, 1, 4):
+                tags = {"Measurement_SubMode": 3, "ImgHdr_Dimensions": 3, "ImgHdr_Ident": 3, "ImgHdr_LineStart": 1, "ImgHdr_LineStop": 2,
+                        "ImgHdr_Frame": 3, "ImgHdr_TimePerPixel": pixel_time * 1e-4, "ImgHdr_PixX": width, "ImgHdr_PixY": height,
+                        "ImgHdr_BiDirect": back, "ImgHdr_SinCorrection": percent}
+                path.write_bytes(whole(0x00010306, sweep(rng, width, height, pixel_time, back, percent, torn), **tags))
+                with ptufile.PtuFile(path, trimdims="T") as file:
+                    read = file.decode_image(frame=-1, channel=0, dtime=bins)
+                found = histogram(path, folder, "--pixels", f"{width},{height}", "--bins", bins)
+                read = read.reshape(height, width, 1, bins)
+                assert read.sum() > 40 * height, "an image of nothing"
+                name = f"sweep{' back' * back}{f', sine {percent} %' * bool(percent)}, {torn} lines torn"
+                yield name, read.size, unequal(found, read)
+
+
 def tags(folder):
     """Tags of all types, by what `ptu info` prints."""
     import datetime
@@ -279,6 +336,22 @@ def power(rng, folder):
     yield "a bin of a scan", 1, int(unequal(found, image.sum(axis=0)) > 0)
 
 
+    # Tags of a sweep, each given another value than the file was read with.
+    width, height, pixel_time = 12, 9, 101
+    own = {"Measurement_SubMode": 3, "ImgHdr_Dimensions": 3, "ImgHdr_LineStart": 1, "ImgHdr_LineStop": 2, "ImgHdr_Frame": 3,
+           "ImgHdr_TimePerPixel": pixel_time * 1e-4, "ImgHdr_PixX": width, "ImgHdr_PixY": height, "ImgHdr_BiDirect": True,
+           "ImgHdr_SinCorrection": 80}
+    records = sweep(rng, width, height, pixel_time, True, 80, 4)
+    good.write_bytes(whole(0x00010306, records, **own))
+    with ptufile.PtuFile(good, trimdims="T") as file:
+        truth = file.decode_image(frame=-1, channel=0, dtime=50).reshape(height, width, 1, 50)
+    for tag, value in {"ImgHdr_BiDirect": False, "ImgHdr_SinCorrection": 79, "ImgHdr_LineStart": 2, "ImgHdr_Frame": 4,
+                       "ImgHdr_TimePerPixel": 102e-4, "ImgHdr_PixX": 11, "ImgHdr_PixY": 8}.items():
+        bad.write_bytes(whole(0x00010306, records, **{**own, tag: value}))
+        found = histogram(bad, folder, "--pixels", f"{width},{height}", "--bins", 50)
+        yield f"a sweep's {tag}", 1, int(unequal(found, truth) > 0)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
@@ -298,7 +371,7 @@ def main():
             for what, count, wrong in compare(name, code, rng, folder):
                 failed |= wrong > 0
                 print(f"{name + ', ' + what:44} {count:9} {wrong:9}", flush=True)
-        for what, count, wrong in scans(rng, folder):
+        for what, count, wrong in [*scans(rng, folder), *sweeps(rng, folder)]:
             failed |= wrong > 0
             print(f"{what:44} {count:9} {wrong:9}", flush=True)
         count, wrong = tags(folder)

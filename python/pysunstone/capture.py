@@ -94,7 +94,7 @@ def _measured(scheme: Scheme) -> tuple[int, ...]:
 
 
 def _lanes(wavelengths_nm: float | Sequence[float], leading: tuple[int, ...]) -> list[float]:
-    nm = [float(w) for w in np.atleast_1d(np.asarray(wavelengths_nm, np.float64))]
+    nm = [float(w) for w in np.atleast_1d(real("wavelengths_nm", wavelengths_nm, np.float64))]
     if len(nm) != 1 and (not leading or leading[-1] != len(nm)):
         raise InputError(f"the last axis of shape {leading} is not as long as the {len(nm)} wavelengths")
     return nm
@@ -228,7 +228,7 @@ def reconstruct(
     Parameters
     ----------
     intensities
-        (captures, ...), or (captures, 4, ...) of a polarizer array; NaN is left out. Contiguous arrays of single or double precision
+        (captures, ...), or (captures, 4, ...) of a polarizer array. NaN and masked entries (``numpy.ma``) are left out. Contiguous arrays of single or double precision
         are read without a copy.
     variance
         Variances of the intensities, of the same shape; they weigh.
@@ -254,7 +254,7 @@ def reconstruct(
     numpy.ndarray, or two of them
         (..., 4, 4), in the precision of the intensities; standard errors of the same shape.
     """
-    array = real("intensities", intensities)
+    array = real("intensities", intensities, fill=np.nan)
     measured = _measured(scheme)
     if array.shape[: len(measured)] != measured:
         raise InputError(f"the intensities' shape is {array.shape}; {scheme.captures} captures are of shape {measured} + (...)")
@@ -263,7 +263,8 @@ def reconstruct(
     flat = (scheme.captures * scheme.channels, int(np.prod(leading, dtype=np.int64)))
     weights = None
     if variance is not None:
-        weights = real("variance", variance, array.dtype)
+        # What has no variance is left out, as by a camera that is saturated.
+        weights = real("variance", variance, array.dtype, fill=np.inf)
         if weights.shape != array.shape:
             raise InputError(f"variance: its shape is {weights.shape}, that of the intensities {array.shape}")
         weights = weights.reshape(flat)

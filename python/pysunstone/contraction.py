@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from ._arrays import real
 from .boxes import bins
 
 __all__ = ["Errors", "STATES", "contracted", "kernel", "pattern_weights", "stokes_vector", "summed"]
@@ -58,7 +59,7 @@ def stokes_vector(state: str | npt.ArrayLike) -> xr.DataArray:
         if state not in STATES:
             raise ValueError(f"there is no state `{state}`; states are {', '.join(STATES)}, or four numbers")
         state = STATES[state]
-    found = np.asarray(state, dtype=float)
+    found = real("state", state, np.float64)
     if found.shape[-1:] != (4,) or found.ndim > 2:
         raise ValueError(f"a Stokes vector is four numbers, or several as an array (K, 4); this is of shape {found.shape}")
     polarized = np.sqrt((found[..., 1:] ** 2).sum(-1))
@@ -84,7 +85,7 @@ def pattern_weights(pattern: npt.ArrayLike, data: xr.DataArray) -> xr.DataArray 
     ValueError
         If it does not fit the projector, or the slice has summed over the projector's pixels already.
     """
-    drive = np.asarray(pattern, dtype=np.float32)
+    drive = real("pattern", pattern, np.float32)
     if drive.ndim not in (2, 3) or not np.all(np.isfinite(drive)):
         raise ValueError(
             f"a pattern is a finite array (rows, columns) of the projector, or (K, rows, columns); this is of shape {drive.shape}"
@@ -137,7 +138,7 @@ def kernel(pulse: float | npt.ArrayLike, bin_ps: float) -> list[tuple[int, float
     bin_ps
         Width of a bin, picoseconds.
     """
-    shape = np.asarray(pulse, dtype=float)
+    shape = real("pulse", pulse, np.float64)
     if shape.ndim == 0:
         if not (np.isfinite(shape) and shape >= 0):
             raise ValueError(f"the width of a pulse is a number of picoseconds, not negative; this is {float(shape)}")

@@ -242,7 +242,7 @@ def learn(
         estimator == "prior",
         noise,
         angle_error_deg,
-        [float(w) for w in np.atleast_1d(np.asarray(wavelengths_nm, np.float64))],
+        [float(w) for w in np.atleast_1d(real("wavelengths_nm", wavelengths_nm, np.float64))],
         starts,
         iterations,
         adam_steps,

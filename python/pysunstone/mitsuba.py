@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pysunstone import _native
+from pysunstone._arrays import plain, real
 from pysunstone._native import InputError
 from pysunstone.scene import Scene
 
@@ -182,7 +183,7 @@ class _Dict:
 
     def _array(self, value: Any, at: str) -> Any:
         try:
-            array = np.asarray(value)
+            array = plain("an array", value)
             if array.dtype.kind not in "fiub":
                 raise TypeError
         except (TypeError, ValueError, RuntimeError):
@@ -201,7 +202,7 @@ class _Dict:
         return array.tolist()
 
     def _matrix(self, matrix: Any, at: str) -> Any:
-        array = np.asarray(matrix, np.float64)
+        array = real("a transform", matrix, np.float64)
         if array.ndim == 3 and array.shape[-1] == 1:
             array = array[..., 0]
         if array.shape not in ((3, 3), (4, 4)):
@@ -224,7 +225,7 @@ class _Dict:
         """The name of an image in memory."""
         gamma = bool(value.srgb_gamma()) if _is(value, "Bitmap") else False
         try:
-            array: Any = np.asarray(value)
+            array: Any = plain("an image", value)
         except (TypeError, ValueError, RuntimeError):
             array = np.asarray(None)
         if array.dtype.kind not in "fiu" or array.ndim not in (2, 3):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -43,5 +44,11 @@ def decompose(
     array = real("matrices", matrices)
     errors = None if std_error is None else real("std_error", std_error, array.dtype)
     names = [q for q in _native.quantities() if q != "entropy"] if only is None else list(only)
-    found, _ = _native.decompose(array, errors, names)
+    found, missing = _native.decompose(array, errors, names)
+    if missing:
+        warnings.warn(
+            f"{missing} of {array.size // 16} matrices cannot exist (m00 <= 0, diattenuation above 1, or not finite): their results are NaN",
+            RuntimeWarning,
+            stacklevel=2,
+        )
     return {name: np.asarray(values) for name, values in found.items()}

@@ -42,12 +42,36 @@ _PARTS = {
 }
 
 
+def _rising(data: xr.DataArray, dims: Sequence[str]) -> xr.DataArray:
+    """The array with its entries in the order of their coordinates along some axes: the numbers are counted there."""
+    for dim in dims:
+        if dim in data.dims and dim in data.coords and data[dim].dtype.kind in "fiu":
+            values = data[dim].values
+            if np.unique(values).size != values.size:
+                raise ValueError(f"the coordinate `{dim}` has equal values: {values}")
+            if (np.diff(values) < 0).any():
+                data = data.sortby(dim)
+    return data
+
+
+def _like(data: xr.DataArray, other: xr.DataArray, what: str) -> xr.DataArray:
+    """Another array with its entries in the order of the first's coordinates."""
+    shared = [d for d in other.dims if d in data.dims and d in data.indexes and d in other.indexes]
+    for dim in shared:
+        if not data.indexes[dim].equals(other.indexes[dim]):
+            if set(data.indexes[dim]) != set(other.indexes[dim]):
+                raise ValueError(f"{what}: its coordinate `{dim}` is not that of the data")
+            other = other.sel({dim: data[dim].values})
+    return other
+
+
 def _matrices(data: xr.DataArray) -> xr.DataArray:
     """Mueller matrices as the last two axes, behind the wavelength."""
     if not set(_STOKES) <= set(data.dims) or any(data.sizes[d] != 4 for d in _STOKES):
         raise ValueError(
             "Mueller matrices are needed, four entries along `stokes_out` and `stokes_in`: render polarization `mueller`, select none"
         )
+    data = _rising(data, _STOKES)
     lanes = ["wavelength"] if "wavelength" in data.dims else []
     return data.transpose(*(d for d in data.dims if d not in (*lanes, *_STOKES)), *lanes, *_STOKES)
 
@@ -60,7 +84,7 @@ def _coords(data: xr.DataArray, dims: Sequence[Any]) -> dict[Any, xr.DataArray]:
 def decomposed(mean: xr.DataArray, std_error: xr.DataArray | None, only: Sequence[str] | None) -> xr.Dataset:
     """Lu and Chipman's factors and scalars; see `SunstoneArray.decompose`."""
     matrices = _matrices(mean)
-    errors = None if std_error is None else _matrices(std_error).values
+    errors = None if std_error is None else _matrices(_like(mean, std_error, "std_error")).transpose(*matrices.dims).values
     pixels = matrices.dims[:-2]
     result: dict[str, xr.DataArray] = {}
     for name, values in decompose(matrices.values, errors, only=only).items():
@@ -144,6 +168,9 @@ def reconstructed(
     """Mueller matrices from captures; see `SunstoneArray.reconstruct`."""
     if "capture" not in intensities.dims:
         raise ValueError("captures are needed along the axis `capture`")
+    intensities = _rising(intensities, ("capture", "channel"))
+    if variance is not None:
+        variance = _like(intensities, variance, "variance")
     single = "wavelength" in intensities.coords and "wavelength" not in intensities.dims
     data, options = _wavelengths(intensities)
     lanes = [d for d in ("wavelength",) if d in data.dims]

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pysunstone import _native
+from pysunstone._arrays import plain
 from pysunstone._documents import json_of
 from pysunstone._native import InputError
 from pysunstone._progress import Progress, told
@@ -105,7 +106,7 @@ def _mesh(name: str, given: Any) -> Any:
     unknown = parts.keys() - {"vertices", "faces", "normals", "uvs"}
     if unknown or "vertices" not in parts or "faces" not in parts:
         raise InputError(f"mesh {name}: give vertices and faces, and perhaps normals and uvs")
-    faces = np.asarray(parts["faces"])
+    faces = plain(f"mesh {name}, faces", parts["faces"])
     if faces.dtype.kind not in "iu":
         raise InputError(f"mesh {name}, faces: their dtype is {faces.dtype}; give integers")
     if faces.size and (int(faces.min()) < 0 or int(faces.max()) > 0xFFFFFFFF):
@@ -115,7 +116,7 @@ def _mesh(name: str, given: Any) -> Any:
         values = parts.get(key)
         if values is None:
             return None
-        array = np.asarray(values)
+        array = plain(f"mesh {name}, {key}", values)
         if array.ndim != 2 or array.dtype.kind not in "fiu":
             raise InputError(f"mesh {name}, {key}: {array.dtype} of shape {array.shape}; give rows of real numbers")
         return np.asarray(array, np.float32)
@@ -128,10 +129,14 @@ def _mesh(name: str, given: Any) -> Any:
 def _image(given: Any) -> bytes:
     if isinstance(given, bytes):
         return given
-    array = np.asarray(given)
+    array = plain("image", given)
     if array.dtype != np.uint8:
         if array.dtype.kind not in "fiu":
             raise InputError(f"an image of dtype {array.dtype}; give uint8, or real numbers for linear values")
+        if array.dtype.kind in "iu" and array.size and (array.min() < 0 or array.max() > 1):
+            raise InputError(
+                f"an image of dtype {array.dtype} up to {array.max()}; give uint8, or divide by the largest value for linear values of 0 to 1"
+            )
         array = array.astype(np.float32)
     return _native.encode_image(array)
 

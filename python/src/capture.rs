@@ -8,7 +8,9 @@ use numpy::{
     Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray2, PyReadonlyArrayDyn,
     PyUntypedArrayMethods,
 };
+use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
+use std::ffi::CString;
 use std::path::PathBuf;
 use sunstone::Ray;
 use sunstone::polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
@@ -282,7 +284,7 @@ fn solve<'py, T: PixelNumber + Element>(
     }
     let read = slice("intensities", intensities)?;
     let variances = variances.map(|v| slice("variance", v)).transpose()?;
-    let (found, errors) = off_python(py, 0, || {
+    let (found, errors, lost) = off_python(py, 0, || {
         let places = Places {
             rays,
             times: if rays.len() == lanes {
@@ -295,10 +297,16 @@ fn solve<'py, T: PixelNumber + Element>(
         let mut found = vec![T::default(); pixels * 16];
         let mut errors = with_errors.then(|| vec![T::default(); pixels * 16]);
         let out = errors.as_deref_mut();
-        along_rays::reconstruct(&scheme.0, places, &options, read, variances, &mut found, out)?;
-        Ok((found, errors))
+        let tally = along_rays::reconstruct(&scheme.0, places, &options, read, variances, &mut found, out)?;
+        Ok((found, errors, tally.lost))
     })?
     .map_err(|e: sunstone::polarimetry::capture::design_matrix::RankError| input(e))?;
+    if lost > 0 {
+        let text = format!(
+            "{lost} of {pixels} pixels are NaN: saturated or unknown measurements leave them undetermined"
+        );
+        PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &CString::new(text)?, 1)?;
+    }
     let array = |values: Vec<T>| {
         Ok(PyArray1::from_vec(py, values)
             .reshape(vec![pixels, 16])?

@@ -25,12 +25,13 @@ use pyo3::prelude::*;
 
 /// Runs the command line `sunstone` in this process; returns its exit code.
 #[pyfunction]
-fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> u8 {
-    py.detach(|| sunstone::cli::run_words(words))
+fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> PyResult<u8> {
+    off_python::detached(py, || sunstone::cli::run_words(words))
 }
 
 #[pymodule]
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    off_python::imported();
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     error::register(m)?;
     rig::register(m)?;

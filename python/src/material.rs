@@ -2,7 +2,7 @@
 
 use crate::error::{input, located};
 use crate::lanes::{Lanes, choose};
-use crate::off_python::off_python;
+use crate::off_python::{detached, off_python};
 use crate::scene::Scene;
 use crate::table_text::toml_of_json;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray2};
@@ -56,7 +56,8 @@ impl Material {
     fn of_text(py: Python<'_>, path: &Path, text: &str, name: Option<&str>, nm: &[f64]) -> PyResult<Self> {
         let lanes = Lanes::new(nm)?;
         let build = |w: &_| MaterialSet::at(path, text, Clone::clone(w));
-        let sets: Result<Vec<MaterialSet>, InputError> = py.detach(|| lanes.sets.iter().map(build).collect());
+        let sets: Result<Vec<MaterialSet>, InputError> =
+            detached(py, || lanes.sets.iter().map(build).collect())?;
         let sets = sets.map_err(|e| located(py, &e))?;
         let names: Vec<String> = sets
             .iter()

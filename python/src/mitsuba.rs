@@ -1,5 +1,6 @@
 //! Scenes of Mitsuba.
 
+use crate::off_python::detached;
 use crate::scene::Scene;
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
@@ -30,8 +31,8 @@ pub fn import_mitsuba(
     path: PathBuf,
     parameters: BTreeMap<String, String>,
     files: Vec<(String, Vec<u8>)>,
-) -> (Option<Scene>, Vec<String>, Vec<Fault>) {
-    py.detach(|| {
+) -> PyResult<(Option<Scene>, Vec<String>, Vec<Fault>)> {
+    detached(py, || {
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         let files: BTreeMap<String, Vec<u8>> = files.into_iter().collect();
         let toml = folder.join("scene.toml");

@@ -1,6 +1,7 @@
 //! Scenes.
 
 use crate::error::{input, located};
+use crate::off_python::detached;
 use crate::table_text::toml_of_json;
 use base::document;
 use base::locate::InputError;
@@ -139,13 +140,12 @@ impl Scene {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, variant: Option<u64>) -> PyResult<Self> {
         let read = || from_text(&path, &scene::read(&path)?, variant);
-        py.detach(read).map_err(|e| located(py, &e))
+        detached(py, read)?.map_err(|e| located(py, &e))
     }
 
     #[staticmethod]
     fn from_toml(py: Python<'_>, text: &str, path: PathBuf, variant: Option<u64>) -> PyResult<Self> {
-        py.detach(|| from_text(&path, text, variant))
-            .map_err(|e| located(py, &e))
+        detached(py, || from_text(&path, text, variant))?.map_err(|e| located(py, &e))
     }
 
     /// From a document as JSON, whose meshes and files are in memory.
@@ -163,8 +163,7 @@ impl Scene {
             .map(|(name, arrays)| Ok((name.clone(), mesh(&name, &arrays)?)))
             .collect::<PyResult<_>>()?;
         let path = Path::new("scene from a dict");
-        py.detach(|| Self::in_memory(path, &text, folder, &meshes, files))
-            .map_err(|e| located(py, &e))
+        detached(py, || Self::in_memory(path, &text, folder, &meshes, files))?.map_err(|e| located(py, &e))
     }
 
     #[getter]

@@ -2,7 +2,7 @@
 
 use crate::analysis::slice;
 use crate::error::input;
-use crate::off_python::off_python;
+use crate::off_python::{detached, off_python};
 use crate::scene::Scene;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -189,7 +189,7 @@ pub fn decode_columns<'py>(
 ) -> PyResult<(Found<'py>, Found<'py>)> {
     let code = Code::of(code, columns, periods)?;
     let captures = map("captures", &captures)?;
-    let found = py.detach(|| code.decode(&captures, columns, least_contrast));
+    let found = detached(py, || code.decode(&captures, columns, least_contrast))?;
     let Decoded { column, confidence } = found.map_err(input)?;
     Ok((array(py, column)?, array(py, confidence)?))
 }
@@ -199,7 +199,7 @@ pub fn decode_columns<'py>(
 pub fn triangulate<'py>(py: Python<'py>, devices: &Devices, columns: Image<'py>) -> PyResult<Found<'py>> {
     let columns = map("columns", &columns)?;
     of_camera("columns", &columns, &devices.0.camera)?;
-    array(py, py.detach(|| triangulation::depth(&devices.0, &columns)))
+    array(py, detached(py, || triangulation::depth(&devices.0, &columns))?)
 }
 
 /// Normals (rows, columns, 3) of depths.
@@ -216,7 +216,9 @@ pub fn normals_of_depth<'py>(
     of_camera("depth", &depth, camera)?;
     array(
         py,
-        py.detach(|| surface_normals::normals(camera, &depth, Window { radius, robust })),
+        detached(py, || {
+            surface_normals::normals(camera, &depth, Window { radius, robust })
+        })?,
     )
 }
 
@@ -260,5 +262,5 @@ pub fn normals_of_cues<'py>(
         return Err(input("cues and guess: give three numbers a pixel"));
     }
     let cues = Cues { angles };
-    array(py, py.detach(|| polarization::nearest(camera, &cues, &guess)))
+    array(py, detached(py, || polarization::nearest(camera, &cues, &guess))?)
 }

@@ -1,5 +1,6 @@
 //! Work that tells Python how far it is, and that Ctrl-C ends.
 
+use crate::off_python::fork_safe;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -91,7 +92,7 @@ pub fn looked_on<T: Send>(
     std::thread::scope(|scope| {
         let worker = scope.spawn(|| {
             let _ring = Ring(&shared);
-            work(&shared)
+            fork_safe(|| work(&shared))
         });
         let mut fault: Option<PyErr> = None;
         loop {
@@ -120,7 +121,7 @@ pub fn looked_on<T: Send>(
         let done = py.detach(|| worker.join());
         match (fault, done) {
             (Some(fault), _) => Err(fault),
-            (None, Ok(done)) => Ok(done),
+            (None, Ok(done)) => done,
             (None, Err(_)) => Err(PyRuntimeError::new_err(
                 "the work failed; this is a bug of Sunstone",
             )),

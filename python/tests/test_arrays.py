@@ -208,3 +208,99 @@ def test_wrong_captures() -> None:
     ):
         with pytest.raises(ps.InputError):
             call()
+
+
+def _captures(rows: int = 3) -> tuple[Any, Any, Any]:
+    """A scheme, matrices that can exist, and what the scheme reads of them."""
+    scheme = ps.Scheme.drr(36)
+    matrices = retarder(np.linspace(0.1, 1.2, rows), np.linspace(0.3, 1.5, rows))
+    return scheme, matrices, ps.simulate(matrices, scheme)
+
+
+def test_masked_captures_are_left_out() -> None:
+    scheme, matrices, captures = _captures()
+    spoilt = captures.copy()
+    spoilt[5, 1] = 1e9
+    mask = np.zeros(captures.shape, bool)
+    mask[5, 1] = True
+    for given in (
+        np.ma.array(spoilt, mask=mask),
+        np.ma.array(spoilt.astype(np.float64), mask=mask),
+        [np.ma.array(a, mask=m) for a, m in zip(spoilt, mask, strict=True)],
+    ):
+        assert np.abs(ps.reconstruct(given, scheme) - matrices).max() < 1e-4
+    weights = np.ma.array(np.ones_like(spoilt), mask=mask)
+    assert np.abs(ps.reconstruct(spoilt, scheme, variance=weights) - matrices).max() < 1e-4
+    # A mask that hides nothing changes nothing.
+    same = ps.reconstruct(np.ma.array(captures, mask=False), scheme)
+    assert (same == ps.reconstruct(captures, scheme)).all()
+    # The power of this test: the spoilt value without its mask.
+    assert np.abs(ps.reconstruct(spoilt, scheme) - matrices).max() > 1e3
+
+
+def test_masks_without_a_meaning_are_refused() -> None:
+    scheme, matrices, _ = _captures()
+    masked = np.ma.array(matrices, mask=matrices > 0.9)
+    for work in (
+        lambda: ps.decompose(masked),
+        lambda: ps.decompose(matrices, masked),
+        lambda: ps.simulate(masked, scheme),
+        lambda: ps.decompose(list(masked)),
+        lambda: ps.Scene.from_dict({}, images={"a.png": np.ma.array(np.zeros((2, 2)), mask=[[0, 1], [0, 0]])}),
+        lambda: ps.Scene.from_dict({}, meshes={"a": (np.ma.array(np.zeros((3, 3)), mask=True), np.zeros((1, 3), int))}),
+    ):
+        with pytest.raises(ps.InputError, match="masked"):
+            work()
+
+
+def test_arrays_of_other_layouts_give_the_same() -> None:
+    scheme, _, captures = _captures()
+    want = ps.reconstruct(captures.astype(np.float64), scheme)
+    wide = captures.astype(np.float64)
+    padded = np.zeros((36, 6))
+    padded[:, ::2] = wide
+    for given in (wide.astype(">f8"), np.asfortranarray(wide), padded[:, ::2], wide[::-1][::-1], wide.tolist()):
+        assert (ps.reconstruct(given, scheme) == want).all()
+    counts = np.round(wide * 1000).astype(np.uint16)
+    assert (ps.reconstruct(counts, scheme) == ps.reconstruct(counts.astype(np.float64), scheme)).all()
+    assert np.abs(ps.reconstruct(captures.astype(np.float16), scheme) - want).max() < 0.01
+
+
+def test_arrays_that_are_not_real_numbers_are_refused() -> None:
+    scheme, _, captures = _captures()
+    for given in (captures.astype(complex), captures.astype(object), captures.astype(str), [[1.0], [1.0, 2.0]]):
+        with pytest.raises(ps.InputError, match="intensities"):
+            ps.reconstruct(given, scheme)
+    for image in (np.full((2, 2), 1000, np.uint16), np.full((2, 2), -1)):
+        with pytest.raises(ps.InputError, match="image of dtype"):
+            ps.Scene.from_dict({}, images={"a.png": image})
+
+
+def test_named_arrays_are_taken_in_the_order_of_their_names() -> None:
+    xr = pytest.importorskip("xarray")
+    import pysunstone.polarimetry as by_name
+
+    scheme, matrices, captures = _captures()
+    given = xr.DataArray(captures, dims=("capture", "x"), coords={"capture": np.arange(1, 37), "x": [0, 1, 2]})
+    assert np.abs(ps.reconstruct(given, scheme) - matrices).max() < 1e-4
+    with pytest.raises(ps.InputError, match="dimensions"):
+        ps.reconstruct(given.T, scheme)
+    m = xr.DataArray(matrices, dims=("x", "stokes_out", "stokes_in"))
+    with pytest.raises(ps.InputError, match="dimensions"):
+        ps.decompose(m.transpose("stokes_out", "stokes_in", "x"))
+
+    variance = xr.full_like(given, 1.0)
+    variance[5, 1] = 1e12
+    spoilt = given.copy()
+    spoilt[5, 1] = 50.0
+    asked = (None, None, False, False)
+    for turned, weights in (
+        (spoilt, variance),
+        (spoilt.isel(capture=slice(None, None, -1)), variance),
+        (spoilt, variance.isel(x=slice(None, None, -1))),
+        (spoilt.T, variance.isel(capture=slice(None, None, -1)).T),
+    ):
+        found = by_name.reconstructed(turned, scheme, weights, *asked)["mean"].transpose("x", ...)
+        assert np.abs(found.values - matrices).max() < 1e-3
+    with pytest.raises(ValueError, match="coordinate `x`"):
+        by_name.reconstructed(spoilt, scheme, variance.assign_coords(x=[0, 1, 7]), *asked)

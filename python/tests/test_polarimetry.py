@@ -111,6 +111,18 @@ def test_captures_are_the_commands_and_reconstruct_what_was_captured(schemes: di
         right.sunstone.reconstruct(schemes["drr36"], noise=1e-3)
 
 
+def test_what_is_left_out_is_counted(schemes: dict[str, Path]) -> None:
+    values = np.broadcast_to(np.diag([1.0, 0.6, -0.5, 0.3]), (5, 4, 4)).copy()
+    values[2:4] = np.nan
+    truth = xr.DataArray(values, dims=("x", "stokes_out", "stokes_in"))
+    captures = xr.DataArray(truth.sunstone.capture(schemes["drr36"])["mean"])
+    with pytest.warns(RuntimeWarning, match="2 of 5 pixels are NaN"):
+        found = captures.sunstone.reconstruct(schemes["drr36"], noise=1e-3)
+    assert np.isnan(found["mean"].values).all(axis=(1, 2)).tolist() == [False, False, True, True, False]
+    with pytest.warns(RuntimeWarning, match="2 of 5 matrices cannot exist"):
+        truth.sunstone.decompose()
+
+
 def test_errors_are_those_of_the_scheme(schemes: dict[str, Path]) -> None:
     """Errors of 16 elements add to 196 sigma² for DRR36 (PHYSICS.md), and draws of noise agree within 5 sigma of their count."""
     sigma, draws = 1e-3, 4000

@@ -288,6 +288,33 @@ assert (there[0] == here).all() and (there[1] != here).any()
     subprocess.run([sys.executable, "-c", words], check=True, timeout=120)
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_all_that_uses_threads_works_in_forked_processes() -> None:
+    words = f"""
+import multiprocessing, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import numpy as np
+import pysunstone as ps
+from scenes import TEXT
+def work(seed):
+    scene = ps.Scene.from_toml(TEXT)
+    mean = scene.render(spp=1, seed=seed)["mueller"]["mean"]
+    ps.decompose(np.broadcast_to(np.eye(4), (50, 4, 4)))
+    scheme = ps.Scheme.drr(36)
+    ps.reconstruct(ps.simulate(np.eye(4), scheme), scheme)
+    try:
+        ps.from_mitsuba("<scene version='3.0.0'/>")
+    except ps.InputError:
+        pass
+    return mean, ps._native.command(["sunstone", "schema"])
+here, _ = work(0)
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    there = pool.map(work, [0, 1])
+assert (there[0][0] == here).all() and (there[1][0] != here).any()
+"""
+    subprocess.run([sys.executable, "-c", words], check=True, timeout=120, stdout=subprocess.DEVNULL)
+
+
 def test_command_of_the_package(folder: Path, tmp_path: Path) -> None:
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run([sys.executable, "-m", "pysunstone", *words], capture_output=True, text=True, cwd=folder)

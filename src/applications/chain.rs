@@ -248,6 +248,8 @@ pub fn calibrated(
                 mueller,
                 scheme: plan.clone(),
                 ray,
+                readings: intensities.len(),
+                left_out: 0,
                 intensities,
                 sigmas,
             });

@@ -7,6 +7,7 @@ pub mod calibration_file;
 pub mod document;
 pub mod input;
 pub mod journal;
+pub mod length;
 pub mod locate;
 pub mod lock;
 pub mod positioned;

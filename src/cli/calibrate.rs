@@ -7,6 +7,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use sunstone::base::calibration_file::Part;
+use sunstone::base::length::Length;
 use sunstone::base::whole_file;
 use sunstone::rig::calibrate::geometric::board::Board;
 use sunstone::rig::calibrate::geometric::bundle::Corner;
@@ -14,7 +15,7 @@ use sunstone::rig::calibrate::geometric::calibration::Calibration;
 use sunstone::rig::calibrate::geometric::corners::{self, Found};
 use sunstone::rig::calibrate::geometric::device::{Free, Model};
 use sunstone::rig::calibrate::geometric::fit::{Fit, Setup, fit};
-use sunstone::rig::calibrate::geometric::image::{Image, png_bytes};
+use sunstone::rig::calibrate::geometric::image::{Image, Loaded, is_image, png_bytes};
 use sunstone::rig::calibrate::geometric::light::{Sequence, at_corners, decode};
 use tracing::info;
 
@@ -39,6 +40,10 @@ enum What {
     Sensor(calibrate_detector::Sensor),
 }
 
+/// Longest square, and longest board, of which the unit may be left out, metres.
+const LONGEST_SQUARE: f64 = 0.5;
+const LONGEST_BOARD: f64 = 2.0;
+
 /// The target, and how it is fitted.
 #[derive(Args)]
 #[allow(clippy::struct_excessive_bools)] // each is one flag
@@ -49,9 +54,9 @@ struct Target {
     /// Inner corners along its columns.
     #[arg(long)]
     rows: usize,
-    /// Side of a square: 25mm, 2.5cm, 0.025m.
-    #[arg(long, value_parser = length)]
-    square: f64,
+    /// Side of a square: 25mm, 2.5cm, 0.025m. Above 0.5 m, and for boards of more than 2 m, the unit must be given.
+    #[arg(long, value_name = "LENGTH")]
+    square: Length,
     /// Model of the camera's lens: coefficients in OpenCV's order.
     #[arg(long, value_enum, default_value_t = Lens::Five)]
     lens: Lens,
@@ -103,7 +108,7 @@ impl From<Lens> for Model {
 
 /// Calibrate a camera from images of a chessboard.
 ///
-/// Images are .png of 8 or 16 bits, or .npy; all of the board must be in each. Images in which it is not found are left
+/// Images are .png of 8 or 16 bits, .jpg, or .npy; all of the board must be in each. Images in which it is not found are left
 /// out and named. Written are the `[camera]` of a scene file, standard errors, and covariances.
 #[derive(Args)]
 struct BoardArguments {
@@ -169,18 +174,6 @@ struct ProjectorArguments {
     reach: Option<f64>,
 }
 
-/// A length with its unit, in metres.
-fn length(text: &str) -> Result<f64, String> {
-    let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("", 1.0)];
-    let found = units.iter().find_map(|(unit, scale)| {
-        let number = text.trim().strip_suffix(unit)?.trim();
-        number.parse::<f64>().ok().map(|x| x * scale)
-    });
-    found
-        .filter(|x| x.is_finite() && *x > 0.0)
-        .ok_or_else(|| "give a positive length, as 25mm, 2.5cm or 0.025m".into())
-}
-
 /// Width and height.
 fn size(text: &str) -> Result<[u32; 2], String> {
     let parts = text
@@ -202,7 +195,19 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 impl Target {
     fn board(&self) -> Result<Board, Failure> {
         places::extension(&self.output, "calibrations are", &["toml", "json"])?;
-        Board::new(self.columns, self.rows, self.square).map_err(Failure::input)
+        let square = self
+            .square
+            .within(LONGEST_SQUARE, "--square")
+            .map_err(Failure::input)?;
+        let board = Board::new(self.columns, self.rows, square).map_err(Failure::input)?;
+        let extent = square * (self.columns.max(self.rows) + 1) as f64;
+        if !self.square.has_unit && extent > LONGEST_BOARD {
+            return Err(Failure::input(format!(
+                "--square {square}: a number without a unit is metres, and the board would be {extent:.1} m long; \
+                 write {square}mm or {square}m"
+            )));
+        }
+        Ok(board)
     }
 
     fn setup(&self, size: [u32; 2], lens: Lens) -> Setup {
@@ -233,6 +238,9 @@ impl Target {
         }
         for (v, c) in fit.outliers.iter().take(10) {
             eprintln!("note: view {}, corner {} left out: it is far off", v + 1, c + 1);
+        }
+        if fit.outliers.len() > 10 {
+            eprintln!("note: {} corners are left out in all", fit.outliers.len());
         }
         for (title, d) in ["camera", "projector"].iter().zip(0..fit.devices.len()) {
             let (device, errors) = (&fit.devices[d], fit.errors(d));
@@ -267,16 +275,36 @@ fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
     told.collect()
 }
 
-/// All images are of one size.
-fn one_size(images: &[(String, Image)]) -> Result<[u32; 2], Failure> {
-    let size = images[0].1.size();
-    match images.iter().find(|(_, i)| i.size() != size) {
-        None => Ok(size),
-        Some((name, i)) => Err(Failure::input(format!(
-            "{name}: it is of {} × {} pixels, and {} of {} × {}: give images of one camera",
-            i.width, i.height, images[0].0, size[0], size[1]
-        ))),
+/// Loads images of one camera: of one size and one orientation.
+fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
+    let load = |p: &PathBuf| Ok((p.display().to_string(), Image::load(p).map_err(Failure::input)?));
+    let loaded: Vec<(String, Loaded)> = paths.par_iter().map(load).collect::<Result<_, Failure>>()?;
+    let Some((first, one)) = loaded.first() else {
+        return Ok(vec![]);
+    };
+    for (name, other) in &loaded {
+        if other.image.size() != one.image.size() {
+            let [w, h] = other.image.size();
+            return Err(Failure::input(format!(
+                "{name}: it is of {w} × {h} pixels, and {first} of {} × {}: give images of one camera",
+                one.image.width, one.image.height
+            )));
+        }
+        if other.orientation != one.orientation {
+            return Err(Failure::input(format!(
+                "{name}: its EXIF orientation is {}, and that of {first} is {}: give images that the camera did not rotate, \
+                 or that it rotated in the same way",
+                other.orientation, one.orientation
+            )));
+        }
     }
+    if one.orientation != 1 {
+        eprintln!(
+            "note: images are rotated as their EXIF orientation, {}, says: {} × {} pixels, as OpenCV reads them",
+            one.orientation, one.image.width, one.image.height
+        );
+    }
+    Ok(loaded.into_iter().map(|(name, l)| (name, l.image)).collect())
 }
 
 fn board(a: &BoardArguments) -> Result<(), Failure> {
@@ -285,9 +313,8 @@ fn board(a: &BoardArguments) -> Result<(), Failure> {
         [Some(&a.target.output), a.corners.as_ref()],
     )?;
     let board = a.target.board()?;
-    let load = |p: &PathBuf| Ok((p.display().to_string(), Image::load(p).map_err(Failure::input)?));
-    let images: Vec<(String, Image)> = a.images.par_iter().map(load).collect::<Result<_, Failure>>()?;
-    let size = one_size(&images)?;
+    let images = load(&a.images)?;
+    let size = images[0].1.size();
     let found = search(&images, &board);
     let points = board.points();
     let (mut views, mut files) = (vec![], vec![]);
@@ -310,7 +337,9 @@ fn board(a: &BoardArguments) -> Result<(), Failure> {
         views.push(corners);
         files.push(name.clone());
     }
-    info!("{} of {} images show the board", views.len(), images.len());
+    if views.len() < images.len() {
+        eprintln!("note: {} of {} images are used", views.len(), images.len());
+    }
     if views.is_empty() {
         return Err(Failure::input(format!(
             "none of the {} images shows all of a board of {} × {} inner corners",
@@ -342,19 +371,27 @@ fn patterns(a: &PatternArguments) -> Result<(), Failure> {
     super::output::print(&format!("{}: {} patterns", a.output.display(), all.len()))
 }
 
-/// The images of a folder, by name.
+/// The images of a folder, by name. Other files are left out and counted.
 fn frames(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let bad =
         |e: std::io::Error| Failure::input(format!("{}: {e}; give a folder of images", folder.display()));
-    let mut all = vec![];
+    let (mut all, mut others) = (vec![], 0);
     for entry in std::fs::read_dir(folder).map_err(bad)? {
         let path = entry.map_err(bad)?.path();
         let hidden = path
             .file_name()
             .is_some_and(|n| n.to_string_lossy().starts_with('.'));
-        if !hidden && path.extension().is_some_and(|e| e == "png" || e == "npy") {
+        if !hidden && is_image(&path) {
             all.push(path);
+        } else {
+            others += u32::from(!hidden);
         }
+    }
+    if others > 0 {
+        eprintln!(
+            "note: {}: {others} files left out: images are .png, .jpg or .npy",
+            folder.display()
+        );
     }
     all.sort();
     Ok(all)
@@ -370,10 +407,8 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
     let points = board.points();
     let (mut views, mut files, mut size) = (vec![], vec![], None);
     for folder in &a.views {
-        let images: Vec<Image> = frames(folder)?
-            .par_iter()
-            .map(|p| Image::load(p).map_err(Failure::input))
-            .collect::<Result<_, _>>()?;
+        let images = load(&frames(folder)?)?;
+        let images: Vec<Image> = images.into_iter().map(|(_, image)| image).collect();
         let name = folder.display().to_string();
         let decoded = decode(&sequence, &images).map_err(|e| {
             Failure::input(format!(
@@ -404,6 +439,12 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
             decoded.count(),
             board.len()
         );
+        if lit < board.len() && lit >= 8 {
+            eprintln!(
+                "note: {name}: {lit} of {} corners have the projector's light",
+                board.len()
+            );
+        }
         if lit < 8 {
             eprintln!(
                 "note: {name} left out: the projector's light is decoded around {lit} of its corners only"
@@ -425,6 +466,9 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         );
         files.push(name);
     }
+    if views.len() < a.views.len() {
+        eprintln!("note: {} of {} folders are used", views.len(), a.views.len());
+    }
     let Some(size) = size.filter(|_| !views.is_empty()) else {
         return Err(Failure::input(
             "no folder shows all of the board under the projector's light",
@@ -443,11 +487,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lengths_have_units() {
-        assert_eq!(length("25mm"), Ok(0.025));
-        assert_eq!(length("0.5 m"), Ok(0.5));
-        assert_eq!(length("3cm"), Ok(0.03));
-        assert!(length("-1mm").is_err() && length("mm").is_err() && length("nanm").is_err());
+    fn sizes_are_width_and_height() {
         assert_eq!(size("912x1140"), Ok([912, 1140]));
         assert!(size("912").is_err());
     }

@@ -6,6 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use sunstone::base::calibration_file::Part;
+use sunstone::base::length::Length;
 use sunstone::polarimetry::capture::detector::response::FWHM_PER_SIGMA;
 use sunstone::polarimetry::capture::detector::spad::Mode;
 use sunstone::rig::calibrate::radiometric::apply::{self, Radiometry};
@@ -27,9 +28,10 @@ pub struct Counter {
     /// Runs of planes.
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// From the mirrors' pivot to the plane, metres, one for each run.
-    #[arg(long, value_name = "METRES", value_delimiter = ',', required = true)]
-    distance: Vec<f64>,
+    /// Distance from the mirrors' pivot to the plane, one for each run: 1.5m, 150cm. A bare number is metres; above 50 m the unit
+    /// must be given.
+    #[arg(long, value_name = "LENGTH", value_delimiter = ',', required = true)]
+    distance: Vec<Length>,
     /// Calibration to put it into, beside what others put there.
     #[arg(short, long, value_name = "CALIBRATION.toml")]
     output: PathBuf,
@@ -53,14 +55,25 @@ pub struct Sensor {
     output: PathBuf,
 }
 
+/// Longest distance of which the unit may be left out, metres.
+const LONGEST_DISTANCE: f64 = 50.0;
+
 pub fn counter(a: &Counter) -> Result<(), Failure> {
     places::files(a.runs.iter().map(Some), [Some(&a.output)])?;
     places::extension(&a.output, "calibrations are", &["toml"])?;
-    if a.distance.len() != a.runs.len() || a.distance.iter().any(|d| !(0.0..=1e6).contains(d)) {
+    if a.distance.len() != a.runs.len() {
         return Err(Failure::input(format!(
-            "--distance: give metres, 0 to 1e6, for each of the {} runs",
+            "--distance: give one distance for each of the {} runs",
             a.runs.len()
         )));
+    }
+    let distances = a
+        .distance
+        .iter()
+        .map(|d| d.within(LONGEST_DISTANCE, "--distance"));
+    let distances: Vec<f64> = distances.collect::<Result<_, _>>().map_err(Failure::input)?;
+    if distances.iter().any(|d| *d > 1e6) {
+        return Err(Failure::input("--distance: give at most 1e6 m"));
     }
     let mut all = vec![];
     let mut start = Impulse::default();
@@ -93,7 +106,7 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     }
     let captures: Vec<_> = all
         .iter()
-        .zip(&a.distance)
+        .zip(&distances)
         .flat_map(|(h, d)| h.of_plane(*d))
         .collect();
     let synchronous = counter.mode == Mode::Synchronous;

@@ -122,6 +122,19 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let captured = target
         .capture(&scheme, &noise, a.noise.seed)
         .map_err(Failure::input)?;
+    let unknown = captured.intensities.iter().filter(|v| !v.is_finite()).count();
+    if unknown == captured.intensities.len() {
+        return Err(Failure::input(format!(
+            "{}: none of its matrices gives an intensity that is a finite number; nothing is written",
+            a.from.source.display()
+        )));
+    }
+    if unknown > 0 {
+        eprintln!(
+            "note: {unknown} of {} intensities are not finite numbers",
+            captured.intensities.len()
+        );
+    }
     let mut shape = vec![scheme.captures()];
     if scheme.sensor.channels() > 1 {
         shape.push(scheme.sensor.channels());
@@ -175,17 +188,13 @@ fn summary(
         scheme.name,
         scheme.captures()
     );
-    if n == 0 {
-        text.push_str("intensity  none is known\n");
-    } else {
-        text.push_str(&format!("intensity  mean {mean:.6e}, largest {most:.6e}\n"));
-    }
+    text.push_str(&format!("intensity  mean {mean:.6e}, largest {most:.6e}\n"));
     let all = captured.intensities.len().max(1) as f64;
     text.push_str(&format!(
         "saturated  {:.3} %\n",
         100.0 * captured.saturated as f64 / all
     ));
-    if let Some(sigma) = captured.typical_noise(noise).filter(|s| *s > 0.0 && n > 0) {
+    if let Some(sigma) = captured.typical_noise(noise).filter(|s| *s > 0.0) {
         text.push_str(&format!(
             "noise      {sigma:.6e} (root mean square), mean intensity over it {:.2}\n",
             mean / sigma

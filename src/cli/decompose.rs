@@ -71,6 +71,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             ));
         }
     };
+    if missing == all {
+        return Err(Failure::input(format!(
+            "{}: none of its {all} matrices can exist (m00 <= 0, diattenuation above 1, or not finite); nothing is written",
+            a.from.source.display()
+        )));
+    }
     if missing > 0 {
         eprintln!(
             "note: {missing} of {all} matrices cannot exist (m00 <= 0, diattenuation above 1, or not finite): NaN"

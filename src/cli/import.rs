@@ -5,6 +5,7 @@ use super::places;
 use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use sunstone::base::length::Length;
 use sunstone::base::whole_file;
 use sunstone::scene::calibration::{self, Options};
 use sunstone::scene::mitsuba::WriteError;
@@ -66,8 +67,9 @@ struct CalibrationArguments {
     /// Size of the image, where the file has none or another is meant.
     #[arg(long, value_name = "WxH", value_parser = resolution)]
     resolution: Option<[u32; 2]>,
-    /// Metres that the file's unit of length has: 0.001 for millimetres.
-    #[arg(long, value_name = "M", value_parser = unit)]
+    /// Metres that the file's unit of length has: 0.001, or mm, for millimetres. Needed where the file does not say and is more than
+    /// 10 of its units from the origin.
+    #[arg(long, value_name = "M|UNIT", value_parser = unit)]
     metres_per_unit: Option<f64>,
     /// Four coefficients are those of OpenCV's fisheye.
     #[arg(long)]
@@ -94,9 +96,15 @@ fn resolution(text: &str) -> Result<[u32; 2], String> {
 }
 
 fn unit(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(v) if (1e-12..=1e12).contains(&v) => Ok(v),
-        _ => Err("give metres, such as 0.001".into()),
+    // `mm` alone is one millimetre.
+    let one = if text.starts_with(|c: char| c.is_alphabetic()) {
+        "1"
+    } else {
+        ""
+    };
+    match format!("{one}{text}").parse::<Length>() {
+        Ok(v) if (1e-12..=1e12).contains(&v.metres) => Ok(v.metres),
+        _ => Err("give metres, such as 0.001, or a unit, such as mm".into()),
     }
 }
 

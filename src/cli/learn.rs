@@ -149,6 +149,18 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             .any(|t| depends_on_materials(t, Estimator::LeastSquares));
     let materials = if needed {
         let data = a.data.load(0)?;
+        let t = data.tally();
+        let left_out = t.holes + t.dark + t.unreal;
+        if left_out > 0 {
+            eprintln!(
+                "note: {}: {left_out} of {} bins left out: {} without values, {} dark, {} with elements beyond M00",
+                a.data.name(),
+                left_out + t.valid,
+                t.holes,
+                t.dark,
+                t.unreal
+            );
+        }
         Some(LearningData::new(&data, a.folds, a.data.frames()).map_err(Failure::input)?)
     } else {
         None

@@ -84,6 +84,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for note in &result.notes {
         eprintln!("note: {note}");
     }
+    report(&result)?;
     if let Some(path) = &a.output {
         let mut attributes = store.attributes();
         attributes.retain(|k, _| k != "figures" && k != "slices");
@@ -96,6 +97,33 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         return super::output::print(csv(&result).trim_end());
     }
     super::output::print(summary(&result).trim_end())
+}
+
+/// Prints what the result does not have: light outside the time bins, and values that are not known.
+fn report(r: &ProbeResult) -> Result<(), Failure> {
+    for (name, t) in [
+        ("arrived outside the stored time bins", &r.overflow),
+        (
+            "was moved out of the stored time bins by the pulse",
+            &r.shifted_out,
+        ),
+    ] {
+        let sum: f64 = t.iter().flat_map(|t| &t.data).map(|v| f64::from(*v)).sum();
+        if sum != 0.0 {
+            eprintln!("note: light that {name} is not in the result: sum {sum:.6e}");
+        }
+    }
+    let values = &r.mean.data;
+    let unknown = values.iter().filter(|v| !v.is_finite()).count();
+    if unknown == values.len() {
+        return Err(Failure::input(
+            "none of the values is known: the store is not rendered there, or the selection is empty",
+        ));
+    }
+    if unknown > 0 {
+        eprintln!("note: {unknown} of {} values are not known: NaN", values.len());
+    }
+    Ok(())
 }
 
 /// What is written is none of what is read.
@@ -196,15 +224,6 @@ fn summary(r: &ProbeResult) -> String {
             text,
             "sum {sum:.6e}, least {lo:.6e}, largest {hi:.6e}; write it with -o FILE.npy, .csv or .zarr"
         );
-    }
-    for (name, t) in [
-        ("overflow", &r.overflow),
-        ("shifted out of the window by the pulse", &r.shifted_out),
-    ] {
-        if let Some(t) = t {
-            let sum: f64 = t.data.iter().map(|v| f64::from(*v)).sum();
-            let _ = writeln!(text, "{name}: sum {sum:.6e}");
-        }
     }
     text
 }

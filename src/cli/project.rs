@@ -34,19 +34,34 @@ pub struct Arguments {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     let scene = sunstone::scene::load(&a.scene)?;
     let points = points(&a.points)?;
+    if points.is_empty() {
+        return Err(Failure::input(format!(
+            "{}: it has no points; give x,y,z in metres on every line",
+            a.points.display()
+        )));
+    }
+    let (all, mut unseen) = (points.len(), [0; 2]);
     let projector = scene.projector.as_ref().map(|p| &p.pinhole);
     let centre = if a.opencv { 0.5 } else { 0.0 };
     let mut out = String::from("x,y,z,camera_x,camera_y,projector_x,projector_y");
     for [x, y, z] in points {
         let _ = write!(out, "\n{x},{y},{z}");
-        for device in [Some(&scene.camera), projector] {
+        for (device, unseen) in [Some(&scene.camera), projector].into_iter().zip(&mut unseen) {
             let pixel = device.and_then(|d: &Pinhole| d.project([x, y, z].map(|v| v as f32).into()));
             match pixel {
                 Some((at, _)) => {
                     let _ = write!(out, ",{:.6},{:.6}", at.x - centre, at.y - centre);
                 }
-                None => out.push_str(",,"),
+                None => {
+                    out.push_str(",,");
+                    *unseen += usize::from(device.is_some());
+                }
             }
+        }
+    }
+    for (n, name) in unseen.into_iter().zip(["camera", "projector"]) {
+        if n > 0 {
+            eprintln!("note: the {name} does not see {n} of {all} points");
         }
     }
     super::output::print(&out)

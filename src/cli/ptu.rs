@@ -11,10 +11,11 @@ use std::fmt::Write;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use sunstone::rig::ptu::histogram::{Plan, histogram};
+use sunstone::rig::ptu::histogram::{Histograms, Plan, histogram};
+use sunstone::rig::ptu::meaning;
 use sunstone::rig::ptu::reader::Reader;
 use sunstone::rig::ptu::record::Mode;
-use sunstone::rig::ptu::scan::{Clock, Scan};
+use sunstone::rig::ptu::scan::{Clock, Scan, is_bidirectional};
 use sunstone::rig::ptu::survey::{Survey, survey};
 use sunstone::rig::ptu::tag::Value;
 use sunstone::store::numpy;
@@ -51,8 +52,9 @@ struct Info {
 
 /// Count photons by their time since the laser's pulse, by channel, and by pixel of a galvo scan.
 ///
-/// Writes an array of u32: (channels, bins), or with --pixels (rows, columns, channels, bins). Pixels are told by markers in the file:
-/// one a pixel (--pixel-marker), or one a line, with the durations that the header states. Photons between pixels are in none.
+/// Writes an array of u32: (channels, bins), or with --pixels (rows, columns, channels, bins). Pixels are found by markers in the file:
+/// one a pixel (--pixel-marker), or one a line, with the durations that the header states. Rows that run backwards (ImgHdr_BiDirect)
+/// are turned around. Photons that are in no bin or pixel are counted and reported; if all are, nothing is written (exit code 2).
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -70,7 +72,7 @@ struct Histogram {
     /// Width of a bin, picoseconds: a multiple of the file's resolution (default: that).
     #[arg(long, value_name = "PS")]
     bin_ps: Option<f64>,
-    /// Bins (default: those of one laser period).
+    /// Bins (default: those of one laser period, or up to the last photon if one is later).
     #[arg(long, value_name = "N")]
     bins: Option<usize>,
     /// Channels, from 0 (comma-separated; default: those that have photons).
@@ -173,14 +175,14 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     let mut reader = open(&a.file)?;
     let scan = scan(a, &reader)?;
     let bin = bin(a, &reader)?;
+    let survey = surveyed(&a.file)?;
     let channels = match &a.channel[..] {
-        [] => surveyed(&a.file)?.channels(),
+        [] => survey.channels(),
         given => given.to_vec(),
     };
     if channels.is_empty() {
-        let mend = "name channels by --channel for an array of zeros";
         return Err(Failure::input(format!(
-            "{}: it has no photons; {mend}",
+            "{}: it has no photons; check that the measurement ran and the file is complete",
             a.file.display()
         )));
     }
@@ -189,7 +191,7 @@ fn count(a: &Histogram) -> Result<(), Failure> {
             "--channel: a channel is named twice; name each once",
         ));
     }
-    let bins = a.bins.unwrap_or_else(|| Plan::period_bins(&reader, bin));
+    let bins = a.bins.unwrap_or_else(|| bins(&reader, bin, &survey, &channels));
     let plan = Plan {
         bin,
         bins,
@@ -203,23 +205,72 @@ fn count(a: &Histogram) -> Result<(), Failure> {
         "{records} records in {seconds:.4} s, {:.1} million a second",
         1e-6 * records as f64 / seconds
     );
-    info!(
-        "channels {:?}, {} of {} photons",
-        plan.channels,
-        found.counted(),
-        found.photons
-    );
-    if found.unknown > 0 {
-        eprintln!(
-            "warning: {}: {} records mean nothing",
-            a.file.display(),
-            found.unknown
-        );
-    }
+    report(a, &reader, &plan, &found);
     let shape = &found.shape[if scan.is_some() { 0 } else { 2 }..];
     numpy::save(&a.output, shape, &found.counts)
         .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
     super::output::print(&a.output.display().to_string())
+}
+
+/// Bins of one laser period, and those of later photons (T3).
+fn bins(reader: &Reader<BufReader<File>>, bin: u32, survey: &Survey, channels: &[u8]) -> usize {
+    let period = Plan::period_bins(reader, bin);
+    let last = channels.iter().filter_map(|c| {
+        let c = usize::from(*c);
+        (*survey.photons.get(c)? > 0).then(|| survey.last_dtime[c] / bin)
+    });
+    let all = last.max().map_or(0, |last| last as usize + 1);
+    if reader.record_type().mode() == Mode::T3 && all > period {
+        eprintln!(
+            "note: {}: some photons come later than one laser period ({period} bins): there are {all} bins",
+            reader.file().display()
+        );
+        return all;
+    }
+    period
+}
+
+/// Prints what is not in the array, and what is not used of the header.
+fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &Histograms) {
+    let note = |text: String| eprintln!("note: {}: {text}", a.file.display());
+    let (header, mode) = (reader.header(), reader.record_type().mode());
+    for text in meaning::notes(header, mode, plan.scan.as_ref()) {
+        note(text);
+    }
+    let left_out = &found.left_out;
+    if left_out.photons() > 0 {
+        let reasons = left_out.describe(header.resolution_s(mode));
+        let counted = found.photons - left_out.photons();
+        note(format!(
+            "{counted} of {} photons are in the array; {reasons}",
+            found.photons
+        ));
+    }
+    for (i, channel) in plan.channels.iter().enumerate() {
+        let row = found.counts.chunks_exact(plan.bins).skip(i);
+        if row
+            .step_by(plan.channels.len())
+            .all(|bins| bins.iter().all(|n| *n == 0))
+        {
+            note(format!("channel {channel} has no photon in the array"));
+        }
+    }
+    let step = match plan.scan.map(|s| s.clock) {
+        Some(Clock::Pixels { .. }) => "pixels",
+        _ => "lines",
+    };
+    if found.beyond > 0 {
+        note(format!(
+            "{} {step} begin after the last one of their frame",
+            found.beyond
+        ));
+    }
+    if found.missing > 0 {
+        note(format!("the last frame has {} {step} too few", found.missing));
+    }
+    if found.unknown > 0 {
+        note(format!("{} records have no meaning", found.unknown));
+    }
 }
 
 /// The width of a bin in the file's own counts.
@@ -263,16 +314,7 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
         Ok(Clock::Pixels { begin, end, frame })
     };
     let clock = match &a.pixel_marker[..] {
-        [] => {
-            let of_header = Scan::of_header(reader.header()).map(|s| s.clock);
-            of_header.ok_or_else(|| {
-                let mend = "say by --pixel-marker which marker begins a pixel";
-                Failure::input(format!(
-                    "{}: its header describes no line scan; {mend}",
-                    a.file.display()
-                ))
-            })?
-        }
+        [] => return of_header(a, reader, width, height).map(Some),
         [begin] => markers(begin, 0)?,
         [begin, end] => markers(begin, bit(end))?,
         _ => {
@@ -281,5 +323,32 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
             ));
         }
     };
-    Ok(Some(Scan { width, height, clock }))
+    Ok(Some(Scan {
+        width,
+        height,
+        bidirectional: is_bidirectional(reader.header()),
+        clock,
+    }))
+}
+
+/// The scan that the header describes, if it has the size that is asked for.
+fn of_header(
+    a: &Histogram,
+    reader: &Reader<BufReader<File>>,
+    width: usize,
+    height: usize,
+) -> Result<Scan, Failure> {
+    let file = a.file.display();
+    let scan = Scan::of_header(reader.header()).map_err(|why| {
+        Failure::input(format!(
+            "{file}: {why}; if each pixel has a marker, name it by --pixel-marker"
+        ))
+    })?;
+    if (scan.width, scan.height) != (width, height) {
+        return Err(Failure::input(format!(
+            "--pixels {width},{height}: the header of {file} describes {} columns and {} rows; give --pixels {},{}",
+            scan.width, scan.height, scan.width, scan.height
+        )));
+    }
+    Ok(scan)
 }

@@ -206,6 +206,10 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
                 },
                 files.len() > 1,
             )?;
+            // Nothing is left: no file appears.
+            if done.tally.lost == done.tally.pixels {
+                return Err(nothing_left(&a.source, done.tally.pixels));
+            }
             Ok(())
         };
     write_both(&a.output, a.errors.as_deref(), &mut fill)?;
@@ -233,6 +237,14 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
         super::output::print(&path.display().to_string())?;
     }
     Ok(())
+}
+
+/// That no pixel is determined.
+fn nothing_left(source: &Path, pixels: usize) -> Failure {
+    Failure::input(format!(
+        "{}: none of its {pixels} pixels is determined: their measurements are saturated or not finite numbers; nothing is written",
+        source.display()
+    ))
 }
 
 type Fill<'a> = dyn FnMut(&mut BufWriter<File>, Option<&mut BufWriter<File>>) -> Result<(), Failure> + 'a;

@@ -91,7 +91,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     let mut rows = vec![];
     for scheme in &schemes {
-        rows.push(trial.run(scheme).map_err(failure)?);
+        let row = trial.run(scheme).map_err(failure)?;
+        if row.lost >= 1.0 {
+            return Err(Failure::input(format!(
+                "scheme {}: no pixel is determined: all measurements are saturated or not finite numbers",
+                row.name
+            )));
+        }
+        rows.push(row);
     }
     super::output::print(table(&rows).trim_end())?;
     if let Some(path) = &a.output {

@@ -20,6 +20,7 @@ mod harness;
 mod invariants;
 mod kills;
 mod layers;
+mod left_out;
 mod merge;
 mod mitsuba;
 mod parts;

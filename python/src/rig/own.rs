@@ -5,6 +5,7 @@ use super::arrays;
 use super::fault::exception;
 use super::values::{Answer, Value, within};
 use crate::error::input;
+use crate::off_python::detached;
 use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use sunstone::rig::instrument::{
@@ -38,10 +39,10 @@ impl<D: ?Sized + Send> Slot<D> {
 
     /// Uses it without Python's lock.
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut D) -> T + Send) -> PyResult<T> {
-        let done = py.detach(|| {
+        let done = detached(py, || {
             let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
             device.as_mut().map(|device| work(device))
-        });
+        })?;
         done.ok_or_else(|| {
             input(format!(
                 "{}: a session runs with it; wait until that has ended",

@@ -58,6 +58,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for mask in &masks {
         images.push(run.mueller(mask, &how).map_err(Failure::input)?);
     }
+    if let Some(image) = images.iter().find(|i| i.tally.lost == i.tally.pixels) {
+        return Err(Failure::input(format!(
+            "{}: none of the {} pixels of mask {} is determined: its readings are saturated or missing; nothing is written",
+            a.source.display(),
+            image.tally.pixels,
+            image.name
+        )));
+    }
     if array {
         let image = &images[0];
         let mut shape = vec![image.layout.height, image.layout.width];

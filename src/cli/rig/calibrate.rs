@@ -44,6 +44,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let Some(first) = samples.first() else {
         return Err(Failure::input("give runs of known samples"));
     };
+    for s in samples.iter().filter(|s| s.left_out > 0) {
+        eprintln!(
+            "note: {}: {} of {} readings left out: saturated, or unknown",
+            s.name, s.left_out, s.readings
+        );
+    }
     let all = Parameter::all(&first.scheme);
     let names = |p: &Parameter| p.name(&first.scheme);
     for word in &a.free {

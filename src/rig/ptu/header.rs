@@ -135,20 +135,14 @@ impl Header {
         }
     }
 
-    /// A number.
+    /// A number of any type: a whole one, flags, a float, or a yes (1) or no (0). Programs disagree on types of tags.
     #[must_use]
-    pub fn float(&self, name: &str) -> Option<f64> {
+    pub fn number(&self, name: &str) -> Option<f64> {
         match self.get(name)? {
+            Value::Int(i) => Some(*i as f64),
+            Value::Bits(b) => Some(*b as f64),
             Value::Float(f) => Some(*f),
-            _ => None,
-        }
-    }
-
-    /// A yes or no.
-    #[must_use]
-    pub fn bool(&self, name: &str) -> Option<bool> {
-        match self.get(name)? {
-            Value::Bool(b) => Some(*b),
+            Value::Bool(b) => Some(f64::from(u8::from(*b))),
             _ => None,
         }
     }
@@ -169,7 +163,7 @@ impl Header {
             Mode::T2 => "MeasDesc_GlobalResolution",
             Mode::T3 => "MeasDesc_Resolution",
         };
-        self.float(name).filter(|s| s.is_finite() && *s > 0.0)
+        self.number(name).filter(|s| s.is_finite() && *s > 0.0)
     }
 
     /// Time of one count of the time tag, seconds: in T3 the laser's period; if it is stated and positive.
@@ -181,7 +175,8 @@ impl Header {
     /// The type of the records.
     ///
     /// # Errors
-    /// [`PtuError`] if the header does not say, or names one that is not known, or records are not of 32 bits.
+    /// [`PtuError`] if the header does not say, or names one that is not known or not of `Measurement_Mode`, or records are
+    /// not of 32 bits.
     pub fn record_type(&self, file: &Path) -> Result<RecordType, PtuError> {
         let wrong = |what: String, mend: &str| PtuError::of_request(file, what, mend);
         let Some(code) = self.int("TTResultFormat_TTTRRecType") else {
@@ -198,11 +193,25 @@ impl Header {
             }
         }
         let known = u32::try_from(code).ok().and_then(RecordType::of_code);
-        known.ok_or_else(|| {
+        let record = known.ok_or_else(|| {
             let names: Vec<&str> = RecordType::ALL.iter().map(|r| r.name()).collect();
             let mend = format!("known are those of {}", names.join(", "));
             wrong(format!("records of type {code:#x}"), &mend)
-        })
+        })?;
+        let mode = match record.mode() {
+            Mode::T2 => 2.0,
+            Mode::T3 => 3.0,
+        };
+        match self.number("Measurement_Mode") {
+            Some(stated) if stated != mode => Err(wrong(
+                format!(
+                    "Measurement_Mode is T{stated}, but the records are of {} (TTResultFormat_TTTRRecType)",
+                    record.name()
+                ),
+                DAMAGED,
+            )),
+            _ => Ok(record),
+        }
     }
 
     /// Its bytes, `Header_End` and all.

@@ -1,8 +1,7 @@
 //! Time histograms of a file: by channel, and by pixel of a scan, in one pass over its records.
 //!
 //! A photon costs two looks into tables (where its channel's bins begin, which bin its time is in), one comparison (whether it
-//! is asked for) and one addition; only markers and overflows branch. What is not asked for goes to one element beyond
-//! the last, so that the loop need not know.
+//! is asked for) and one addition. Photons that have no element are counted by their reason ([`LeftOut`]).
 
 use super::error::PtuError;
 use super::reader::Reader;
@@ -17,7 +16,7 @@ pub const MOST: usize = 1 << 29;
 const NOWHERE: u32 = 1 << 30;
 
 /// What to count.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Width of a bin: so many of the file's own counts.
     pub bin: u32,
@@ -30,7 +29,9 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Bins of one laser period, as far as the header tells, else of all times that records hold (T2: 32768).
+    /// Returns the number of bins that hold one laser period, the last one perhaps in part.
+    ///
+    /// Without a period in the header: all times that records hold (T2: 32768).
     #[must_use]
     pub fn period_bins<R: Read>(reader: &Reader<R>, bin: u32) -> usize {
         let (record, header) = (reader.record_type(), reader.header());
@@ -38,13 +39,13 @@ impl Plan {
         let period = match record.mode() {
             Mode::T3 => header.global_resolution_s(),
             Mode::T2 => header
-                .int("TTResult_SyncRate")
-                .filter(|n| *n > 0)
-                .map(|n| 1.0 / n as f64),
+                .number("TTResult_SyncRate")
+                .filter(|n| *n > 0.0)
+                .map(|n| 1.0 / n),
         };
         let counts = period
             .zip(header.resolution_s(record.mode()))
-            .map(|(p, r)| (p / r + 1e-6).floor());
+            .map(|(p, r)| (p / r - 1e-6).ceil());
         let counts = counts.filter(|n| (1.0..=all).contains(n)).unwrap_or(all);
         (counts / f64::from(bin.max(1))).ceil() as usize
     }
@@ -79,6 +80,53 @@ impl Plan {
     }
 }
 
+/// Photons of a file that are in no bin, by the first reason that holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Of channels that the plan does not name.
+    pub channels: u64,
+    /// Before the first pixel, between pixels, and beyond the last one.
+    pub pixels: u64,
+    /// Before the first sync pulse (T2).
+    pub before_sync: u64,
+    /// Later than the last bin.
+    pub later: u64,
+    /// The latest of these, in counts since the sync pulse.
+    pub latest: u64,
+    /// In a first frame whose first lines or pixels the file does not have, so that nobody knows where they belong.
+    pub torn_frame: u64,
+}
+
+impl LeftOut {
+    /// Returns the number of all of them.
+    #[must_use]
+    pub fn photons(&self) -> u64 {
+        self.channels + self.pixels + self.before_sync + self.later + self.torn_frame
+    }
+
+    /// Returns how many there are of each kind, as text; `resolution_s` is the time of a count. Empty if there are none.
+    #[must_use]
+    pub fn describe(&self, resolution_s: Option<f64>) -> String {
+        let latest = match resolution_s {
+            Some(s) => format!("{:.3} ns", self.latest as f64 * s * 1e9),
+            None => format!("{} counts", self.latest),
+        };
+        let kinds = [
+            (self.channels, "in other channels".to_owned()),
+            (self.pixels, "outside the pixels of the scan".to_owned()),
+            (self.before_sync, "before the first sync pulse".to_owned()),
+            (
+                self.later,
+                format!("after the last bin (up to {latest} after the pulse)"),
+            ),
+            (self.torn_frame, "in an incomplete first frame".to_owned()),
+        ];
+        let kinds = kinds.iter().filter(|(n, _)| *n > 0);
+        let kinds: Vec<String> = kinds.map(|(n, kind)| format!("{n} {kind}")).collect();
+        kinds.join(", ")
+    }
+}
+
 /// What was counted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Histograms {
@@ -86,8 +134,14 @@ pub struct Histograms {
     pub shape: [usize; 4],
     /// Counts, the last axis fastest.
     pub counts: Vec<u32>,
-    /// Photons of the file, those of other channels, later bins and between pixels too.
+    /// All photons of the file.
     pub photons: u64,
+    /// Photons that are in no bin.
+    pub left_out: LeftOut,
+    /// Pixels (of a scan by pixels) or lines (of a scan by lines) that begin after the last one of their frame.
+    pub beyond: u64,
+    /// Pixels or lines that the last frame lacks.
+    pub missing: usize,
     /// Records that mean nothing.
     pub unknown: u64,
 }
@@ -99,6 +153,12 @@ impl Histograms {
         self.counts.iter().map(|n| u64::from(*n)).sum()
     }
 }
+
+/// Counters of [`State::left`], in the order of their reasons.
+const CHANNELS: usize = 0;
+const PIXELS: usize = 1;
+const SYNCS: usize = 2;
+const LATER: usize = 3;
 
 /// Tables, and what changes while records go by.
 struct State {
@@ -116,6 +176,10 @@ struct State {
     sync: Option<u64>,
     photons: u64,
     unknown: u64,
+    syncs: u64,
+    left: [u64; 4],
+    latest: u64,
+    torn_frame: u64,
 }
 
 /// Counts one block.
@@ -124,6 +188,8 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
         first,
         bin_of,
         counts,
+        left,
+        latest,
         ..
     } = state;
     // Of a length that masks keep to, so that no bound is checked.
@@ -132,11 +198,10 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
     };
     let (mut beam, mut overflow, mut sync) = (state.beam, state.overflow, state.sync);
     let (bin, bins, row) = (state.bin, state.bins, state.row);
-    let nowhere = counts.len() - 1;
     // Elements of the pixel where the beam is: none, if it is nowhere.
     let place = |beam: &Beam| beam.pixel.map_or((0, 0), |p| (p * row as usize, row));
     let (mut base, mut room) = place(&beam);
-    let (mut others, mut unknown) = (0, 0);
+    let (mut others, mut unknown, mut syncs) = (0, 0, 0);
     for record in block {
         match L::split(u32::from_le_bytes(*record)) {
             Parts::Photon { time, dtime, channel } => {
@@ -147,20 +212,34 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
                         (base, room) = place(&beam);
                     }
                 }
-                let later = if L::T2 {
+                // In T2 none before the first sync pulse.
+                let since = if L::T2 {
                     let now = overflow.saturating_add(u64::from(time));
-                    let since = sync.and_then(|s| now.checked_sub(s)).map(|d| d / bin);
-                    since.filter(|b| *b < bins).map_or(NOWHERE, |b| b as u32)
+                    sync.and_then(|s| now.checked_sub(s))
+                } else {
+                    Some(u64::from(dtime))
+                };
+                let later = if L::T2 {
+                    let bin = since.map(|d| d / bin).filter(|b| *b < bins);
+                    bin.map_or(NOWHERE, |b| b as u32)
                 } else {
                     bin_of[dtime as usize & 0x7fff]
                 };
-                let slot = first[channel as usize & 63] + later;
-                let element = if slot < room {
-                    base + slot as usize
+                let begin = first[channel as usize & 63];
+                let slot = begin + later;
+                if slot < room {
+                    let count = &mut counts[base + slot as usize];
+                    *count = count.saturating_add(1);
+                } else if begin == NOWHERE {
+                    left[CHANNELS] += 1;
+                } else if room == 0 {
+                    left[PIXELS] += 1;
+                } else if let Some(since) = since {
+                    left[LATER] += 1;
+                    *latest = since.max(*latest);
                 } else {
-                    nowhere
-                };
-                counts[element] = counts[element].saturating_add(1);
+                    left[SYNCS] += 1;
+                }
             }
             Parts::Overflow(more) => {
                 overflow = overflow.saturating_add(more);
@@ -168,27 +247,35 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
             }
             Parts::Marker { time, bits } => {
                 beam.marker(overflow.saturating_add(u64::from(time)), bits);
+                if beam.torn {
+                    beam.torn = false;
+                    state.torn_frame += counts.iter().map(|n| u64::from(*n)).sum::<u64>();
+                    counts.fill(0);
+                }
                 (base, room) = place(&beam);
                 others += 1;
             }
             Parts::Sync { time } => {
                 sync = Some(overflow.saturating_add(u64::from(time)));
-                others += 1;
+                syncs += 1;
             }
             Parts::Unknown => unknown += 1,
         }
     }
     (state.beam, state.overflow, state.sync) = (beam, overflow, sync);
-    state.photons += block.len() as u64 - others - unknown;
+    state.photons += block.len() as u64 - others - syncs - unknown;
     state.unknown += unknown;
+    state.syncs += syncs;
 }
 
 /// Counts a file's photons, from where the reader is to its end.
 ///
-/// In T2 a photon's time is that since the last sync pulse.
+/// In T2 a photon's time is that since the last sync pulse. A first frame that begins before the file does is left out if it lacks more
+/// than one line (or pixel).
 ///
 /// # Errors
-/// [`PtuError`]: a plan that the file cannot serve or that is larger than [`MOST`], a bin of 2³² − 1 counts or more, the system.
+/// [`PtuError`]: a plan that the file cannot serve or that is larger than [`MOST`], a bin of 2³² − 1 counts or more, no photon in any
+/// bin (with the reason: markers or sync pulses that never come, other channels, later bins), the system.
 pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histograms, PtuError> {
     let record = reader.record_type();
     let file = reader.file().to_owned();
@@ -198,14 +285,14 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
     let row = plan.bins * plan.channels.len();
     let elements = row * plan.pixels().unwrap_or(1);
     let mut counts = Vec::new();
-    counts.try_reserve_exact(elements + 1).map_err(|_| {
+    counts.try_reserve_exact(elements).map_err(|_| {
         PtuError::of_request(
             &file,
             "there is not the memory for its histogram",
             "take wider bins",
         )
     })?;
-    counts.resize(elements + 1, 0);
+    counts.resize(elements, 0);
     let mut first = [NOWHERE; 64];
     for (i, channel) in plan.channels.iter().enumerate().rev() {
         first[usize::from(*channel & 63)] = (i * plan.bins) as u32;
@@ -229,6 +316,10 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
         sync: None,
         photons: 0,
         unknown: 0,
+        syncs: 0,
+        left: [0; 4],
+        latest: 0,
+        torn_frame: 0,
     };
     let timed = state.beam.is_timed();
     loop {
@@ -243,17 +334,75 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
             with_layout!(record, count[false](state, block));
         }
     }
-    let mut counts = state.counts;
-    counts.pop();
-    if counts.contains(&u32::MAX) {
+    if state.counts.contains(&u32::MAX) {
         let what = format!("a bin has {} counts or more", u32::MAX);
         return Err(PtuError::of_request(&file, what, "take narrower bins"));
+    }
+    let left_out = LeftOut {
+        channels: state.left[CHANNELS],
+        pixels: state.left[PIXELS],
+        before_sync: state.left[SYNCS],
+        later: state.left[LATER],
+        latest: state.latest,
+        torn_frame: state.torn_frame,
+    };
+    if state.photons == left_out.photons() {
+        let resolution = reader.header().resolution_s(record.mode());
+        let (what, mend) = nothing(plan, &state, &left_out, record, resolution);
+        return Err(PtuError::of_request(&file, what, mend));
     }
     let (height, width) = plan.scan.map_or((1, 1), |s| (s.height, s.width));
     Ok(Histograms {
         shape: [height, width, plan.channels.len(), plan.bins],
-        counts,
+        counts: state.counts,
         photons: state.photons,
+        left_out,
+        beyond: state.beam.beyond,
+        missing: if state.beam.begins > 0 {
+            state.beam.missing
+        } else {
+            0
+        },
         unknown: state.unknown,
     })
+}
+
+/// Why no photon is in a bin, and what to do.
+fn nothing(
+    plan: &Plan,
+    state: &State,
+    left_out: &LeftOut,
+    record: RecordType,
+    resolution_s: Option<f64>,
+) -> (String, String) {
+    if state.photons == 0 {
+        let what = format!("it has no photons ({} records without a meaning)", state.unknown);
+        return (
+            what,
+            "check that the measurement ran and the file is complete".into(),
+        );
+    }
+    if let Some(scan) = plan.scan.filter(|_| state.beam.begins == 0) {
+        let what = format!(
+            "marker {}, which begins a {}, never comes",
+            scan.begin().trailing_zeros() + 1,
+            if state.beam.is_timed() { "line" } else { "pixel" },
+        );
+        return (what, "see its markers with `sunstone ptu info`".into());
+    }
+    if record.mode() == Mode::T2 && state.syncs == 0 {
+        let mend = "connect the laser to the sync input; `sunstone ptu records` prints absolute times";
+        return (
+            "it has no sync pulses, so that photons have no time since the pulse".into(),
+            mend.into(),
+        );
+    }
+    (
+        format!(
+            "none of its {} photons is in a bin: {}",
+            state.photons,
+            left_out.describe(resolution_s)
+        ),
+        "give other channels, bins or pixels".into(),
+    )
 }

@@ -7,6 +7,7 @@
 pub mod error;
 pub mod header;
 pub mod histogram;
+pub mod meaning;
 pub mod reader;
 pub mod record;
 pub mod scan;
@@ -15,5 +16,7 @@ pub mod synth;
 pub mod tag;
 pub mod writer;
 
+#[cfg(test)]
+mod image_tests;
 #[cfg(test)]
 mod tests;

@@ -74,9 +74,9 @@ impl<R: Read> Reader<R> {
         let (found, torn) = (bytes / 4, (bytes % 4) as u8);
         // A measurement whose end nobody wrote states none: all that is there counts.
         let stated = header
-            .int("TTResult_NumberOfRecords")
-            .and_then(|n| u64::try_from(n).ok());
-        let stated = stated.filter(|n| *n > 0).unwrap_or(found);
+            .number("TTResult_NumberOfRecords")
+            .filter(|n| *n > 0.0)
+            .map_or(found, |n| n as u64);
         Ok(Self {
             source,
             file: file.to_owned(),

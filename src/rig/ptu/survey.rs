@@ -18,8 +18,8 @@ pub struct Survey {
     pub overflows: u64,
     /// Records that mean nothing.
     pub unknown: u64,
-    /// Largest time since a sync pulse (T3).
-    pub last_dtime: u32,
+    /// Largest time since a sync pulse by channel (T3).
+    pub last_dtime: [u32; 64],
     /// Time of the last record, in counts of the time tag.
     pub duration: u64,
 }
@@ -43,8 +43,9 @@ fn count<L: Layout>(survey: &mut Survey, overflow: &mut u64, block: &[[u8; 4]]) 
     for record in block {
         match L::split(u32::from_le_bytes(*record)) {
             Parts::Photon { time, dtime, channel } => {
-                survey.photons[channel as usize & 63] += 1;
-                survey.last_dtime = survey.last_dtime.max(dtime);
+                let c = channel as usize & 63;
+                survey.photons[c] += 1;
+                survey.last_dtime[c] = survey.last_dtime[c].max(dtime);
                 survey.duration = base.saturating_add(u64::from(time));
             }
             Parts::Overflow(more) => {
@@ -81,7 +82,7 @@ pub fn survey<R: Read>(reader: &mut Reader<R>) -> Result<Survey, PtuError> {
         syncs: 0,
         overflows: 0,
         unknown: 0,
-        last_dtime: 0,
+        last_dtime: [0; 64],
         duration: 0,
     };
     loop {

@@ -49,7 +49,7 @@ impl Run {
             .ok_or_else(|| ImageError(format!("{path}: it has no lit mask")))?;
         let seen = self.intensities(mask, Method::Superpixel)?;
         let of = |(n, region): (usize, Region)| {
-            let (intensities, sigmas) = mean(&seen, &region);
+            let ([intensities, sigmas], [readings, left_out]) = mean(&seen, &region);
             let name = match n {
                 0 => name.to_owned(),
                 _ => format!("{name}, direction {n}"),
@@ -61,6 +61,8 @@ impl Run {
                 ray: region.ray,
                 intensities,
                 sigmas,
+                readings,
+                left_out,
             }
         };
         Ok(self.regions(&seen).into_iter().enumerate().map(of).collect())
@@ -101,8 +103,8 @@ impl Run {
     }
 }
 
-/// Means of all measurements over a region, and their standard deviations.
-fn mean(seen: &Intensities, region: &Region) -> (Vec<f64>, Vec<f64>) {
+/// Means of all measurements over a region, and their standard deviations; the number of readings, and of those left out.
+fn mean(seen: &Intensities, region: &Region) -> ([Vec<f64>; 2], [usize; 2]) {
     let Layout { width, times, .. } = seen.layout;
     let pixels = seen.layout.pixels().max(1);
     let counted = |p: usize| {
@@ -113,18 +115,26 @@ fn mean(seen: &Intensities, region: &Region) -> (Vec<f64>, Vec<f64>) {
         .values
         .chunks_exact(pixels)
         .zip(seen.variances.chunks_exact(pixels));
+    let (mut readings, mut left_out) = (0, 0);
     let of = |(values, variances): (&[f32], &[f32])| {
         let (mut n, mut sum, mut square) = (0.0, 0.0, 0.0);
         for (p, (v, s)) in values.iter().zip(variances).enumerate() {
-            if counted(p) && v.is_finite() && s.is_finite() {
+            if !counted(p) {
+                continue;
+            }
+            readings += 1;
+            if v.is_finite() && s.is_finite() {
                 n += 1.0;
                 sum += f64::from(*v);
                 square += f64::from(*s);
+            } else {
+                left_out += 1;
             }
         }
         // Of histograms the sum over all bins counts, whose variance is that of all counts.
         let n = if seen.time.is_some() { n / times as f64 } else { n };
         (sum / n, f64::max(square, 1e-300).sqrt() / n)
     };
-    measured.map(of).unzip()
+    let (means, sigmas) = measured.map(of).unzip();
+    ([means, sigmas], [readings, left_out])
 }

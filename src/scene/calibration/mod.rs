@@ -60,6 +60,9 @@ pub fn load(path: &Path, options: &Options) -> Result<Calibration, InputError> {
     from_document(&Document::load(path)?, options)
 }
 
+/// Longest translation that is taken as metres where the file does not say.
+const LONGEST: f64 = 10.0;
+
 fn from_document(document: &Document, options: &Options) -> Result<Calibration, InputError> {
     let mut found = if kalibr::is(document) {
         kalibr::read(document, options)?
@@ -86,7 +89,23 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
         vec!["opencv_matrix counts pixels as OpenCV does: (0, 0) is the centre of the first.".to_owned()];
     notes.append(&mut found.notes);
     let pose = if let Some(mut pose) = found.pose {
-        let unit = options.metres_per_unit.or(found.unit).unwrap_or(1.0);
+        let stated = options.metres_per_unit.or(found.unit);
+        let translations = [&pose.t, &pose.tvec];
+        let lengths = translations.iter().filter_map(|t| **t);
+        let length = lengths
+            .map(|t| t.iter().map(|x| x * x).sum::<f64>().sqrt())
+            .fold(0.0, f64::max);
+        if stated.is_none() && length > LONGEST {
+            return Err(document.error(
+                &[],
+                &format!(
+                    "the file does not say its unit of length, and its translation is {length} long: \
+                     that many metres, or millimetres?"
+                ),
+                "give the unit: --metres-per-unit 0.001 for millimetres, 1 for metres",
+            ));
+        }
+        let unit = stated.unwrap_or(1.0);
         for t in [&mut pose.t, &mut pose.tvec].into_iter().flatten() {
             *t = t.map(|x| x * unit);
         }

@@ -350,19 +350,8 @@ impl<'a> MaterialWriter<'a> {
     }
 
     fn plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
-        if p.interreflection != Interreflection::Lost {
-            return self.cannot(
-                id,
-                "interreflection inside a polarized plastic",
-                "remove interreflection",
-            );
-        }
-        if p.passage.is_some() {
-            return self.cannot(
-                id,
-                "light that enters a polarized plastic through its facets",
-                "remove passage",
-            );
+        if p.interreflection != Interreflection::Lost || p.passage.is_some() {
+            return self.unpolarized_plastic(id, element, p);
         }
         if p.single_scatter.is_some() {
             return self.cannot(
@@ -381,6 +370,54 @@ impl<'a> MaterialWriter<'a> {
         };
         let element = element.child(self.spectrum("specular_reflectance", p.specular));
         self.roughness(id, element, &p.roughness)
+    }
+
+    /// Mitsuba's `plastic` (smooth) or `roughplastic` (through one facet), which have interreflection and no polarization.
+    fn unpolarized_plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
+        let smooth = p.roughness.alpha.texture.is_none() && p.roughness.alpha.value <= SMOOTH_COAT;
+        let kind = match p.passage {
+            Some(table) if table.single && p.roughness.alpha.texture.is_none() => "roughplastic",
+            None if smooth => "plastic",
+            _ => {
+                return self.cannot(
+                    id,
+                    "interreflection below a rough coat that light passes like this",
+                    "remove interreflection and passage, or give passage = \"single_facet\" and one alpha",
+                );
+            }
+        };
+        if p.interreflection == Interreflection::Lost || p.single_scatter.is_some() {
+            return self.cannot(
+                id,
+                "this plastic without interreflection, or with single scattering",
+                "add interreflection = \"linear\" and remove single_scatter",
+            );
+        }
+        if !is_even(&self.ctx.wavelengths, p.eta) {
+            return self.cannot(
+                id,
+                "a refractive index that differs between wavelengths",
+                "export one wavelength (--wavelength), or give one index",
+            );
+        }
+        self.out.note(format!(
+            "material `{}`: Mitsuba's {kind} is not polarized: of its Mueller matrix M00 alone is the same",
+            self.names[&id]
+        ));
+        let element = element
+            .with("type", kind)
+            .child(self.albedo(id, "diffuse_reflectance", p.albedo)?)
+            .child(self.spectrum("specular_reflectance", p.specular))
+            .float("int_ior", shortest(p.eta.to_array()[0]))
+            .float("ext_ior", 1.0)
+            .boolean(
+                "nonlinear",
+                matches!(p.interreflection, Interreflection::Coloured(_)),
+            );
+        match kind {
+            "plastic" => Ok(element),
+            _ => self.roughness(id, element, &p.roughness),
+        }
     }
 
     fn measured(&mut self, id: u32, element: Element) -> Result<Element, InputError> {
@@ -461,6 +498,9 @@ impl<'a> MaterialWriter<'a> {
         }
     }
 }
+
+/// Roughness up to which a coat is exported as smooth.
+const SMOOTH_COAT: f32 = 0.001;
 
 /// Degrees as short as they were given.
 fn degrees(radians: f32) -> f64 {

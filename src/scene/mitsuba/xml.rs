@@ -31,8 +31,13 @@ impl Element {
         Self::new(tag).with("type", kind)
     }
 
+    /// With an attribute, which replaces one of that name.
     pub fn with(mut self, key: &'static str, value: impl Into<String>) -> Self {
-        self.attributes.push((key, value.into()));
+        let value = value.into();
+        match self.attributes.iter_mut().find(|(known, _)| *known == key) {
+            Some((_, old)) => *old = value,
+            None => self.attributes.push((key, value)),
+        }
         self
     }
 

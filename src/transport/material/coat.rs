@@ -64,6 +64,8 @@ impl From<FresnelBlock> for Passed {
 pub struct Table {
     /// Image of M00 and of M01.
     images: [u32; 2],
+    /// Of a single passage, not of all that the facets do not reflect.
+    pub single: bool,
 }
 
 impl Table {
@@ -112,7 +114,7 @@ impl Table {
             });
             textures.images.len() as u32 - 1
         });
-        Self { images }
+        Self { images, single }
     }
 }
 

@@ -1,5 +1,7 @@
-//! Grey images to find things in: PNG of 8 or 16 bits, and .npy.
+//! Grey images to find things in: PNG of 8 or 16 bits, JPEG, and .npy.
 
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use store::numpy::NumpyReader;
 
@@ -90,65 +92,116 @@ impl Image {
         pass(&pass(self, 1, 0), 0, 1)
     }
 
-    /// Reads a .png of 8 or 16 bits (of colours their mean), or a .npy of shape (height, width), with one further axis at
-    /// most, over which it is averaged.
+    /// Reads a .png of 8 or 16 bits or a .jpg (of colours the mean of red, green and blue), or a .npy of shape (height, width),
+    /// with one further axis at most, over which it is averaged. PNG and JPEG are rotated as their EXIF orientation says.
     ///
     /// # Errors
     /// [`ImageError`] if it is none of these, damaged, or has values that are not finite.
-    pub fn load(path: &Path) -> Result<Self, ImageError> {
+    pub fn load(path: &Path) -> Result<Loaded, ImageError> {
         let error = |message: String| ImageError {
             path: path.to_owned(),
             message,
         };
-        let extension = path
-            .extension()
-            .and_then(|e| e.to_str())
-            .unwrap_or("")
-            .to_ascii_lowercase();
-        let image = match extension.as_str() {
-            "png" => png(path),
-            "npy" => npy(path),
-            _ => Err("images are read as .png (8 or 16 bits) or .npy: convert it".into()),
+        let loaded = match extension(path).as_str() {
+            "png" => photo(path, ImageFormat::Png),
+            "jpg" | "jpeg" => photo(path, ImageFormat::Jpeg),
+            "npy" => npy(path).map(|image| Loaded {
+                image,
+                orientation: 1,
+            }),
+            _ => Err("images are read as .png (8 or 16 bits), .jpg or .npy: convert it".into()),
         };
-        let image = image.map_err(error)?;
-        if image.values.is_empty() || !image.values.iter().all(|v| v.is_finite()) {
+        let loaded = loaded.map_err(error)?;
+        let values = &loaded.image.values;
+        if values.is_empty() || !values.iter().all(|v| v.is_finite()) {
             return Err(error(
                 "it has no pixels, or some that are not finite numbers".into(),
             ));
         }
-        Ok(image)
+        Ok(loaded)
     }
 }
 
-fn png(path: &Path) -> Result<Image, String> {
-    let file = base::input::open(path).map_err(|e| e.to_string())?;
-    let mut decoder = png::Decoder::new(std::io::BufReader::new(file));
-    decoder.set_transformations(png::Transformations::EXPAND);
-    let bad = |e: png::DecodingError| format!("it is no PNG that can be read: {e}");
-    let mut reader = decoder.read_info().map_err(bad)?;
-    let size = reader
-        .output_buffer_size()
-        .filter(|n| *n <= 8 * MOST)
-        .ok_or("it is too large")?;
-    let mut bytes = vec![0; size];
-    let info = reader.next_frame(&mut bytes).map_err(bad)?;
-    let colours = match info.color_type {
-        png::ColorType::Grayscale | png::ColorType::GrayscaleAlpha => 1,
-        _ => 3,
+/// An image of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loaded {
+    /// The image as viewers show it.
+    pub image: Image,
+    /// How the file stores it, by EXIF's number (1 to 8): 1 if it is stored as it is shown.
+    pub orientation: u8,
+}
+
+/// True of names of files that [`Image::load`] reads.
+#[must_use]
+pub fn is_image(path: &Path) -> bool {
+    ["png", "jpg", "jpeg", "npy"].contains(&extension(path).as_str())
+}
+
+fn extension(path: &Path) -> String {
+    let extension = path.extension().and_then(|e| e.to_str());
+    extension.unwrap_or("").to_ascii_lowercase()
+}
+
+/// True if a JPEG ends after its last scan has begun: the decoder would fill what is missing.
+fn is_cut_off(jpeg: &[u8]) -> bool {
+    let marker = |bytes: &[u8], kind: u8| bytes.windows(2).rposition(|w| w == [0xff, kind]);
+    let (scan, end) = (marker(jpeg, 0xda), marker(jpeg, 0xd9));
+    scan.is_some_and(|scan| end.is_none_or(|end| end < scan))
+}
+
+fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
+    let mut bytes = vec![];
+    base::input::open(path)
+        .and_then(|mut file| file.read_to_end(&mut bytes))
+        .map_err(|e| e.to_string())?;
+    let name = match format {
+        ImageFormat::Jpeg => "JPEG",
+        _ => "PNG",
     };
-    let samples = info.color_type.samples();
-    let wide = info.bit_depth == png::BitDepth::Sixteen;
-    let value = |i: usize| {
-        if wide {
-            f32::from(u16::from_be_bytes([bytes[2 * i], bytes[2 * i + 1]]))
-        } else {
-            f32::from(bytes[i])
+    let other = image::guess_format(&bytes).ok().filter(|found| *found != format);
+    if let Some(other) = other {
+        return Err(format!(
+            "it is no {name}, but {other:?}: give it the extension of its format"
+        ));
+    }
+    if format == ImageFormat::Jpeg && is_cut_off(&bytes) {
+        return Err("the JPEG is cut off: copy it again".into());
+    }
+    let bad = |e: image::ImageError| format!("it is no {name} that can be read: {e}");
+    let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(8 * MOST as u64);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(bad)?;
+    let orientation = decoder.orientation().map_err(bad)?;
+    let mut photo = DynamicImage::from_decoder(decoder).map_err(bad)?;
+    photo.apply_orientation(orientation);
+    let (width, height) = (photo.width() as usize, photo.height() as usize);
+    // Samples as they are stored: opacity is not used.
+    let grey = |samples: &[f32], channels: usize| -> Vec<f32> {
+        let colours = if channels < 3 { 1 } else { 3 };
+        let mean = |p: &[f32]| p[..colours].iter().sum::<f32>() / colours as f32;
+        samples.chunks_exact(channels).map(mean).collect()
+    };
+    let channels = usize::from(photo.color().channel_count());
+    let samples: Vec<f32> = match photo.color() {
+        ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => {
+            photo.as_bytes().iter().map(|b| f32::from(*b)).collect()
         }
+        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => photo
+            .as_bytes()
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| f32::from(u16::from_ne_bytes(*b)))
+            .collect(),
+        other => return Err(format!("its pixels are {other:?}: convert it to 8 or 16 bits")),
     };
-    let (width, height) = (info.width as usize, info.height as usize);
-    let grey = |p: usize| (0..colours).map(|c| value(p * samples + c)).sum::<f32>() / colours as f32;
-    let values = (0..width * height).map(grey).collect();
-    Image::new(width, height, values).ok_or_else(|| "it is damaged".into())
+    let image = Image::new(width, height, grey(&samples, channels)).ok_or("it is damaged")?;
+    Ok(Loaded {
+        image,
+        orientation: orientation.to_exif(),
+    })
 }
 
 fn npy(path: &Path) -> Result<Image, String> {
@@ -200,7 +253,7 @@ mod tests {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("a.png");
             std::fs::write(&path, png_bytes(w, h, &values).unwrap()).unwrap();
-            let back = Image::load(&path).unwrap();
+            let back = Image::load(&path).unwrap().image;
             prop_assert_eq!(back.size(), [w, h]);
             prop_assert!(back.values.iter().zip(&values).all(|(a, b)| *a == f32::from(*b)));
         }
@@ -235,5 +288,107 @@ mod tests {
             assert!((f64::from(image.between(x, y)) - (x - 0.5 + 10.0 * (y - 0.5))).abs() < 1e-5);
         }
         assert!((image.blurred(0.8).at(1, 1) - 11.0).abs() < 0.8);
+    }
+
+    /// A smooth image, so that compression changes it little; no two of its corners are alike.
+    fn smooth(x: u32, y: u32) -> u8 {
+        (20.0 + 4.0 * f64::from(x) + 2.0 * f64::from(y)) as u8
+    }
+
+    /// A JPEG of 24 × 16 pixels, with an EXIF orientation if it is not 0.
+    fn jpeg(colours: bool, orientation: u8) -> Vec<u8> {
+        let grey = image::GrayImage::from_fn(24, 16, |x, y| image::Luma([smooth(x, y)]));
+        let mut photo = DynamicImage::ImageLuma8(grey);
+        if colours {
+            photo = DynamicImage::ImageRgb8(photo.to_rgb8());
+        }
+        let mut bytes = vec![];
+        let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 98);
+        photo.write_with_encoder(encoder).unwrap();
+        if orientation > 0 {
+            // APP1: a TIFF header of little endian, and one entry: tag 0x0112, a short.
+            let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+            exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+            let mut segment = vec![0xff, 0xe1];
+            segment.extend((exif.len() as u16 + 2).to_be_bytes());
+            segment.extend(exif);
+            bytes.splice(2..2, segment);
+        }
+        bytes
+    }
+
+    fn loaded(name: &str, bytes: &[u8]) -> Result<Loaded, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        Image::load(&path).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn jpeg_images_are_read() {
+        for (name, colours) in [("a.jpg", false), ("a.jpeg", true), ("A.JPG", true)] {
+            let found = loaded(name, &jpeg(colours, 0)).unwrap();
+            assert_eq!((found.image.size(), found.orientation), ([24, 16], 1));
+            for (x, y) in [(0, 0), (23, 0), (0, 15), (23, 15), (11, 7)] {
+                let off = found.image.at(x, y) - f32::from(smooth(x as u32, y as u32));
+                assert!(off.abs() < 4.0, "{name} {x} {y}: {off}");
+            }
+        }
+    }
+
+    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274): where the stored first row and column are in the shown image.
+    #[test]
+    fn images_are_rotated_as_exif_says() {
+        for orientation in 1..=8 {
+            let found = loaded("a.jpg", &jpeg(true, orientation)).unwrap();
+            assert_eq!(found.orientation, orientation);
+            let turned = orientation > 4;
+            let [w, h] = found.image.size().map(|n| n as isize);
+            assert_eq!([w, h], if turned { [16, 24] } else { [24, 16] });
+            // The stored pixel of each shown corner.
+            for (x, y) in [(0, 0), (w - 1, 0), (0, h - 1)] {
+                let (u, v) = match orientation {
+                    1 => (x, y),
+                    2 => (23 - x, y),
+                    3 => (23 - x, 15 - y),
+                    4 => (x, 15 - y),
+                    5 => (y, x),
+                    6 => (y, 15 - x),
+                    7 => (23 - y, 15 - x),
+                    _ => (23 - y, x),
+                };
+                let off = found.image.at(x, y) - f32::from(smooth(u as u32, v as u32));
+                assert!(off.abs() < 4.0, "orientation {orientation} at {x}, {y}: {off}");
+            }
+        }
+    }
+
+    /// A decoder that fills what is missing with grey does not decide what the image is.
+    #[test]
+    fn damaged_and_misnamed_images_are_refused() {
+        let whole = jpeg(true, 0);
+        for keep in 1..whole.len() - 2 {
+            assert!(
+                loaded("a.jpg", &whole[..keep]).is_err(),
+                "{keep} bytes of {}",
+                whole.len()
+            );
+        }
+        let said = loaded("a.png", &whole).unwrap_err();
+        assert!(said.contains("it is no PNG, but Jpeg"), "{said}");
+        let said = loaded("a.tif", &whole).unwrap_err();
+        assert!(said.contains(".png"), "{said}");
+    }
+
+    #[test]
+    fn pixels_of_16_bits_keep_their_values() {
+        let values: Vec<u16> = (0..35).map(|i| i * 1801).collect();
+        let image = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(7, 5, values.clone()).unwrap();
+        let mut bytes = vec![];
+        DynamicImage::ImageLuma16(image)
+            .write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png)
+            .unwrap();
+        let found = loaded("a.png", &bytes).unwrap().image;
+        assert!(found.values.iter().zip(&values).all(|(a, b)| *a == f32::from(*b)));
     }
 }

@@ -24,6 +24,10 @@ pub struct Sample {
     pub intensities: Vec<f64>,
     /// Their standard deviations.
     pub sigmas: Vec<f64>,
+    /// Readings of all measurements, and those of them that are not in the means: saturated, or unknown.
+    pub readings: usize,
+    /// See [`Self::readings`].
+    pub left_out: usize,
 }
 
 /// Why there is no calibration.

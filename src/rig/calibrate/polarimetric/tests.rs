@@ -71,6 +71,8 @@ fn sample_along(
         ray,
         intensities: clean.iter().map(|v| noisy(*v)).collect(),
         sigmas: vec![sigma; nominal.measurements()],
+        readings: nominal.measurements(),
+        left_out: 0,
     }
 }
 

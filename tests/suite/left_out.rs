@@ -1,0 +1,306 @@
+//! What commands leave out is counted and printed; where nothing is left they end with exit code 2 and write nothing.
+
+use crate::commands::refused;
+use crate::decompose::save;
+use crate::harness::{run, stderr};
+use std::path::Path;
+use sunstone::rig::ptu::record::RecordType;
+use sunstone::rig::ptu::tag::{Tag, Value};
+use sunstone::rig::ptu::writer::{self, Description};
+use sunstone::store::numpy::{NumpyArray, Values};
+
+/// Photons as (time, dtime, channel) and markers as (time, bits).
+enum Put {
+    Photon(u64, u16, u8),
+    Marker(u64, u8),
+}
+use Put::{Marker, Photon};
+
+fn ptu(path: &Path, record: RecordType, resolution_s: f64, tags: Vec<Tag>, all: &[Put]) {
+    let description = Description {
+        record,
+        resolution_s,
+        global_resolution_s: 1e-7,
+        sync_rate: 10_000_000,
+        tags,
+    };
+    writer::write(path, &description, |w| {
+        for put in all {
+            match *put {
+                Photon(time, dtime, channel) => w.photon(time, dtime, channel)?,
+                Marker(time, bits) => w.marker(time, bits)?,
+            }
+        }
+        Ok(())
+    })
+    .expect("writes");
+}
+
+fn counts(path: &Path) -> (Vec<usize>, Vec<u32>) {
+    let file = std::fs::File::open(path).expect("a file");
+    let npy = npyz::NpyFile::new(std::io::BufReader::new(file)).expect("an array");
+    let shape = npy.shape().iter().map(|n| *n as usize).collect();
+    (shape, npy.into_vec().expect("counts"))
+}
+
+/// Resolution 97 ps, period 100 ns: bin 1030 is cut by the period's end, and dtime 1040 is beyond it.
+#[test]
+fn photons_at_the_end_of_a_period_and_beyond_it_are_counted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let d = folder.path();
+    let record = RecordType::TimeHarp260PT3;
+    let three = [Photon(1, 5, 0), Photon(2, 1030, 0), Photon(3, 1040, 0)];
+    ptu(&d.join("f.ptu"), record, 97e-12, vec![], &three);
+    let out = run(d, &["ptu", "histogram", "f.ptu", "-o", "h.npy"], 0);
+    let (shape, all) = counts(&d.join("h.npy"));
+    assert_eq!((shape, all.iter().sum::<u32>()), (vec![1, 1041], 3));
+    assert!(
+        stderr(&out).contains("later than one laser period (1031 bins)"),
+        "{}",
+        stderr(&out)
+    );
+    let out = run(
+        d,
+        &["ptu", "histogram", "f.ptu", "-o", "h.npy", "--bins", "1031"],
+        0,
+    );
+    assert_eq!(counts(&d.join("h.npy")).1.iter().sum::<u32>(), 2);
+    let said = stderr(&out);
+    assert!(
+        said.contains("2 of 3 photons are in the array; 1 after the last bin (up to 100.880 ns"),
+        "{said}"
+    );
+}
+
+#[test]
+fn lines_that_run_backwards_are_turned_around() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let d = folder.path();
+    let tag = |name: &str, value| Tag::new(name, value);
+    let header = |back: bool| {
+        vec![
+            tag("ImgHdr_Dimensions", Value::Int(3)),
+            tag("ImgHdr_LineStart", Value::Int(1)),
+            tag("ImgHdr_LineStop", Value::Int(2)),
+            tag("ImgHdr_TimePerPixel", Value::Float(0.01)),
+            tag("ImgHdr_PixX", Value::Int(3)),
+            tag("ImgHdr_PixY", Value::Int(4)),
+            tag("ImgHdr_BiDirect", Value::Bool(back)),
+        ]
+    };
+    let mut all = vec![];
+    for y in 0..4 {
+        all.extend([
+            Marker(1000 * y, 1),
+            Photon(1000 * y + 50, 0, 0),
+            Marker(1000 * y + 300, 2),
+        ]);
+    }
+    for (back, columns) in [(false, [0, 0, 0, 0]), (true, [0, 2, 0, 2])] {
+        ptu(&d.join("f.ptu"), RecordType::GenericT3, 1e-9, header(back), &all);
+        let words = [
+            "ptu",
+            "histogram",
+            "f.ptu",
+            "-o",
+            "h.npy",
+            "--pixels",
+            "3,4",
+            "--bins",
+            "1",
+        ];
+        run(d, &words, 0);
+        let image = counts(&d.join("h.npy")).1;
+        for (y, column) in columns.into_iter().enumerate() {
+            let want = std::array::from_fn(|x| u32::from(x == column));
+            assert_eq!(
+                image[3 * y..3 * y + 3],
+                want as [u32; 3],
+                "row {y}, backwards {back}"
+            );
+        }
+    }
+    // An image of another size than the header's has other pixels.
+    let said = refused(
+        d,
+        &["ptu", "histogram", "f.ptu", "-o", "other.npy", "--pixels", "4,3"],
+    );
+    assert!(
+        said.contains("describes 3 columns and 4 rows") && !d.join("other.npy").exists(),
+        "{said}"
+    );
+}
+
+/// Markers that never come, no sync pulses, no photons, other channels: each has its message.
+#[test]
+fn photons_of_which_none_can_be_counted_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let d = folder.path();
+    let photons = || vec![Photon(1, 5, 0), Photon(2, 6, 0)];
+    let cases: [(RecordType, Vec<Put>, &[&str], &str); 5] = [
+        (
+            RecordType::GenericT3,
+            photons(),
+            &["--pixels", "2,2", "--pixel-marker", "3"],
+            "marker 3, which begins a pixel, never comes",
+        ),
+        (RecordType::GenericT2, photons(), &[], "it has no sync pulses"),
+        (
+            RecordType::GenericT3,
+            vec![],
+            &["--channel", "0"],
+            "it has no photons",
+        ),
+        (
+            RecordType::GenericT3,
+            photons(),
+            &["--channel", "5"],
+            "2 in other channels",
+        ),
+        (
+            RecordType::GenericT3,
+            photons(),
+            &["--bins", "5"],
+            "2 after the last bin",
+        ),
+    ];
+    for (record, all, more, why) in cases {
+        ptu(&d.join("f.ptu"), record, 1e-9, vec![], &all);
+        let said = refused(d, &[&["ptu", "histogram", "f.ptu", "-o", "h.npy"], more].concat());
+        assert!(said.contains(why) && said.contains("f.ptu"), "{why}: {said}");
+        assert!(!d.join("h.npy").exists(), "{why}");
+    }
+}
+
+/// Two diagonal matrices; of the second all elements are `bad`.
+fn matrices(folder: &Path, name: &str, bad: [f64; 2]) {
+    let of = |bad: f64| {
+        (0..16).map(move |e| {
+            if bad.is_nan() {
+                bad
+            } else {
+                f64::from(u8::from(e % 5 == 0))
+            }
+        })
+    };
+    let all: Vec<f64> = bad.into_iter().flat_map(of).collect();
+    save(folder, name, &[2, 4, 4], &all);
+}
+
+#[test]
+fn arrays_of_which_nothing_is_left_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let d = folder.path();
+    run(d, &["scheme", "drr", "-k", "36", "-o", "drr36.toml"], 0);
+    matrices(d, "one", [1.0, f64::NAN]);
+    matrices(d, "none", [f64::NAN; 2]);
+    let capture = |name: &'static str| ["capture", name, "--scheme", "drr36.toml", "-o", "I.npy"];
+    let said = refused(d, &capture("none.npy"));
+    assert!(
+        said.contains("none of its matrices") && !d.join("I.npy").exists(),
+        "{said}"
+    );
+    let said = stderr(&run(d, &capture("one.npy"), 0));
+    assert!(said.contains("36 of 72 intensities"), "{said}");
+    // The captures of the second pixel are unknown; with saturation at 0.001 those of the first are left out, too.
+    let back = ["reconstruct", "I.npy", "--scheme", "drr36.toml", "-o", "M.npy"];
+    let said = stderr(&run(d, &back, 0));
+    assert!(said.contains("1 of 2 pixels are not determined"), "{said}");
+    std::fs::remove_file(d.join("M.npy")).expect("a file");
+    let said = refused(
+        d,
+        &[&back[..], &["--saturation", "1e-9", "--errors", "E.npy"]].concat(),
+    );
+    assert!(said.contains("none of its 2 pixels is determined"), "{said}");
+    assert!(!d.join("M.npy").exists() && !d.join("E.npy").exists());
+    let decompose = |name: &'static str| ["decompose", name, "-o", "props.npz"];
+    let said = refused(d, &decompose("none.npy"));
+    assert!(
+        said.contains("none of its 2 matrices") && !d.join("props.npz").exists(),
+        "{said}"
+    );
+    let said = stderr(&run(d, &decompose("one.npy"), 0));
+    assert!(said.contains("1 of 2 matrices"), "{said}");
+    // A file that is there keeps its content.
+    let before = std::fs::read(d.join("I.npy")).expect("a file");
+    refused(d, &capture("none.npy"));
+    assert_eq!(std::fs::read(d.join("I.npy")).expect("a file"), before);
+    match NumpyArray::read(&d.join("I.npy")).expect("an array").values {
+        Values::Single(v) => assert_eq!(v.iter().filter(|v| v.is_finite()).count(), 36),
+        Values::Double(_) => panic!("captures are of single precision"),
+    }
+}
+
+/// A bare number is metres, and a board of many metres is likely one of millimetres.
+#[test]
+fn large_lengths_need_a_unit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let d = folder.path();
+    let board = |square: &'static str| {
+        let size = [
+            "--columns",
+            "9",
+            "--rows",
+            "6",
+            "--square",
+            square,
+            "-o",
+            "c.toml",
+        ];
+        [&["calibrate", "board", "missing.png"], &size[..]].concat()
+    };
+    for (square, why) in [
+        ("25", "write 25mm or 25m"),
+        ("0.51", "write 0.51mm or 0.51m"),
+        ("0.3", "the board would be 3.0 m long; write 0.3mm or 0.3m"),
+    ] {
+        let said = refused(d, &board(square));
+        assert!(said.contains(why), "{square}: {said}");
+    }
+    // With a unit, or small, the length is accepted: what is missing is the image.
+    for square in ["25m", "25mm", "0.3m", "0.2", "0.025"] {
+        let said = refused(d, &board(square));
+        assert!(said.contains("missing.png"), "{square}: {said}");
+    }
+    let words = [
+        "calibrate",
+        "counter",
+        "run.zarr",
+        "--distance",
+        "1500",
+        "-o",
+        "c.toml",
+    ];
+    let said = refused(d, &words);
+    assert!(
+        said.contains("--distance 1500") && said.contains("write 1500mm or 1500m"),
+        "{said}"
+    );
+    let said = refused(
+        d,
+        &[
+            "calibrate",
+            "counter",
+            "run.zarr",
+            "--distance",
+            "1500mm",
+            "-o",
+            "c.toml",
+        ],
+    );
+    assert!(said.contains("run.zarr"), "{said}");
+    // A calibration that does not say its unit, with a baseline of 120.5.
+    let calibration = r#"{"K": [[500, 0, 300], [0, 500, 200], [0, 0, 1]], "D": [0, 0, 0, 0],
+        "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "T": [120.5, 0, 0]}"#;
+    std::fs::write(d.join("k.json"), calibration).expect("space");
+    let import = ["import", "k.json", "--resolution", "640x480"];
+    let said = refused(d, &import);
+    assert!(
+        said.contains("120.5") && said.contains("--metres-per-unit"),
+        "{said}"
+    );
+    for unit in ["0.001", "mm", "1mm"] {
+        let out = run(d, &[&import[..], &["--metres-per-unit", unit]].concat(), 0);
+        assert!(String::from_utf8_lossy(&out.stdout).contains("0.1205"), "{unit}");
+    }
+}
