@@ -77,9 +77,10 @@ fn ply() {
         ];
         let kind = kinds.choose(rng).unwrap();
         let is_list = rng.random::<bool>();
-        let property = match is_list {
-            true => format!("property list uchar {kind} {name}\n"),
-            false => format!("property {kind} {name}\n"),
+        let property = if is_list {
+            format!("property list uchar {kind} {name}\n")
+        } else {
+            format!("property {kind} {name}\n")
         };
         let value = if is_list { " 2 7 8" } else { " 7" };
         let (mut header, mut vertex, mut face, mut more) = (["", "", "", ""].map(str::to_owned), "", "", "");

@@ -18,7 +18,7 @@ use super::accessor::{Data, broken, percent_decoded};
 use super::error::{ImportError, ImportProblem};
 use super::gltf_deform::{self, Pose};
 use super::gltf_notes::{self, INSTANCING, VISIBILITY};
-use super::part::{Model, Parts};
+use super::part::{self, Model, Parts};
 use transport::geometry::mesh::Mesh;
 
 /// The most triangles that instancing may blow one file up to (about 2 GB of tables).
@@ -423,6 +423,8 @@ fn read_mesh(
             if let Some(joints) = &pose.joints {
                 gltf_deform::skin(data, p, joints, &mut mesh)?;
             }
+            // Before they are turned: all nodes turn the same ones.
+            part::repair_normals(&mut mesh, &name, &mut parts.notes);
             let material = match p.material.map(|m| m.value()) {
                 Some(i) => {
                     let missing = || broken(format!("material {i} does not exist"));

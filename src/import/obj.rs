@@ -212,14 +212,15 @@ impl Reader<'_> {
         let (keyword, rest) = statement(line);
         let rest = rest.trim();
         match keyword {
-            "" => Ok(()),
-            "v" | "V" => Ok(self.seen[0] += 1),
-            "vt" | "VT" => Ok(self.seen[1] += 1),
-            "vn" | "VN" => Ok(self.seen[2] += 1),
+            "" => {}
+            "v" | "V" => self.seen[0] += 1,
+            "vt" | "VT" => self.seen[1] += 1,
+            "vn" | "VN" => self.seen[2] += 1,
             // `fo` is the name of `f` in version 2.11.
-            "f" | "F" | "fo" => self.face(rest, number),
-            _ => self.state(keyword, rest, number),
+            "f" | "F" | "fo" => self.face(rest, number)?,
+            _ => self.state(keyword, rest, number)?,
         }
+        Ok(())
     }
 
     /// What holds for the faces that follow.
@@ -381,7 +382,7 @@ impl Reader<'_> {
                 .map(|i| tables.uvs.get(i).copied().unwrap_or_default())
                 .collect();
         }
-        if kind % 2 == 0 {
+        if kind.is_multiple_of(2) {
             mesh.normals = of(2)
                 .map(|i| tables.normals.get(i).copied().unwrap_or_default())
                 .collect();

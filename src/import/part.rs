@@ -46,19 +46,8 @@ impl Parts {
     /// Brings a freshly read mesh into order, checks it and adds it; triangles without area are dropped, then unused
     /// vertices; normals are made unit length, and those without a direction are replaced. A mesh without area is left out.
     pub fn add(&mut self, name: String, material: Option<String>, mut mesh: Mesh) -> Result<(), ImportError> {
-        if mesh.normals.iter().all(|n| n.is_finite()) {
-            mesh.normals.par_iter_mut().with_min_len(1 << 14).for_each(|n| {
-                *n = n
-                    .as_dvec3()
-                    .try_normalize()
-                    .map_or(Vec3::ZERO, glam::DVec3::as_vec3);
-            });
-        }
-        let checked = mesh.validate().or_else(|fault| match fault {
-            MeshError::ZeroNormal { .. } => replace_normals(&mut mesh, &name, &mut self.notes),
-            _ => Err(fault),
-        });
-        match checked {
+        repair_normals(&mut mesh, &name, &mut self.notes);
+        match mesh.validate() {
             Ok(()) => {
                 mesh.drop_degenerate();
                 mesh.compact();
@@ -98,8 +87,18 @@ impl Parts {
     }
 }
 
-/// Gives vertices whose normal has no direction that of their triangles, weighted by area.
-fn replace_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) -> Result<(), MeshError> {
+/// Makes normals unit length. Vertices whose normal has no direction get that of their triangles, weighted by area. Tables that
+/// are broken are left for [`Mesh::validate`].
+pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
+    if !mesh.normals.iter().all(|n| n.is_finite()) {
+        return;
+    }
+    mesh.normals.par_iter_mut().with_min_len(1 << 14).for_each(|n| {
+        *n = n.as_dvec3().try_normalize().map_or(Vec3::ZERO, DVec3::as_vec3);
+    });
+    if !mesh.normals.contains(&Vec3::ZERO) {
+        return;
+    }
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     let mut used = vec![false; mesh.positions.len()];
     for t in &mesh.indices {
@@ -131,7 +130,6 @@ fn replace_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) -> Result<(),
         let note = format!("mesh {name:?}: a normal without a direction is replaced by that of its faces");
         notes.add_times(note, replaced);
     }
-    mesh.validate()
 }
 
 /// True if every coordinate is finite and within `limit` (metres) of 0.

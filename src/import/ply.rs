@@ -257,7 +257,7 @@ impl File {
                     }
                     strip.push(ply_body::index(corner)?);
                     if let [.., a, b, c] = strip[..] {
-                        let odd = strip.len() % 2 == 0;
+                        let odd = strip.len().is_multiple_of(2);
                         self.triangles.push(if odd { [b, a, c] } else { [a, b, c] });
                     }
                 }

@@ -113,9 +113,10 @@ impl<'a> Body<'a> {
             double(self.take(kind.size())?, kind, big)
         };
         // Exact up to 2^53; indices are below 2^32.
-        match value.fract() == 0.0 && value.abs() < 1e15 {
-            true => Ok(value as i64),
-            false => Err(format!("{value} is not a whole number")),
+        if value.fract() == 0.0 && value.abs() < 1e15 {
+            Ok(value as i64)
+        } else {
+            Err(format!("{value} is not a whole number"))
         }
     }
 

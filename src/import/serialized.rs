@@ -163,17 +163,22 @@ fn version_3_or_4(
 ) -> Result<(String, Mesh), ImportError> {
     let flags = stream.u32()?;
     let mut name = vec![];
-    while version == 4 {
-        match stream.bytes(1)?[0] {
-            0 => break,
-            byte => name.push(byte),
+    if version == 4 {
+        loop {
+            match stream.bytes(1)?[0] {
+                0 => break,
+                byte => name.push(byte),
+            }
         }
     }
     let (vertices, triangles) = (stream.u64()?, stream.u64()?);
     let double = flags & DOUBLE != 0;
-    let mut table = |each: u64, bit: u32| match flags & bit == bit {
-        true => stream.floats(vertices.saturating_mul(each), double),
-        false => Ok(vec![]),
+    let mut table = |each: u64, bit: u32| {
+        if flags & bit == bit {
+            stream.floats(vertices.saturating_mul(each), double)
+        } else {
+            Ok(vec![])
+        }
     };
     let positions = table(3, 0)?;
     let normals = table(3, NORMALS)?;

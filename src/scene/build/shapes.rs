@@ -143,20 +143,17 @@ pub(crate) fn place(
                     .material
                     .as_deref()
                     .and_then(|n| object.part_materials.get_key_value(n));
-                let material = match own {
-                    Some((key, name)) => {
-                        used.push(key.clone());
-                        find(ctx, name)?
+                let material = if let Some((key, name)) = own {
+                    used.push(key.clone());
+                    find(ctx, name)?
+                } else {
+                    if let Some(name) = part.material.as_ref().filter(|_| m.materials) {
+                        ctx.note(format!(
+                            "{}: no library has its material `{name}`: `{}` is used",
+                            *m.file, *object.material
+                        ));
                     }
-                    None => {
-                        if let Some(name) = part.material.as_ref().filter(|_| m.materials) {
-                            ctx.note(format!(
-                                "{}: no library has its material `{name}`: `{}` is used",
-                                *m.file, *object.material
-                            ));
-                        }
-                        material
-                    }
+                    material
                 };
                 if m.flat {
                     part.mesh.normals.clear();

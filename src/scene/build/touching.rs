@@ -44,7 +44,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
     } else {
         // Of the distance from the opposite side.
         let share = off / (high - gap.at.as_dvec3().dot(away));
-        if !(share.abs() < MOST_CHANGE) {
+        if share.is_nan() || share.abs() >= MOST_CHANGE {
             return None;
         }
         let outer = DMat3::from_cols(away * away.x, away * away.y, away * away.z);
@@ -99,7 +99,7 @@ fn extent(
             Solid::Mesh(mesh) => mesh.positions.iter().for_each(|p| add(p.as_dvec3())),
             Solid::Quadric(quadric) => {
                 let (a, b) = quadric.bounds();
-                let corners = [a, b].map(|p| p.as_dvec3());
+                let corners = [a, b].map(glam::Vec3A::as_dvec3);
                 for k in 0..8 {
                     add(DVec3::from_array([0, 1, 2].map(|i| corners[k >> i & 1][i])));
                 }
