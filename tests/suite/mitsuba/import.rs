@@ -109,12 +109,7 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         12,
         "nothing has the id `golf`",
     ),
-    (
-        "type=\"sphere\"",
-        "type=\"sdfgrid\"",
-        12,
-        "no shape `sdfgrid`",
-    ),
+    ("type=\"sphere\"", "type=\"sdfgrid\"", 12, "no shape `sdfgrid`"),
     (
         "name=\"radius\"",
         "name=\"radios\"",
