@@ -206,6 +206,17 @@ fn run(
         // What was left out would make others.
         return Ok(None);
     }
+    let (mut volumetric, mut thin) = (false, false);
+    scene.walk(&mut |node| {
+        volumetric |= node.tag == "integrator" && node.kind.contains("vol");
+        thin |= node.kind == "thindielectric";
+    });
+    if volumetric && thin && *file.render.max_depth < 64 {
+        importer.note(
+            "thindielectric: light that passes straight through counts towards max_depth in sunstone, and not in Mitsuba's \
+             volumetric integrators: raise max_depth",
+        );
+    }
     if importer.spectral.get() {
         importer.note(
             "spectra are read at the scene's wavelengths, as in Mitsuba's spectral variants; its RGB variants turn them into colours",

@@ -547,6 +547,19 @@ fn defaults_are_those_of_mitsuba() {
     );
 }
 
+/// What counts towards the longest path differs between integrators, and is noted where it does.
+#[test]
+fn thin_glass_under_volumetric_integrators_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let glass = HAND.replace("<ref id=\"gold\"/>", "<bsdf type=\"thindielectric\"/>");
+    let noted = |text: &str| {
+        let notes = imported(folder.path(), text).unwrap().notes;
+        notes.iter().any(|n| n.contains("counts towards max_depth"))
+    };
+    assert!(!noted(&glass) && !noted(&HAND.replace("\"path\"", "\"volpath\"")));
+    assert!(noted(&glass.replace("\"path\"", "\"volpath\"")));
+}
+
 /// Whatever stands at the top of a scene may be named by a reference; what nothing names is noted.
 #[test]
 fn references_reach_everything_at_the_top() {
