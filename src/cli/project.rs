@@ -48,14 +48,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let _ = write!(out, "\n{x},{y},{z}");
         for (device, unseen) in [Some(&scene.camera), projector].into_iter().zip(&mut unseen) {
             let pixel = device.and_then(|d: &Pinhole| d.project([x, y, z].map(|v| v as f32).into()));
-            match pixel {
-                Some((at, _)) => {
-                    let _ = write!(out, ",{:.6},{:.6}", at.x - centre, at.y - centre);
-                }
-                None => {
-                    out.push_str(",,");
-                    *unseen += usize::from(device.is_some());
-                }
+            if let Some((at, _)) = pixel {
+                let _ = write!(out, ",{:.6},{:.6}", at.x - centre, at.y - centre);
+            } else {
+                out.push_str(",,");
+                *unseen += usize::from(device.is_some());
             }
         }
     }

@@ -12,6 +12,7 @@ use sunstone::figure::{chart, maps as error_maps};
 use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::polarimetry::reconstruct::second_moment;
 use sunstone::polarimetry::trial::{SchemeResult, Trial, TrialError, brightness};
+use sunstone::store::numpy::Values;
 
 mod report;
 
@@ -76,6 +77,16 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let matrices = a
         .from
         .read("trial", &format!("--scheme {}", a.schemes[0].display()))?;
+    let unknown = match &matrices.values {
+        Values::Single(v) => unknown(v, |x| x.is_finite()),
+        Values::Double(v) => unknown(v, |x| x.is_finite()),
+    };
+    if unknown > 0 {
+        eprintln!(
+            "note: {}: {unknown} matrices are not finite numbers and left out",
+            a.from.source.display()
+        );
+    }
     let mut target = image(matrices, &a.wavelengths)?;
     if let Some(degrees) = a.view {
         target = target.seen_by(degrees.to_radians());
@@ -136,6 +147,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         super::output::print(&path.display().to_string())?;
     }
     Ok(())
+}
+
+/// The number of matrices with an element that is not finite.
+fn unknown<T>(elements: &[T], is_finite: impl Fn(&T) -> bool) -> usize {
+    elements
+        .chunks_exact(16)
+        .filter(|m| !m.iter().all(&is_finite))
+        .count()
 }
 
 /// What is said where no trial is possible.
