@@ -141,7 +141,7 @@ fn run(
             "add <sensor type=\"perspective\">",
         )
     });
-    let camera = sensor.and_then(|sensor| Ok((sensor, import_devices::sensor(&importer, sensor)?)));
+    let camera = sensor.and_then(|sensor| Ok((sensor, import_devices::sensor(&mut importer, sensor)?)));
     let depth = import_devices::integrator(&mut importer, parts.integrator);
     let mut reader = Readers::default();
     let (mut objects, mut emitters) = (vec![], Emitters::default());

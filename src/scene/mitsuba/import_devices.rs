@@ -6,12 +6,13 @@ use base::locate::{InputError, Located};
 use glam::DAffine3;
 use syntax::device::{ApertureFile, PinholeFile, PoseFile};
 
-/// Where Mitsuba's lenses focus if nothing is said: their far clipping plane.
+/// Mitsuba's clipping planes if nothing is said, metres. Lenses focus on the far one.
+const NEAR: f64 = 1e-2;
 const FAR: f64 = 1e4;
 
 /// The camera, and the samples per pixel.
 pub(super) fn sensor<'a>(
-    importer: &Importer<'a>,
+    importer: &mut Importer<'a>,
     node: &'a Node,
 ) -> Result<(PinholeFile, Located<u32>), InputError> {
     let source = importer.source;
@@ -65,16 +66,16 @@ pub(super) fn sensor<'a>(
         };
         camera.aperture = Some(Located::at(node.span.clone(), aperture));
     }
-    node.finish(
-        source,
-        &[
-            "near_clip",
-            "far_clip",
-            "focus_distance",
-            "shutter_open",
-            "shutter_close",
-        ],
-    );
+    let near = node.float(source, "near_clip")?.filter(|near| *near > NEAR);
+    let far = node.float(source, "far_clip")?.filter(|far| *far < FAR);
+    for (name, plane) in [("near_clip", near), ("far_clip", far)] {
+        if let Some(distance) = plane {
+            importer.note(format!(
+                "{name} = {distance} of the sensor is not used: Mitsuba does not show surfaces that it cuts off, Sunstone does"
+            ));
+        }
+    }
+    node.finish(source, &["focus_distance", "shutter_open", "shutter_close"]);
     if offset != [0.0; 2] {
         camera = camera.principal((0.5 - offset[0]) * w, (0.5 - offset[1]) * h);
     }
