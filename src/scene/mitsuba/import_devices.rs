@@ -7,11 +7,9 @@ use glam::{DAffine3, DVec3};
 use syntax::device::{ApertureFile, PinholeFile, PoseFile};
 use syntax::values::TimeBins;
 
-/// Where Mitsuba's lenses focus if nothing is said: their far clipping plane.
+/// Mitsuba's clipping planes if nothing is said, metres. Lenses focus on the far one.
+const NEAR: f64 = 1e-2;
 const FAR: f64 = 1e4;
-
-/// Mitsuba's near clipping plane if nothing is said.
-const NEAR: f64 = 0.01;
 
 /// Metres that light travels in a picosecond.
 const METRES_PER_PS: f64 = 299_792_458e-12;
@@ -121,11 +119,18 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
         };
         camera.aperture = Some(Located::at(node.span.clone(), aperture));
     }
+    let near = node.float(source, "near_clip")?.filter(|near| *near > NEAR);
+    let far = node.float(source, "far_clip")?.filter(|far| *far < FAR);
+    for (name, plane) in [("near_clip", near), ("far_clip", far)] {
+        if let Some(distance) = plane {
+            importer.note(format!(
+                "{name} = {distance} of the sensor is not used: Mitsuba does not show surfaces that it cuts off, Sunstone does"
+            ));
+        }
+    }
     node.finish(
         source,
         &[
-            "near_clip",
-            "far_clip",
             "focus_distance",
             "shutter_open",
             "shutter_close",
