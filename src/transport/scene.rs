@@ -1,5 +1,7 @@
 //! A scene as the tracer sees it: plain tables.
 
+use crate::device::emitter::PointEmitter;
+use crate::light::tree::LightTree;
 use crate::lit::choose;
 use crate::material::{Lanes, Materials};
 pub use crate::tables::{Integrator, SceneTables, Settings, Variant};
@@ -16,9 +18,14 @@ pub struct Scene {
     pub(crate) filled: bool,
     /// Metres beyond which there is nothing, from anywhere among the surfaces and devices.
     pub(crate) far: f32,
+    /// Over the point emitters, where there are too many to connect every point of a path to all of them.
+    pub(crate) point_tree: Option<LightTree>,
     /// Why the integrator is what it is, where the scene did not say.
     why: Option<&'static str>,
 }
+
+/// Points of a path are connected to all point emitters if there are at most so many, else to one that is drawn.
+const MOST_POINTS: usize = 16;
 
 impl Deref for Scene {
     type Target = SceneTables;
@@ -44,6 +51,7 @@ impl Scene {
             sheets: false,
             filled: false,
             far: 0.0,
+            point_tree: None,
             why: None,
         };
         scene.derive();
@@ -96,7 +104,15 @@ impl Scene {
         self.filled = self.has_fillings();
         self.geometry.textured = !self.materials.textures.images.is_empty();
         let tables = &mut self.tables;
-        tables.lights.weigh(&tables.materials.textures);
+        tables
+            .lights
+            .prepare(&tables.geometry, &tables.materials.textures);
+        self.point_tree = if self.points.len() > MOST_POINTS {
+            let bounds: Vec<_> = self.points.iter().map(PointEmitter::bounds).collect();
+            LightTree::new(&bounds)
+        } else {
+            None
+        };
         let [low, high] = self.geometry.bounds();
         let reach = |p: Vec3A| (p - low).abs().max((p - high).abs()).length();
         self.far = 2.0 * reach(self.camera.origin).max((high - low).length()).max(1.0);

@@ -17,13 +17,13 @@ const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\nblack.diffuse.albedo =
     [[objects]]\nmaterial = \"m\"\nshape.rectangle = { corner = [-9, -9, 0], u = [18, 0, 0], v = [0, 18, 0] }\n";
 
 /// One ray at a point of the plane.
-fn text(integrator: &str, spp: u32, depth: u32, at: [f64; 2], light: &str) -> String {
+pub fn text(integrator: &str, spp: u32, depth: u32, at: [f64; 2], light: &str) -> String {
     let camera = Device::ray([0.3, -4.0, 2.5], DVec3::new(at[0], at[1], 0.0));
     let render = format!("integrator = \"{integrator}\"\n");
     head(spp, depth, 5) + &render + &camera.keys("camera") + PLANE + light + SLICE
 }
 
-fn m00(r: &Rendered) -> (f64, f64) {
+pub fn m00(r: &Rendered) -> (f64, f64) {
     let at = [(StokesOut, 0), (StokesIn, 0)];
     (
         f64::from(r.mean("m").at(&at)),
@@ -32,7 +32,7 @@ fn m00(r: &Rendered) -> (f64, f64) {
 }
 
 /// Radiance of the plane under an irradiance, within five standard errors, which are below `error` of it.
-fn check(text: &str, irradiance: f64, error: f64, what: &str) {
+pub fn check(text: &str, irradiance: f64, error: f64, what: &str) {
     let (got, sigma) = m00(&render_text(text));
     let want = ALBEDO / PI * irradiance;
     assert!(
@@ -43,7 +43,7 @@ fn check(text: &str, irradiance: f64, error: f64, what: &str) {
 }
 
 /// A shining object.
-fn shining(shape: &str, more: &str) -> String {
+pub fn shining(shape: &str, more: &str) -> String {
     format!("[[objects]]\nmaterial = \"black\"\nshape.{shape}\nemission = {{ radiance = 2{more} }}\n")
 }
 
@@ -95,7 +95,7 @@ fn spheres_light_a_plane() {
 
 /// Irradiance of the plane's point from a surface of radiance 2, by a midpoint rule; `surface` gives point and normal times
 /// area for u, v in 0..1, and the radiance there over 2.
-fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
+pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
     const N: u32 = 800;
     let p = DVec3::new(at[0], at[1], 0.0);
     let mid = |i: u32| (f64::from(i) + 0.5) / f64::from(N);

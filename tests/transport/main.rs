@@ -21,6 +21,7 @@ mod instances;
 mod labels;
 mod layers;
 mod light_sampling;
+mod light_tree;
 mod lights;
 mod manifold;
 mod materials;

@@ -77,6 +77,7 @@ impl<'a> Surfaces<'a> {
             self.called
                 .objects
                 .push(group.map_or(own.clone(), |group| format!("{group}/{own}")));
+            self.geometry.facets(object.emission.is_some());
             let filling = filling(ctx, object, self.media, self.boundaries.len())?;
             let (mut solids, mut numbers) = (vec![], vec![]);
             for mut placed in shapes::place(ctx, object, self.names)? {

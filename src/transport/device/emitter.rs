@@ -1,9 +1,10 @@
 //! Emitters other than the projector: for tests and for cross-checks with other programs.
 
+use crate::light::bounds::Bounds;
 use crate::light::profile::Profile;
 use glam::Vec3A;
 use optics::polarization::frame::project;
-use optics::spectrum::Spectral;
+use optics::spectrum::{Spectral, max_lane};
 
 /// A point that shines.
 #[derive(Clone, Debug)]
@@ -16,6 +17,24 @@ pub struct PointEmitter {
     pub profile: Profile,
     /// The emitted Stokes vectors' horizontal is this axis projected perpendicular to the ray.
     pub axis: Vec3A,
+}
+
+impl PointEmitter {
+    /// Where it is and shines, for the light tree.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        let all = Bounds::all_around(self.position, self.position, max_lane(self.intensity));
+        match &self.profile {
+            Profile::Even | Profile::Table(_) => all,
+            Profile::Spot { axis, beam, cutoff } => Bounds {
+                axis: *axis,
+                spread: *beam,
+                // Rounding leaves none of its directions out.
+                reach: cutoff - beam + 1e-3,
+                ..all
+            },
+        }
+    }
 }
 
 /// The same radiance from every direction. It has no travel time: in time slices its light counts as overflow.

@@ -1,6 +1,7 @@
 //! From meshes and quadrics to the flat tables of a [`Geometry`].
 
 use super::bvh::{Geometry, QUADRIC, SKIN, avx2};
+use super::facets::Facets;
 use super::instance::{Group, Instance};
 use super::mesh::Mesh;
 use super::pack::{Pack, Primitive};
@@ -36,6 +37,8 @@ pub struct GeometryBuilder {
     boxes: Vec<Aabb>,
     /// Number of the object that what is added belongs to.
     object: u32,
+    /// Hits on the triangles of what is added can be told apart.
+    facets: bool,
 }
 
 /// What has a tree of its own.
@@ -58,6 +61,8 @@ struct Part {
     material: u32,
     /// Number of its object.
     object: u32,
+    /// [`Geometry::facet`] knows its triangles.
+    facets: bool,
     /// Number of its group; [`NONE`] in the world.
     group: u32,
     /// Where the group's middle was, which becomes the origin.
@@ -133,6 +138,11 @@ impl GeometryBuilder {
         self.object = number;
     }
 
+    /// Of meshes that are added to the world from now on, [`Geometry::facet`] knows the triangles if `known`.
+    pub fn facets(&mut self, known: bool) {
+        self.facets = known;
+    }
+
     /// Puts a copy of a group into the world; `to_world` must be invertible (the scene builder checks). Copies of a group
     /// take 128 bytes each, and their place in the tree.
     pub fn instance(&mut self, group: u32, to_world: DAffine3) {
@@ -174,6 +184,7 @@ impl GeometryBuilder {
             uv,
             material,
             object: self.object,
+            facets: self.facets && group == NONE,
             group,
             origin: Vec3A::ZERO,
         });
@@ -234,6 +245,7 @@ impl GeometryBuilder {
         // What was needed for the trees alone goes before the large tables come, and the meshes go between these.
         drop((world, sets, std::mem::take(&mut self.boxes)));
         let triangles: Vec<Triangle> = leaves.order.par_iter().map(|p| self.triangle(*p)).collect();
+        let facets = self.facets_of(&leaves);
         let triangle_objects = leaves.order.par_iter().map(|p| self.part(*p).object).collect();
         drop(std::mem::take(&mut self.meshes));
         let packs = leaves.packs(&triangles, &skins);
@@ -247,6 +259,7 @@ impl GeometryBuilder {
             uvs: self.uvs,
             quadrics: self.quadrics,
             objects: [triangle_objects, self.quadric_objects],
+            facets,
             instances,
             groups,
             own: [own_packs, own_quadrics].map(|n| n as u32),
@@ -290,6 +303,27 @@ impl GeometryBuilder {
             [only] => only,
             all => &all[all.partition_point(|m| m.triangle <= id) - 1],
         }
+    }
+
+    /// The triangles of meshes that [`Geometry::facet`] knows.
+    fn facets_of(&self, leaves: &Leaves) -> Facets {
+        let mut facets = Facets::default();
+        if self.meshes.iter().any(|m| m.facets) {
+            for (at, primitive) in leaves.order.iter().enumerate() {
+                let part = self.part(*primitive);
+                if part.facets {
+                    let (id, whole) = index(*primitive);
+                    facets.add(at as u32, id - part.triangle, whole);
+                }
+            }
+            facets.materials = self
+                .meshes
+                .iter()
+                .filter(|m| m.facets)
+                .map(|m| m.material)
+                .collect();
+        }
+        facets
     }
 
     /// The mesh of a triangle, and the triangle's corners, its parallelogram's fourth one last.

@@ -3,6 +3,7 @@
 //! Triangles stand in packs of eight that a ray meets at once; two triangles that make a parallelogram are one
 //! primitive. Both loops, over boxes and over packs, are compiled twice on x86-64: for any processor and for AVX2.
 
+use super::facets::Facets;
 use super::instance::{Group, Instance};
 use super::pack::{Pack, Wide};
 use super::quadric::Quadric;
@@ -63,6 +64,8 @@ pub struct Geometry {
     pub(super) quadrics: Vec<Quadric>,
     /// Numbers of the objects of the triangles and of the quadrics.
     pub(super) objects: [Vec<u32>; 2],
+    /// Numbers of triangles in their meshes, where someone asks for them.
+    pub(super) facets: Facets,
     /// Copies of groups in the world, and the groups. Leaves of the tree whose numbers are beyond those of the quadrics are
     /// instances.
     pub(super) instances: Vec<Instance>,
@@ -281,6 +284,23 @@ impl Geometry {
         out
     }
 
+    /// Number of the triangle that was hit in its mesh; `None` of quadrics, of instances, and of meshes that were added without
+    /// [`GeometryBuilder::facets`](super::builder::GeometryBuilder::facets).
+    #[must_use]
+    pub fn facet(&self, hit: &Hit) -> Option<u32> {
+        if hit.leaf & QUADRIC != 0 || hit.owner != Owner::WORLD {
+            return None;
+        }
+        let at = self.firsts[(hit.leaf >> 3) as usize] + (hit.leaf & 7);
+        self.facets.find(at, hit.u + hit.v > 1.0)
+    }
+
+    /// True if [`Self::facet`] knows the triangles of this material.
+    #[must_use]
+    pub fn has_facets(&self, material: u32) -> bool {
+        self.facets.materials.contains(&material)
+    }
+
     /// [`Self::surface`] into a place in memory, which spares the way over another one.
     #[inline(always)]
     pub fn surface_into(&self, ray: &Ray, hit: &Hit, out: &mut Surface) {
@@ -465,6 +485,7 @@ impl Geometry {
             + size_of_val(&self.uvs[..])
             + size_of_val(&self.quadrics[..])
             + self.objects.iter().map(|o| size_of_val(&o[..])).sum::<usize>()
+            + self.facets.bytes()
             + size_of_val(&self.instances[..])
             + self.groups.iter().map(Group::bytes).sum::<usize>()
     }

@@ -10,6 +10,7 @@ pub mod bvh;
 mod crossings;
 mod departure;
 mod eight;
+mod facets;
 mod instance;
 #[cfg(test)]
 mod instance_tests;

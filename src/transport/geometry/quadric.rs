@@ -317,6 +317,9 @@ impl Quadric {
     #[must_use]
     pub fn area(&self) -> f32 {
         const N: usize = 64;
+        if let Some((_, radius)) = self.ball() {
+            return 4.0 * PI * radius * radius;
+        }
         let at = |i: usize| (i as f32 + 0.5) / N as f32;
         let one = |k: usize| f64::from(1.0 / self.density(self.point([at(k % N), at(k / N)]).0));
         ((0..N * N).map(one).sum::<f64>() / (N * N) as f64) as f32

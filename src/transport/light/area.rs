@@ -1,19 +1,21 @@
 //! Surfaces that shine: the same radiance in all directions of their front, or of both sides.
 //!
-//! Points are drawn by area, triangle by triangle, but on balls, where directions are drawn within the cone that a ball
-//! fills as seen from outside (Shirley, Wang & Zimmerman 1996).
+//! A triangle of a mesh is chosen by the light tree ([`super::tree`]) and its points by area; a mesh of at most two triangles is
+//! sampled by area as a whole. On balls, directions are drawn within the cone that a ball fills as seen from outside (Shirley,
+//! Wang & Zimmerman 1996).
 
+use super::bounds::Bounds;
 use super::drawn::Drawn;
 use super::filter::Polarized;
 use super::profile::cone;
 use crate::geometry::mesh::Mesh;
-use crate::geometry::quadric::Quadric;
+use crate::geometry::quadric::{Quadric, QuadricKind};
 use crate::geometry::ray::Surface;
 use crate::geometry::rounding::{self, UNIT};
 use crate::material::texture::{Spectrum, Textures};
 use glam::{Vec2, Vec3A};
 use optics::spectrum::{Spectral, max_lane};
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::TAU;
 
 /// A triangle of a shining mesh.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +29,28 @@ struct Facet {
     uvs: [Vec2; 3],
     /// Share of the area up to the end of this one.
     until: f32,
+}
+
+impl Facet {
+    /// Square metres; never 0.
+    #[inline]
+    fn area(&self) -> f32 {
+        let [a, b] = self.edges;
+        (0.5 * a.cross(b).length()).max(f32::MIN_POSITIVE)
+    }
+
+    /// Mean radiance over it, in the brightest lane.
+    fn mean_radiance(&self, radiance: &Spectrum, textures: &Textures) -> f32 {
+        const N: u32 = 4;
+        let [a, b, c] = self.uvs;
+        let at = |k: u32| {
+            let (u, v) = ((k % N) as f32 + 0.5, (k / N) as f32 + 0.5);
+            let root = (u / N as f32).sqrt();
+            let (s, t) = (root * (1.0 - v / N as f32), root * v / N as f32);
+            max_lane(radiance.at(textures, (a * (1.0 - s - t) + b * s + c * t).to_array()))
+        };
+        (0..N * N).map(at).sum::<f32>() / (N * N) as f32
+    }
 }
 
 /// The shape of a light.
@@ -45,8 +69,8 @@ pub struct AreaLight {
     pub two_sided: bool,
     /// Its frame and filter.
     pub polarized: Polarized,
-    /// Probability with which it is drawn.
-    pub chance: f32,
+    /// Each triangle is a light of its own in the light tree.
+    split: bool,
     form: Form,
     /// Square metres.
     area: f32,
@@ -85,7 +109,7 @@ impl AreaLight {
             radiance,
             two_sided,
             polarized,
-            chance: 0.0,
+            split: false,
             form: Form::Mesh(facets),
             area: area as f32,
         }
@@ -99,7 +123,7 @@ impl AreaLight {
             radiance,
             two_sided,
             polarized,
-            chance: 0.0,
+            split: false,
             form: Form::Quadric(Box::new(quadric)),
             area,
         }
@@ -111,17 +135,65 @@ impl AreaLight {
         self.area
     }
 
-    /// About the power, W/nm in the brightest lane: what choosing among lights needs.
+    /// Makes every triangle a light of its own if there are more than two and `numbered` says that hits on them can be told
+    /// apart ([`crate::geometry::bvh::Geometry::facet`]).
+    pub(super) fn split(&mut self, numbered: bool) {
+        self.split = numbered && matches!(&self.form, Form::Mesh(facets) if facets.len() > 2);
+    }
+
+    /// Number of lights that it is in the light tree.
     #[must_use]
-    pub fn power(&self, textures: &Textures) -> f32 {
+    pub fn parts(&self) -> usize {
+        match &self.form {
+            Form::Mesh(facets) if self.split => facets.len(),
+            _ => 1,
+        }
+    }
+
+    /// Appends the bounds of its parts. Intensities are estimates, in the brightest lane.
+    pub(super) fn bounds(&self, textures: &Textures, out: &mut Vec<Bounds>) {
+        let mean = self.mean_radiance(textures);
+        let facets = match &self.form {
+            Form::Mesh(facets) => facets,
+            Form::Quadric(quadric) => {
+                let (low, high) = quadric.bounds();
+                out.push(if quadric.kind == QuadricKind::Disk {
+                    let (_, normal) = quadric.point([0.5; 2]);
+                    Bounds::flat(low, high, normal, self.two_sided, self.area * mean)
+                } else {
+                    // Convex bodies show a fourth of their surface in the mean over all directions (Cauchy).
+                    Bounds::all_around(low, high, 0.25 * self.area * mean)
+                });
+                return;
+            }
+        };
+        let of_facets = facets.iter().map(|facet| {
+            let [a, b, c] = [Vec3A::ZERO, facet.edges[0], facet.edges[1]].map(|edge| facet.corner + edge);
+            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+            let radiance = if self.split && self.radiance.texture.is_some() {
+                // What few samples of an image show is not all of it.
+                0.5 * (mean + facet.mean_radiance(&self.radiance, textures))
+            } else {
+                mean
+            };
+            Bounds::flat(low, high, facet.normal, self.two_sided, facet.area() * radiance)
+        });
+        if self.split {
+            out.extend(of_facets);
+        } else {
+            out.extend(of_facets.reduce(|all, facet| all.union(&facet)));
+        }
+    }
+
+    /// Mean radiance over the unit square of texture coordinates, in the brightest lane.
+    fn mean_radiance(&self, textures: &Textures) -> f32 {
         const N: u32 = 16;
+        if self.radiance.texture.is_none() {
+            return max_lane(self.radiance.value);
+        }
         let at = |i: u32| (i as f32 + 0.5) / N as f32;
-        let mean: f32 = (0..N * N)
-            .map(|k| max_lane(self.radiance.at(textures, [at(k % N), at(k / N)])))
-            .sum::<f32>()
-            / (N * N) as f32;
-        let sides = if self.two_sided { 2.0 } else { 1.0 };
-        sides * PI * self.area * mean
+        let radiances = (0..N * N).map(|k| max_lane(self.radiance.at(textures, [at(k % N), at(k / N)])));
+        radiances.sum::<f32>() / (N * N) as f32
     }
 
     /// Radiance that leaves the surface along the unit direction `to`.
@@ -145,13 +217,24 @@ impl AreaLight {
         (sin2 < 0.999).then(|| (to.normalize(), (1.0 - sin2).sqrt()))
     }
 
-    /// Draws a point toward `p` by three uniforms; `None` where its back is turned.
+    /// Draws a point of a part toward `p` by three uniforms, where the part is chosen with the probability `chance`; `None` where
+    /// its back is turned.
     #[inline]
     #[must_use]
-    pub(super) fn draw(&self, textures: &Textures, p: Vec3A, [which, u, v]: [f32; 3]) -> Option<Drawn> {
+    pub(super) fn draw(
+        &self,
+        textures: &Textures,
+        p: Vec3A,
+        [which, u, v]: [f32; 3],
+        (part, chance): (usize, f32),
+    ) -> Option<Drawn> {
         let (at, normal, uv, rounding) = match &self.form {
             Form::Mesh(facets) => {
-                let facet = facets.get(facets.partition_point(|f| f.until <= which).min(facets.len() - 1))?;
+                let facet = if self.split {
+                    facets.get(part)?
+                } else {
+                    facets.get(facets.partition_point(|f| f.until <= which).min(facets.len() - 1))?
+                };
                 // Uniform over a triangle (Osada et al. 2002).
                 let root = u.sqrt();
                 let (s, t) = (root * (1.0 - v), root * v);
@@ -165,6 +248,8 @@ impl AreaLight {
                 )
             }
             Form::Quadric(quadric) => {
+                let image = self.radiance.texture.is_some();
+                let uv = |at: Vec3A| if image { quadric.uv(at) } else { [0.0; 2] };
                 if let Some((axis, least)) = Self::cone(quadric, p) {
                     let dir = cone(axis, least, [u, v]);
                     let t = quadric.intersect(p, dir, f32::INFINITY);
@@ -172,10 +257,10 @@ impl AreaLight {
                         return None;
                     }
                     let (at, normal, _) = quadric.surface(p + dir * t);
-                    (at, normal, quadric.uv(at), quadric.rounding)
+                    (at, normal, uv(at), quadric.rounding)
                 } else {
                     let (at, normal) = quadric.point([u, v]);
-                    (at, normal, quadric.uv(at), quadric.rounding)
+                    (at, normal, uv(at), quadric.rounding)
                 }
             }
         };
@@ -190,7 +275,7 @@ impl AreaLight {
             ng: normal,
             ..Surface::default()
         };
-        let density = self.chance * self.density(p, wi, &at);
+        let density = chance * self.density(p, wi, &at, part);
         if radiance == Spectral::ZERO || density <= 0.0 || !density.is_finite() {
             return None;
         }
@@ -205,11 +290,12 @@ impl AreaLight {
         })
     }
 
-    /// Density per steradian with which [`Self::draw`] finds, from `p`, the point `at` in the unit direction `dir`.
+    /// Density per steradian with which [`Self::draw`] of a part finds, from `p`, its point `at` in the unit direction `dir`.
     #[inline]
     #[must_use]
-    pub(super) fn density(&self, p: Vec3A, dir: Vec3A, at: &Surface) -> f32 {
+    pub(super) fn density(&self, p: Vec3A, dir: Vec3A, at: &Surface, part: usize) -> f32 {
         let per_area = match &self.form {
+            Form::Mesh(facets) if self.split => 1.0 / facets[part].area(),
             Form::Mesh(_) => 1.0 / self.area,
             Form::Quadric(quadric) => match Self::cone(quadric, p) {
                 Some((_, least)) => return 1.0 / (TAU * (1.0 - least)),

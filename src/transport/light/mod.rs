@@ -5,12 +5,16 @@
 //! direction, which chance never finds; they are connected to always.
 
 pub mod area;
+pub mod bounds;
 pub mod distant;
 mod drawn;
 pub mod filter;
 pub mod profile;
+pub mod receiver;
 pub mod sky;
+pub mod tree;
 
+use crate::geometry::bvh::Geometry;
 use crate::geometry::ray::Surface;
 use crate::material::texture::Textures;
 pub use drawn::Drawn;
@@ -18,7 +22,9 @@ pub use drawn::Drawn;
 use area::AreaLight;
 use distant::Distant;
 use glam::Vec3A;
+use receiver::Receiver;
 use sky::Sky;
+use tree::LightTree;
 
 /// No light, in [`Lights::of_material`].
 pub const NONE: u32 = u32::MAX;
@@ -36,30 +42,48 @@ pub struct Lights {
     pub distant: Vec<Distant>,
     /// Probability that the sky is drawn.
     sky_chance: f32,
+    /// Over the parts of all shining surfaces; `None` if there is one part at most, or none that shines.
+    tree: Option<LightTree>,
+    /// Shining surface and part of each light of the tree.
+    parts: Vec<(u32, u32)>,
+    /// Number of the first part of each shining surface.
+    firsts: Vec<u32>,
+}
+
+/// Where a path met a shining surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Found<'a> {
+    /// Number of the shining surface.
+    pub number: u32,
+    /// The place on it.
+    pub surface: &'a Surface,
+    /// Number of its triangle in the mesh ([`Geometry::facet`]).
+    pub facet: Option<u32>,
 }
 
 impl Lights {
-    /// Chooses how often each is drawn: by its power as far as that is known, the sky half of the time beside surfaces.
-    pub fn weigh(&mut self, textures: &Textures) {
-        let mut all = 0.0;
-        for light in &self.areas {
-            all += light.power(textures);
+    /// Prepares how lights are chosen: surfaces by what they contribute at a point, the sky half of the time beside surfaces, since
+    /// what hides it is not known.
+    pub fn prepare(&mut self, geometry: &Geometry, textures: &Textures) {
+        for (material, number) in self.of_material.iter().enumerate() {
+            if let Some(light) = self.areas.get_mut(*number as usize) {
+                light.split(geometry.has_facets(material as u32));
+            }
         }
-        self.sky_chance = match (&self.sky, all > 0.0) {
+        let mut bounds = vec![];
+        (self.parts, self.firsts) = (vec![], vec![]);
+        for (number, light) in (0..).zip(&self.areas) {
+            self.firsts.push(self.parts.len() as u32);
+            self.parts
+                .extend((0..light.parts() as u32).map(|part| (number, part)));
+            light.bounds(textures, &mut bounds);
+        }
+        self.tree = LightTree::new(&bounds);
+        self.sky_chance = match (&self.sky, bounds.iter().any(|b| b.intensity > 0.0)) {
             (Some(_), true) => 0.5,
             (Some(_), false) => 1.0,
             (None, _) => 0.0,
         };
-        let rest = 1.0 - self.sky_chance;
-        let count = self.areas.len() as f32;
-        for light in &mut self.areas {
-            let share = if all > 0.0 {
-                light.power(textures) / all
-            } else {
-                1.0 / count
-            };
-            light.chance = rest * share;
-        }
     }
 
     /// True if there is nothing that paths meet by chance.
@@ -76,45 +100,60 @@ impl Lights {
         self.is_dark() && self.distant.is_empty()
     }
 
-    /// The light that surfaces of a material are.
+    /// The light that surfaces of a material are, and its number.
     #[inline]
     #[must_use]
-    pub fn of(&self, material: u32) -> Option<&AreaLight> {
-        self.areas.get(*self.of_material.get(material as usize)? as usize)
+    pub fn of(&self, material: u32) -> Option<(u32, &AreaLight)> {
+        let number = *self.of_material.get(material as usize)?;
+        Some((number, self.areas.get(number as usize)?))
     }
 
-    /// Draws light toward the point `p` by three uniforms; `far` metres away is outside of the scene.
+    /// Draws light toward a point by three uniforms; `far` metres away is outside of the scene.
     #[inline]
     #[must_use]
     pub fn draw(
         &self,
         textures: &Textures,
-        p: Vec3A,
+        at: &Receiver,
         [mut which, u, v]: [f32; 3],
         far: f32,
     ) -> Option<Drawn> {
+        let mut rest = 1.0;
         if let Some(sky) = &self.sky {
             if which < self.sky_chance {
-                return sky.draw(p, [u, v], far, self.sky_chance);
+                return sky.draw(at.p, [u, v], far, self.sky_chance);
             }
-            which -= self.sky_chance;
+            rest = 1.0 - self.sky_chance;
+            which = (which - self.sky_chance) / rest;
         }
-        let (last, others) = self.areas.split_last()?;
-        for light in others {
-            if which < light.chance {
-                return light.draw(textures, p, [which / light.chance, u, v]);
-            }
-            which -= light.chance;
-        }
-        last.draw(textures, p, [(which / last.chance).clamp(0.0, 1.0), u, v])
+        let (light, chance, which) = match &self.tree {
+            Some(tree) => tree.choose(at, which)?,
+            None => (0, 1.0, which),
+        };
+        let (number, part) = *self.parts.get(light)?;
+        let chosen = (part as usize, rest * chance);
+        self.areas[number as usize].draw(textures, at.p, [which, u, v], chosen)
     }
 
-    /// Density per steradian with which [`Self::draw`] finds, from the point `p`, a point of a shining surface in the unit
-    /// direction `dir`.
+    /// Density per steradian with which [`Self::draw`] finds, from a point, what was found in the unit direction `dir`.
     #[inline]
     #[must_use]
-    pub fn density(&self, light: &AreaLight, p: Vec3A, dir: Vec3A, at: &Surface) -> f32 {
-        light.chance * light.density(p, dir, at)
+    pub fn density(&self, at: &Receiver, dir: Vec3A, found: &Found) -> f32 {
+        let light = &self.areas[found.number as usize];
+        // Of a mesh whose triangles are not numbered there is one part.
+        let part = if light.parts() > 1 {
+            found.facet.unwrap_or(0)
+        } else {
+            0
+        };
+        let number = (self.firsts[found.number as usize] + part) as usize;
+        let chance = match &self.tree {
+            Some(tree) => tree.chance(at, number),
+            // Only the first is drawn.
+            None if number == 0 => 1.0,
+            None => return 0.0,
+        };
+        (1.0 - self.sky_chance) * chance * light.density(at.p, dir, found.surface, part as usize)
     }
 
     /// Density per steradian with which [`Self::draw`] finds the sky in the unit direction `dir`.

@@ -375,12 +375,14 @@ impl Walks {
         }
         if scene.settings.strategy.is_none() && all {
             for glow in &self.camera.glows {
-                let Some(light) = scene.lights.of(glow.surface.material) else {
+                let Some((number, light)) = scene.lights.of(glow.surface.material) else {
                     continue;
                 };
                 let met = Met {
                     light,
+                    number,
                     surface: &glow.surface,
+                    facet: glow.facet,
                     optical_m: glow.optical_m,
                     interactions: glow.interactions,
                     label: glow.label,

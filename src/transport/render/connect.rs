@@ -4,6 +4,7 @@ use super::sheets::{self, Blocked, Connection};
 use super::state::State;
 use super::views::Views;
 use crate::accumulate::{Contributions, NO_PIXEL};
+use crate::device::emitter::PointEmitter;
 use crate::device::pinhole::OUTSIDE;
 use crate::device::projector::{Arrivals, Projector};
 use crate::geometry::many;
@@ -13,6 +14,7 @@ use crate::geometry::rounding::END_GAP;
 use crate::geometry::view::View;
 use crate::light;
 use crate::light::filter::Polarized;
+use crate::light::receiver::Receiver;
 use crate::material::{Filling, NO_CRYSTAL};
 use crate::scene::Scene;
 use base::units::picoseconds;
@@ -118,7 +120,7 @@ pub(super) fn connect_all<const N: usize>(
         };
         rays += connect(scene, state, at, &connection, seen, out);
     }
-    if !scene.points.is_empty() {
+    if !scene.points.is_empty() && scene.point_tree.is_none() {
         rays += connect_points(scene, state, at, out);
     }
     rays
@@ -141,30 +143,62 @@ pub(super) fn connect_known(
 fn connect_points(scene: &Scene, state: &State, at: &Vertex<'_>, out: &mut Contributions) -> u32 {
     let mut rays = 0;
     for point in &scene.points {
-        let to = point.position - at.surface.p;
-        let distance = to.length();
-        if distance > 0.0 {
-            let wi = to * distance.recip();
-            let share = point.profile.value(-wi) / (distance * distance);
-            if share == 0.0 {
-                continue;
-            }
-            let connection = Connection {
-                wi,
-                position: point.position,
-                distance,
-                irradiance: point.intensity * Spectral::splat(share),
-                polarized: Polarized {
-                    axis: point.axis,
-                    filter: None,
-                },
-                pixel: NO_PIXEL,
-                start_m: 0.0,
-            };
-            rays += connect(scene, state, at, &connection, None, out);
-        }
+        rays += connect_point(scene, state, at, (point, 1.0), out);
     }
     rays
+}
+
+/// Connects a surface point to one point emitter of many, which the uniform number `which` draws; returns the rays traced.
+#[inline(never)]
+pub(super) fn connect_drawn_point(
+    scene: &Scene,
+    state: &State,
+    at: &Vertex<'_>,
+    which: f32,
+    out: &mut Contributions,
+) -> u32 {
+    let receiver = Receiver::on(&scene.materials, at.surface, at.wo);
+    let drawn = scene
+        .point_tree
+        .as_ref()
+        .and_then(|tree| tree.choose(&receiver, which));
+    drawn.map_or(0, |(number, chance, _)| {
+        connect_point(scene, state, at, (&scene.points[number], chance), out)
+    })
+}
+
+/// Connects a surface point to a point emitter that is connected to with the probability `chance`; returns the rays traced.
+#[inline(always)]
+fn connect_point(
+    scene: &Scene,
+    state: &State,
+    at: &Vertex<'_>,
+    (point, chance): (&PointEmitter, f32),
+    out: &mut Contributions,
+) -> u32 {
+    let to = point.position - at.surface.p;
+    let distance = to.length();
+    if distance <= 0.0 {
+        return 0;
+    }
+    let wi = to * distance.recip();
+    let share = point.profile.value(-wi) / (distance * distance) / chance;
+    if share == 0.0 {
+        return 0;
+    }
+    let connection = Connection {
+        wi,
+        position: point.position,
+        distance,
+        irradiance: point.intensity * Spectral::splat(share),
+        polarized: Polarized {
+            axis: point.axis,
+            filter: None,
+        },
+        pixel: NO_PIXEL,
+        start_m: 0.0,
+    };
+    connect(scene, state, at, &connection, None, out)
 }
 
 /// Connects a surface point to all light with one direction, and to one point of shining surfaces and sky that is drawn by
@@ -183,7 +217,8 @@ pub(super) fn connect_lights(
         .distant
         .iter()
         .filter_map(|d| d.toward(surface.p, scene.far));
-    let drawn = lights.draw(&scene.materials.textures, surface.p, u, scene.far);
+    let receiver = Receiver::on(&scene.materials, surface, at.wo);
+    let drawn = lights.draw(&scene.materials.textures, &receiver, u, scene.far);
     for drawn in distant.chain(drawn) {
         let share = if drawn.density > 0.0 {
             let chance = scene.materials.pdf(surface.material, surface, at.wo, drawn.wi);

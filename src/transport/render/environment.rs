@@ -4,7 +4,8 @@ use super::state::Beam;
 use crate::accumulate::{Contributions, NO_PIXEL};
 use crate::geometry::ray::Surface;
 use crate::light::area::AreaLight;
-use crate::light::share;
+use crate::light::receiver::Receiver;
+use crate::light::{Found, share};
 use crate::scene::Scene;
 use base::units::picoseconds;
 use glam::Vec3A;
@@ -18,14 +19,17 @@ pub(super) struct Chosen {
     /// Density of its direction per steradian; 0 where no connection could make the same.
     pub density: f32,
     /// From where, behind sheets in between.
-    pub from: Vec3A,
+    pub from: Receiver,
 }
 
 impl Chosen {
     /// By a mirror, by smooth glass, by the camera.
     #[inline]
     pub fn alone(from: Vec3A) -> Self {
-        Self { density: 0.0, from }
+        Self {
+            density: 0.0,
+            from: Receiver::anywhere(from),
+        }
     }
 
     /// Share of the path that chance gets beside a connection that draws the direction with density `other`.
@@ -42,7 +46,11 @@ impl Chosen {
 /// A shining surface that a path came upon.
 pub(super) struct Met<'a> {
     pub light: &'a AreaLight,
+    /// Its number.
+    pub number: u32,
     pub surface: &'a Surface,
+    /// Number of the triangle in its mesh, where that is known.
+    pub facet: Option<u32>,
     /// Optical length of the path, metres.
     pub optical_m: f64,
     /// Interactions before, and what they did.
@@ -58,10 +66,19 @@ pub(super) fn met(scene: &Scene, mut chain: Chain, beam: Beam, met: &Met, out: &
     if radiance == Spectral::ZERO {
         return;
     }
-    let other = scene
-        .lights
-        .density(light, met.chosen.from, -beam.travel, surface);
-    chain.scale(radiance * Spectral::splat(met.chosen.share(other)));
+    // Where no connection could make the path, its density is not asked for.
+    let share = if met.chosen.density > 0.0 {
+        let found = Found {
+            number: met.number,
+            surface,
+            facet: met.facet,
+        };
+        met.chosen
+            .share(scene.lights.density(&met.chosen.from, -beam.travel, &found))
+    } else {
+        1.0
+    };
+    chain.scale(radiance * Spectral::splat(share));
     light.polarized.end(&mut chain, beam.travel, beam.frame);
     let extent = chain.finish(out.elements);
     let time_ps = picoseconds(met.optical_m);

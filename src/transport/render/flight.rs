@@ -4,7 +4,7 @@ use super::bridge::{pass, unnoticed};
 use super::point::{End, Point, Site};
 use super::polarized;
 use super::state::{From, State};
-use crate::geometry::ray::Surface;
+use crate::geometry::ray::{Hit, Surface};
 use crate::geometry::rounding::met;
 use crate::material::Lanes;
 use crate::medium::nesting::Nest;
@@ -81,7 +81,8 @@ impl Hero {
 
 /// What ends a flight.
 pub(super) enum Landing {
-    At(Site, Surface),
+    /// Where, and what was hit of a surface.
+    At(Site, Surface, Option<Hit>),
     Escaped,
     Absorbed,
 }
@@ -215,7 +216,7 @@ impl Flight {
             self.settle();
             let id = surface.material;
             if !unnoticed(scene, &self.nest, id) {
-                return Landing::At(Site::Surface, surface);
+                return Landing::At(Site::Surface, surface, hit);
             }
             let state = &mut self.state;
             let (dir, lane) = (state.ray.dir, state.lanes.nth(0));
@@ -270,6 +271,7 @@ impl Flight {
                     p,
                     ..Surface::default()
                 },
+                None,
             ));
         }
         let depth = passed(way);

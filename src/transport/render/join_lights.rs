@@ -26,7 +26,8 @@ impl Joiner<'_> {
         let u = [self.stream.uniform(), u, v];
         let lights = &scene.lights;
         let distant = lights.distant.iter().filter_map(|d| d.toward(p, scene.far));
-        let drawn = lights.draw(&scene.materials.textures, p, u, scene.far);
+        let at = point.receiver(scene);
+        let drawn = lights.draw(&scene.materials.textures, &at, u, scene.far);
         let weighs = std::mem::replace(&mut self.weighs, false);
         for drawn in distant.chain(drawn) {
             let share = if drawn.density > 0.0 {

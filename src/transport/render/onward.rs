@@ -154,7 +154,7 @@ pub(super) fn scatter_on(
     progress.hope = 1.0;
     progress.chosen = Chosen {
         density: if next.delta { 0.0 } else { density },
-        from: surface.p,
+        from: point.receiver(scene),
     };
     let reverse = if next.delta {
         1.0
@@ -212,7 +212,7 @@ fn scatter_or_turn(
     progress.hope = scene.lanes().mean(toward.hopes);
     progress.chosen = Chosen {
         density: progress.density,
-        from: s.p,
+        from: point.receiver(scene),
     };
     before.reverse = point.density(scene, guide, flight.end.other(), wi, back) * point.spread;
     Onward::Toward(wi)
@@ -275,7 +275,7 @@ pub(super) fn scatter_in(
     progress.hope = scene.lanes().mean(toward.hopes);
     progress.chosen = Chosen {
         density: progress.density,
-        from: point.surface.p,
+        from: point.receiver(scene),
     };
     // Particles scatter alike both ways, but walks from the other end turn elsewhere.
     let other = At {

@@ -8,7 +8,7 @@
 
 mod start;
 
-use super::connect::{Lit, LitAt, Vertex, connect_all, connect_lights};
+use super::connect::{Lit, LitAt, Vertex, connect_all, connect_drawn_point, connect_lights};
 use super::environment::{self, Chosen, Met};
 use super::roulette::{Odds, survives};
 use super::selected::{self, Aim, Came, LitPoint};
@@ -18,6 +18,7 @@ use crate::accumulate::{Contribution, Contributions};
 use crate::geometry::many::{self, Many};
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::rounding::met;
+use crate::light::receiver::Receiver;
 use crate::material::facing;
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
@@ -254,6 +255,9 @@ impl Paths {
                 if shines {
                     rays += path.connect_lights(scene, bounces, &mut out);
                 }
+                if scene.point_tree.is_some() {
+                    rays += path.connect_drawn_point(scene, bounces, &mut out);
+                }
                 if goes_on
                     && path.scatter::<MORE>(
                         scene,
@@ -348,7 +352,7 @@ impl Path {
             return;
         };
         let surface = scene.geometry.surface(&state.ray, hit);
-        let Some(light) = scene.lights.of(surface.material) else {
+        let Some((number, light)) = scene.lights.of(surface.material) else {
             return;
         };
         let (mut chain, travel) = (state.chain, -state.ray.dir);
@@ -359,7 +363,9 @@ impl Path {
         let (_, length) = met(state.from, state.ray.dir, &surface);
         let met = Met {
             light,
+            number,
             surface: &surface,
+            facet: scene.geometry.facet(hit),
             optical_m: state.optical_m + f64::from(state.filling.index) * length,
             interactions: bounces,
             label: state.label,
@@ -389,6 +395,25 @@ impl Path {
         connect_lights(scene, &self.state, &at, u, out)
     }
 
+    /// Connects the surface to one of many point emitters, after `bounces` interactions before this one; returns the rays traced.
+    #[inline(never)]
+    fn connect_drawn_point(&mut self, scene: &Scene, bounces: u32, out: &mut Contributions) -> u32 {
+        let (Some(hit), surface) = (self.hit, &self.surface) else {
+            return 0;
+        };
+        if !scene.materials.has_extended_lobe(surface.material) {
+            return 0;
+        }
+        let which = self.stream.uniform();
+        let at = Vertex {
+            hit,
+            surface,
+            wo: -self.state.ray.dir,
+            bounces: bounces + 1,
+        };
+        connect_drawn_point(scene, &self.state, &at, which, out)
+    }
+
     /// Keeps how the direction `wi`, in which a path goes on, was chosen; `delta`: as the only one.
     #[inline(never)]
     fn choose(&mut self, scene: &Scene, wo: Vec3A, wi: Vec3A, delta: bool) {
@@ -402,7 +427,7 @@ impl Path {
         } else {
             Chosen {
                 density: scene.materials.pdf(surface.material, surface, wo, wi),
-                from: surface.p,
+                from: Receiver::on(&scene.materials, surface, wo),
             }
         };
     }

@@ -12,6 +12,7 @@ use super::bridge::Start;
 use super::guide::{At, Guide};
 use super::state::From;
 use crate::geometry::ray::{Ray, Surface};
+use crate::light::receiver::Receiver;
 use crate::material::{Filling, Lanes, Lobes};
 use crate::medium::nesting::Nest;
 use crate::scene::Scene;
@@ -181,6 +182,15 @@ impl Point {
             Site::Volume(id) => Some(id),
             Site::Surface if scene.filled && self.is_lambert(scene) => self.nest.medium(&scene.boundaries),
             _ => None,
+        }
+    }
+
+    /// The point as what light is chosen for.
+    #[inline]
+    pub fn receiver(&self, scene: &Scene) -> Receiver {
+        match self.site {
+            Site::Surface => Receiver::on(&scene.materials, &self.surface, self.back),
+            Site::Volume(_) | Site::Pinhole => Receiver::anywhere(self.surface.p),
         }
     }
 

@@ -183,7 +183,7 @@ impl Joiner<'_> {
         flight.state.ray.dir = dir;
         flight.settle();
         match flight.fly(scene, self.stream, &mut self.rays) {
-            Landing::At(Site::Surface, surface) => {
+            Landing::At(Site::Surface, surface, _) => {
                 Some(flight.landed(Site::Surface, surface, z.interactions + 1))
             }
             _ => None,

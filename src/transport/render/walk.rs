@@ -54,6 +54,8 @@ pub(super) struct Glow {
     /// The light that its product takes in.
     pub beam: Beam,
     pub surface: Surface,
+    /// Number of the triangle in its mesh, where that is known.
+    pub facet: Option<u32>,
     /// Optical length so far, metres.
     pub optical_m: f64,
     /// Interactions before, and what they did.
@@ -226,8 +228,8 @@ impl Walk {
         let Progress {
             flight, interactions, ..
         } = progress;
-        let (site, surface) = match flight.fly(scene, stream, &mut self.rays) {
-            Landing::At(site, surface) => (site, surface),
+        let (site, surface, hit) = match flight.fly(scene, stream, &mut self.rays) {
+            Landing::At(site, surface, hit) => (site, surface, hit),
             Landing::Escaped => {
                 self.escape = Some(Escape {
                     chain: flight.state.chain,
@@ -253,6 +255,7 @@ impl Walk {
                     frame: state.frame,
                 },
                 surface,
+                facet: hit.and_then(|hit| scene.geometry.facet(&hit)),
                 optical_m: state.optical_m,
                 interactions: *interactions,
                 label: state.label,

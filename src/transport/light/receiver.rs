@@ -1,0 +1,41 @@
+//! The point for which a light is chosen.
+
+use crate::geometry::ray::Surface;
+use crate::material::{Material, Materials, facing};
+use glam::Vec3A;
+
+/// A point that receives light.
+#[derive(Clone, Copy, Debug)]
+pub struct Receiver {
+    /// World, metres.
+    pub p: Vec3A,
+    /// Unit normal of the side from which light can arrive; zero if it can arrive from everywhere.
+    pub normal: Vec3A,
+}
+
+impl Receiver {
+    /// A point in a medium, or one of which nothing else is known.
+    #[inline]
+    #[must_use]
+    pub fn anywhere(p: Vec3A) -> Self {
+        Self {
+            p,
+            normal: Vec3A::ZERO,
+        }
+    }
+
+    /// A point of a surface that sends light along the unit direction `wo`.
+    #[inline]
+    #[must_use]
+    pub fn on(materials: &Materials, surface: &Surface, wo: Vec3A) -> Self {
+        let normal = match &materials.list[surface.material as usize] {
+            Material::Diffuse(_)
+            | Material::RoughConductor(_)
+            | Material::Plastic(_)
+            | Material::Measured(_) => facing(surface, wo).unwrap_or(Vec3A::ZERO),
+            // They transmit, or turn their normals.
+            _ => Vec3A::ZERO,
+        };
+        Self { p: surface.p, normal }
+    }
+}
