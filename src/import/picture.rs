@@ -5,17 +5,17 @@
 
 mod openexr;
 mod pfm;
+mod pixels;
 mod primaries;
 mod radiance;
 #[cfg(test)]
 mod tests;
 
+pub use pixels::{PictureError, Pixels};
+
 use image::{DynamicImage, ImageError, ImageFormat};
 use optics::spectrum::{Spectral, Wavelengths};
 use std::io::Cursor;
-
-/// Largest number of pixels of an image.
-const MOST_PIXELS: usize = 1 << 28;
 
 /// What the three channels of an image mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -37,48 +37,6 @@ pub fn linear(value: f32, encoded: bool) -> f32 {
         value / 12.92
     } else {
         ((value + 0.055) / 1.055).powf(2.4)
-    }
-}
-
-/// A decoded image file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Pixels {
-    /// Pixels in a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Three channels, top row first; whole numbers as 0..1. One channel is repeated; alpha is dropped.
-    pub values: Vec<[f32; 3]>,
-    /// Colours are sRGB-encoded.
-    pub encoded: bool,
-    /// Rows of a matrix that maps the channels to linear red, green and blue of ITU-R BT.709; `None`: they are these.
-    pub to_rgb: Option<[[f32; 3]; 3]>,
-    /// What the file states that is not used, or used in a way that its reader should know, one sentence each.
-    pub notes: Vec<String>,
-}
-
-/// Why a file cannot be decoded.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PictureError {
-    /// What was found.
-    pub message: String,
-    /// How to fix it.
-    pub help: String,
-}
-
-impl PictureError {
-    fn new(message: impl Into<String>, help: impl Into<String>) -> Self {
-        Self {
-            message: message.into(),
-            help: help.into(),
-        }
-    }
-
-    fn damaged(format: &str, what: impl std::fmt::Display) -> Self {
-        Self::new(
-            format!("the {format} file is damaged: {what}"),
-            "copy or export it again",
-        )
     }
 }
 
@@ -238,17 +196,4 @@ pub fn encoded(image: &DynamicImage, format: ImageFormat) -> Result<Vec<u8>, Ima
     let mut bytes = Cursor::new(vec![]);
     image.write_to(&mut bytes, format)?;
     Ok(bytes.into_inner())
-}
-
-/// Width × height if that many pixels are allowed.
-fn pixel_count(format: &str, width: usize, height: usize) -> Result<usize, PictureError> {
-    let count = width
-        .checked_mul(height)
-        .filter(|n| (1..=MOST_PIXELS).contains(n));
-    count.ok_or_else(|| {
-        PictureError::new(
-            format!("the {format} file has {width} × {height} pixels"),
-            format!("give 1 to {MOST_PIXELS} pixels"),
-        )
-    })
 }

@@ -147,6 +147,9 @@ impl Fixtures {
             .collect();
         let shape = [PIXELS, 4, 4];
         numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
+        // As bright as its camera can tell.
+        let dim: Vec<f32> = matrices.iter().map(|m| 0.02 * m).collect();
+        numpy::save(&at.join("dim.npy"), &shape, &dim).expect("an array");
         let errors = |v: f32| vec![v; PIXELS * 16];
         numpy::save(&at.join("E.npy"), &shape, &errors(0.01)).expect("an array");
         numpy::save(&at.join("negative_errors.npy"), &shape, &errors(-0.01)).expect("an array");
@@ -158,7 +161,7 @@ impl Fixtures {
             "scheme drr -k 36 -o drr36.toml",
             "scheme drr -k 9 -o drr9.toml",
             "capture M.npy --scheme drr36.toml -o I.npy --noise 0.001",
-            "capture M.npy --scheme drr36.toml -o I2.npy --detector camera.toml --variance V.npy",
+            "capture dim.npy --scheme drr36.toml -o I2.npy --detector camera.toml --variance V.npy",
             "learn -k 9 --data tables --bands 550 --folds 0 --starts 1 --iterations 1 --adam-steps 1 -o learned.toml \
              --estimator prior --save-prior prior.toml",
             "rig run plan.toml -o night.zarr",

@@ -2,7 +2,8 @@
 //!
 //! `image`'s reader takes channels called exactly R, G and B alone.
 
-use super::{PictureError, Pixels, pixel_count, primaries};
+use super::pixels::{PictureError, Pixels, pixel_count};
+use super::primaries;
 use exr::prelude::{AnyChannel, FlatSamples, ReadChannels, ReadLayers, Vec2};
 use std::collections::BTreeMap;
 use std::io::Cursor;

@@ -1,6 +1,6 @@
 //! Portable float maps: `PF` (three channels) or `Pf` (one), rows from the bottom, a scale whose sign is the byte order.
 
-use super::{PictureError, Pixels, pixel_count};
+use super::pixels::{PictureError, Pixels, pixel_count};
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
     let damaged = |what: &str| PictureError::damaged("PFM", what);

@@ -2,7 +2,8 @@
 //!
 //! `image`'s reader takes the signature `#?RADIANCE` and the orientation `-Y +X` alone, and leaves the exposure out.
 
-use super::{PictureError, Pixels, pixel_count, primaries};
+use super::pixels::{PictureError, Pixels, pixel_count};
+use super::primaries;
 
 /// What the header states.
 struct Header {

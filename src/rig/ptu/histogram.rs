@@ -277,6 +277,18 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
 /// [`PtuError`]: a plan that the file cannot serve or that is larger than [`MOST`], a bin of 2³² − 1 counts or more, no photon in any
 /// bin (with the reason: markers or sync pulses that never come, other channels, later bins), the system.
 pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histograms, PtuError> {
+    let (found, nothing) = possibly_empty_histogram(reader, plan)?;
+    nothing.map_or(Ok(found), Err)
+}
+
+/// As [`histogram`], of photons of which none need be in a bin, as of one pixel in the dark; if none is, says why.
+///
+/// # Errors
+/// As there, but for that.
+pub fn possibly_empty_histogram<R: Read>(
+    reader: &mut Reader<R>,
+    plan: &Plan,
+) -> Result<(Histograms, Option<PtuError>), PtuError> {
     let record = reader.record_type();
     let file = reader.file().to_owned();
     if let Some((what, mend)) = plan.fault(record) {
@@ -346,13 +358,13 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
         latest: state.latest,
         torn_frame: state.torn_frame,
     };
-    if state.photons == left_out.photons() {
+    let empty = (state.photons == left_out.photons()).then(|| {
         let resolution = reader.header().resolution_s(record.mode());
-        let (what, mend) = nothing(plan, &state, &left_out, record, resolution);
-        return Err(PtuError::of_request(&file, what, mend));
-    }
+        let (what, fix) = nothing(plan, &state, &left_out, record, resolution);
+        PtuError::of_request(&file, what, fix)
+    });
     let (height, width) = plan.scan.map_or((1, 1), |s| (s.height, s.width));
-    Ok(Histograms {
+    let found = Histograms {
         shape: [height, width, plan.channels.len(), plan.bins],
         counts: state.counts,
         photons: state.photons,
@@ -364,7 +376,8 @@ pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histogr
             0
         },
         unknown: state.unknown,
-    })
+    };
+    Ok((found, empty))
 }
 
 /// Why no photon is in a bin, and what to do.

@@ -4,7 +4,7 @@
 //! are counted on from point to point. `sunstone ptu histogram … --pixels WIDTH,1 --pixel-marker 1,2` gives the row's histograms.
 //! Until its row is full, a point's tags are in a log, so that they are always in the one or the other.
 
-use crate::ptu::histogram::{Plan, histogram};
+use crate::ptu::histogram::{Plan, possibly_empty_histogram};
 use crate::ptu::reader::Reader;
 use crate::ptu::record::{Decoder, Event, RecordType};
 use crate::ptu::writer::{self, Description};
@@ -84,7 +84,7 @@ impl Tags {
             scan: None,
         };
         let mut reader = Reader::new(bytes, length, name).map_err(|e| e.to_string())?;
-        let found = histogram(&mut reader, &plan).map_err(|e| e.to_string())?;
+        let (found, _) = possibly_empty_histogram(&mut reader, &plan).map_err(|e| e.to_string())?;
         Ok(found.counts)
     }
 

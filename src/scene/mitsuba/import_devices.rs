@@ -128,14 +128,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
             ));
         }
     }
-    node.finish(
-        source,
-        &[
-            "focus_distance",
-            "shutter_open",
-            "shutter_close",
-        ],
-    );
+    node.finish(source, &["focus_distance", "shutter_open", "shutter_close"]);
     let cropped = window != [0, 0, size[0], size[1]];
     if cropped {
         // The field of view is that of the whole film.
