@@ -180,3 +180,27 @@ fn holes_show_what_is_behind() {
         r#"{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 0.25], "metallicFactor": 0}}"#;
     near(opaque, gltf(opaque), [0.492; 3], NOISE);
 }
+
+/// What Mitsuba's clipping planes cut off is refused: it would show otherwise. Planes that cut nothing change nothing.
+#[test]
+fn clipping_planes_that_cut_are_refused() {
+    let imported = |near: &str, far: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let xml = format!(
+            r#"<scene version="3.0.0"><sensor type="perspective"><float name="near_clip" value="{near}"/><float name="far_clip" value="{far}"/>
+            <transform name="to_world"><lookat origin="0,0,4" target="0,0,0" up="0,1,0"/></transform></sensor>
+            <emitter type="constant"/><shape type="rectangle"/></scene>"#
+        );
+        let toml = folder.path().join("scene.toml");
+        Import::from_text(&folder.path().join("scene.xml"), &xml, &toml, &BTreeMap::new())
+            .map_err(|e| e.to_string())
+    };
+    assert!(imported("0.1", "100").is_ok());
+    let error = imported("5", "100").expect_err("in front of the near plane");
+    assert!(
+        error.contains("near_clip = 5 cuts off") && error.contains("scene.xml:1"),
+        "{error}"
+    );
+    let error = imported("0.1", "3").expect_err("behind the far plane");
+    assert!(error.contains("far_clip = 3 cuts off"), "{error}");
+}

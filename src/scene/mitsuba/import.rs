@@ -16,11 +16,13 @@ use super::tree::{Inside, Node};
 use crate::build::assemble;
 use crate::build::context::Context;
 use base::locate::{InputError, Located};
+use glam::DVec2;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntax::scene::{GapsFile, RenderFile, SceneFile};
 use syntax::slice::SliceFile;
 use syntax::values::{TimeBins, TimeFile};
+use transport::geometry::ray::Ray;
 use transport::scene::Scene;
 
 /// A scene in our language.
@@ -174,7 +176,7 @@ fn run(
             source.report(e);
         }
     }
-    let (sensor, Sensor { camera, spp, time }, depth) = match (camera, depth) {
+    let (sensor, device, depth) = match (camera, depth) {
         (Ok((sensor, camera)), Ok(depth)) => (sensor, camera, depth),
         (camera, depth) => {
             for e in [camera.err(), depth.err()].into_iter().flatten() {
@@ -183,6 +185,12 @@ fn run(
             return Ok(None);
         }
     };
+    let Sensor {
+        camera,
+        spp,
+        time,
+        clip,
+    } = device;
     let mut file = SceneFile {
         wavelengths_nm: Located::at(scene.span.clone(), importer.wavelengths.clone()),
         render: RenderFile {
@@ -222,7 +230,7 @@ fn run(
             "spectra are read at the scene's wavelengths, as in Mitsuba's spectral variants; its RGB variants turn them into colours",
         );
     }
-    let (notes, gap) = check(&importer, &file, toml, files)?;
+    let (notes, gap) = check(&importer, &file, toml, files, (sensor, clip))?;
     for note in notes {
         importer.note(note);
     }
@@ -308,6 +316,7 @@ fn check(
     file: &SceneFile,
     toml: &Path,
     files: &BTreeMap<String, Vec<u8>>,
+    (sensor, clip): (&Node, [f64; 2]),
 ) -> Result<(Vec<String>, Option<String>), InputError> {
     let source = importer.source;
     let folder = toml.parent().unwrap_or(Path::new(""));
@@ -316,6 +325,15 @@ fn check(
         .in_folder(folder)
         .with_files(files.clone());
     let built = assemble::with_gaps(&mut ctx, file);
+    if let Ok((scene, _)) = &built
+        && let Some(cut) = cut_off(scene, clip)
+    {
+        return Err(source.error(
+            &sensor.span,
+            cut,
+            "move the planes (near_clip, far_clip), or remove what they cut off: sunstone shows all surfaces",
+        ));
+    }
     let said = |(scene, gap): (Scene, Option<InputError>)| (scene.notes.clone(), gap.map(|g| g.message));
     built.map(said).map_err(|e| {
         source.placed(InputError {
@@ -324,6 +342,38 @@ fn check(
             ..e
         })
     })
+}
+
+/// A surface that the camera sees and that Mitsuba cuts off, before its near or behind its far clipping plane.
+fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
+    /// Rays in each direction, the edges of the image included.
+    const RAYS: u32 = 65;
+    let camera = &scene.camera;
+    let [width, height] = camera.resolution.map(f64::from);
+    for k in 0..RAYS * RAYS {
+        let part = |i: u32| f64::from(i) / f64::from(RAYS - 1);
+        let at = DVec2::new(width * part(k % RAYS), height * part(k / RAYS));
+        let dir = camera.direction(at);
+        let Some(hit) = scene.geometry.intersect(
+            &Ray {
+                origin: camera.origin,
+                dir,
+            },
+            f32::INFINITY,
+        ) else {
+            continue;
+        };
+        let depth = f64::from(hit.t * dir.dot(camera.forward()));
+        for (name, plane, is_cut) in [("near_clip", near, depth < near), ("far_clip", far, depth > far)] {
+            if is_cut {
+                return Some(format!(
+                    "{name} = {plane} cuts off a surface {depth:.4} m along the axis, at pixel ({:.0}, {:.0})",
+                    at.x, at.y
+                ));
+            }
+        }
+    }
+    None
 }
 
 /// Emitters that shine from a shape.

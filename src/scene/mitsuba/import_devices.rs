@@ -25,6 +25,8 @@ pub(super) struct Sensor {
     pub spp: Located<u32>,
     /// Bins of travel time, of a film of mitransient.
     pub time: Option<TimeBins>,
+    /// Distances along the axis between which Mitsuba's rays run, metres.
+    pub clip: [f64; 2],
 }
 
 /// What a film says: its size, the window of it that is rendered (x, y, width, height), and its bins of path length.
@@ -119,15 +121,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
         };
         camera.aperture = Some(Located::at(node.span.clone(), aperture));
     }
-    let near = node.float(source, "near_clip")?.filter(|near| *near > NEAR);
-    let far = node.float(source, "far_clip")?.filter(|far| *far < FAR);
-    for (name, plane) in [("near_clip", near), ("far_clip", far)] {
-        if let Some(distance) = plane {
-            importer.note(format!(
-                "{name} = {distance} of the sensor is not used: Mitsuba does not show surfaces that it cuts off, Sunstone does"
-            ));
-        }
-    }
+    let clip = [near, node.float(source, "far_clip")?.unwrap_or(FAR)];
     node.finish(source, &["focus_distance", "shutter_open", "shutter_close"]);
     let cropped = window != [0, 0, size[0], size[1]];
     if cropped {
@@ -140,7 +134,12 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
         let [x, y] = [window[0], window[1]].map(f64::from);
         camera = camera.principal((0.5 - offset[0]) * w - x, (0.5 - offset[1]) * h - y);
     }
-    Ok(Sensor { camera, spp, time })
+    Ok(Sensor {
+        camera,
+        spp,
+        time,
+        clip,
+    })
 }
 
 /// The pose of a camera, whose image may be mirrored: then left and right are exchanged, and it is noted.
