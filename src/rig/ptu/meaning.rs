@@ -5,7 +5,7 @@ use super::record::Mode;
 use super::scan::{Clock, Scan, is_bidirectional};
 
 /// Beginnings of the names of tags that describe the file, the program, the hardware or results, and change no photon's channel,
-/// time or pixel. After PicoQuant's list of tags.
+/// time or pixel, as far as is known.
 const DESCRIPTIVE: [&str; 22] = [
     "$",
     "CreatorSW_",

@@ -67,7 +67,7 @@ impl Tags {
         self.photons.iter().map(split)
     }
 
-    /// Counts by bin: what [`histogram`] makes of a file of these tags.
+    /// Counts by bin: what [`possibly_empty_histogram`] makes of a file of these tags.
     ///
     /// # Errors
     /// In words: a bin of 2³² − 1 counts.

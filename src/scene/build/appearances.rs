@@ -319,7 +319,9 @@ impl<'a> Table<'a> {
         };
         let pixels = import::picture::decode(name, &bytes, None).ok()?;
         // Of the formats that mesh files name, those of whole numbers have alpha.
-        let alpha = image::load_from_memory(&bytes).ok().map(|i| i.into_rgba16());
+        let alpha = image::load_from_memory(&bytes)
+            .ok()
+            .map(image::DynamicImage::into_rgba16);
         let alpha = |i: usize| {
             alpha
                 .as_ref()

@@ -395,7 +395,7 @@ impl<'a> Parts<'a> {
         match node.tag.as_str() {
             "sensor" if self.sensor.is_none() => self.sensor = Some(node),
             "sensor" => {
-                importer.note("the scene has several sensors: the first is imported, which Mitsuba renders")
+                importer.note("the scene has several sensors: the first is imported, which Mitsuba renders");
             }
             "integrator" if self.integrator.is_none() => self.integrator = Some(node),
             "integrator" => return Err(source.error(&node.span, "a second integrator", "keep one")),

@@ -172,7 +172,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     match node.kind.as_str() {
         "hdrfilm" | "transient_hdr_film" => {}
         "specfilm" => {
-            importer.note("specfilm: sunstone stores radiance at its wavelengths, not the film's channels")
+            importer.note("specfilm: sunstone stores radiance at its wavelengths, not the film's channels");
         }
         "ldrfilm" => importer.note("ldrfilm: sunstone stores radiance; gamma and exposure are not applied"),
         other => {
