@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -11,17 +11,21 @@ from pysunstone._native import InputError
 
 __all__ = ["plain", "real"]
 
+#: NumPy's types of masked arrays are incomplete.
+_ma: Any = np.ma
+
 #: Where named dimensions must stand in an array whose axes are counted.
 _FIRST, _LAST = ("capture", "channel"), ("stokes_out", "stokes_in")
 
 
 def _order(what: str, given: Any) -> None:
     """Refuse a named array (xarray) whose dimensions stand where the function does not expect them."""
-    dims = getattr(given, "dims", None)
-    if not isinstance(dims, tuple):
+    found: object = getattr(given, "dims", None)
+    if not isinstance(found, tuple):
         return
+    dims = [str(d) for d in cast("tuple[object, ...]", found)]
     first, last = [d for d in _FIRST if d in dims], [d for d in _LAST if d in dims]
-    if list(dims[: len(first)]) != first or list(dims[len(dims) - len(last) :]) != last:
+    if dims[: len(first)] != first or dims[len(dims) - len(last) :] != last:
         raise InputError(
             f"{what}: the dimensions are {dims}; transpose to {(*first, '...', *last)}, or use the accessor `.sunstone`, which goes by names"
         )
@@ -40,16 +44,22 @@ def plain(what: str, given: Any, *, fill: float | None = None) -> npt.NDArray[An
         What masked entries become; None: they are refused.
     """
     _order(what, given)
-    if isinstance(given, list | tuple) and any(isinstance(entry, np.ma.MaskedArray) for entry in given):  # pyright: ignore[reportUnknownVariableType]
-        # `asarray` would drop the masks of the entries.
-        given = np.ma.stack(given)  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
-    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
-        if fill is None or given.dtype.kind not in "fiub":  # pyright: ignore[reportUnknownMemberType]
-            raise InputError(f"{what}: {int(np.ma.getmaskarray(given).sum())} entries are masked; fill or remove them")  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
-        single = given.dtype.type in (np.float16, np.float32)  # pyright: ignore[reportUnknownMemberType]
-        return np.asarray(np.ma.filled(np.ma.asarray(given, np.float32 if single else np.float64), fill))  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
+    if isinstance(given, list | tuple):
+        entries = cast("list[Any]", given)
+        if any(isinstance(entry, np.ma.MaskedArray) for entry in entries):
+            # `asarray` would drop the masks of the entries.
+            given = _ma.stack(entries)
+    if isinstance(given, np.ma.MaskedArray):
+        masked: Any = cast(Any, given)
+        if _ma.is_masked(masked):
+            if fill is None or masked.dtype.kind not in "fiub":
+                count = int(_ma.getmaskarray(masked).sum())
+                raise InputError(f"{what}: {count} entries are masked; fill or remove them")
+            single = masked.dtype.type in (np.float16, np.float32)
+            return np.asarray(_ma.filled(_ma.asarray(masked, np.float32 if single else np.float64), fill))
+        given = masked
     try:
-        return np.asarray(given)
+        return np.asarray(cast(Any, given))
     except (TypeError, ValueError, RuntimeError) as fault:
         raise InputError(f"{what}: NumPy cannot read it as an array ({fault}); give a numpy.ndarray") from fault
 

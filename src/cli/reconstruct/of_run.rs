@@ -60,7 +60,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     if let Some(image) = images.iter().find(|i| i.tally.lost == i.tally.pixels) {
         return Err(Failure::input(format!(
-            "{}: none of the {} pixels of mask {} is determined: its readings are saturated or missing; nothing is written",
+            "{}: none of the {} pixels of mask {} is determined: the readings that are neither saturated nor missing do not determine 16 elements; nothing is written",
             a.source.display(),
             image.tally.pixels,
             image.name
