@@ -320,9 +320,9 @@ def main():
     failed, found = (sum(column) for column in zip(*results))
     if arguments.power:
         print(f"\n{found} sources that are 5 % too bright were found")
-        sys.exit(found < 15)
+        sys.exit(int(found < 15))
     print(f"\n{failed} of {len(MTL) + len(GLTF) + len(MITSUBA)} materials differ by more than 2 % or what is stated")
-    sys.exit(failed > 0)
+    sys.exit(int(failed > 0))
 
 
 main()

@@ -34,15 +34,16 @@ POLARIZED = re.compile(r"type=[\"'](stokes|polarizer|retarder|circular|measured_
 MESH_SCENE = """[camera]
 resolution = [4, 4]
 fov_x_deg = 40
-pose = {{ look_at = {{ from = [0, 0, -5], to = [0, 0, 0] }} }}
+pose.look_at = {{ origin = [0, 0, -5], target = [0, 0, 0] }}
 [[emitters]]
-type = "environment"
+environment = {{ radiance = 1 }}
 [materials.grey]
-type = "diffuse"
-albedo = 0.5
+diffuse.albedo = 0.5
 [[objects]]
-shape = {{ {kind} = {{ file = {file}{materials} }} }}
+shape.{kind} = {{ file = {file}{materials} }}
 material = "grey"
+[[slices]]
+name = "photo"
 """
 
 
