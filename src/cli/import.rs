@@ -13,13 +13,17 @@ use sunstone::scene::mitsuba::import::Import;
 
 /// Make a scene file of a scene of Mitsuba 3, or the camera of one of a calibration.
 ///
-/// SCENE.xml, or .json of a dictionary: reads what people write by hand, what Mitsuba writes and what `export --mitsuba` does,
-/// with include, alias, path and default: diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric,
-/// plastic, roughplastic, pplastic, principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask,
-/// normalmap, null; bitmap and checkerboard; homogeneous media; sphere, disk, cylinder, rectangle, cube, obj, ply, serialized, shapegroup,
-/// instance; perspective, thinlens; projector, point, spot, directional, constant, envmap, area. All that it cannot take is told at
-/// once, each with its place; models that are not the same here are named in notes. Colours given as RGB become values at the
-/// scene's wavelengths (red above 590 nm, green from 500 nm, blue below).
+/// SCENE.xml, or .json of a dictionary, of Mitsuba 3 or of version 0.x, with include, alias, path and default. Reads these plugins:
+///
+/// - materials: diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, plastic, roughplastic, pplastic,
+///   principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask, normalmap, null;
+/// - textures: bitmap and checkerboard; media: homogeneous;
+/// - shapes: sphere, disk, cylinder, rectangle, cube, obj, ply, serialized, merge, shapegroup, instance;
+/// - sensors: perspective, thinlens; films: hdrfilm, specfilm, and mitransient's transient_hdr_film;
+/// - emitters: projector, point, spot, directional, constant, envmap, area.
+///
+/// Everything else is refused at once, each item with its place. Where the models of the two programs differ, a note states how.
+/// Colours given as RGB become values at the scene's wavelengths (red above 590 nm, green from 500 nm, blue below).
 ///
 /// CALIBRATION.yaml, .yml, .json or .npz: reads what OpenCV (cv::FileStorage, JSON, numpy.savez), ROS (camera_info), Kalibr
 /// (camchain) and MATLAB (jsonencode of cameraParameters) write, and prints the [camera] or [projector] of a scene file,

@@ -13,11 +13,11 @@ use gltf::json::Value;
 use syntax::texture::UvRows;
 use transport::material::texture::{Filter, Wrap};
 
-/// The materials of a glTF document or GLB container, as its parts name them, and whether vertices have colours.
+/// The materials of a glTF document or GLB container, as its parts name them.
 ///
 /// # Errors
 /// [`ImportError`] if the file is broken.
-pub fn appearances(bytes: &[u8]) -> Result<(Vec<Appearance>, bool), ImportError> {
+pub fn appearances(bytes: &[u8]) -> Result<Vec<Appearance>, ImportError> {
     let (json, blob) = container(bytes)?;
     let root: Value = gltf::json::deserialize::from_slice(&json)
         .map_err(|e| broken(format!("the glTF JSON cannot be read ({e})")))?;
@@ -27,11 +27,7 @@ pub fn appearances(bytes: &[u8]) -> Result<(Vec<Appearance>, bool), ImportError>
     };
     let list = items(&root, "materials").iter().enumerate();
     let all = list.map(|(i, m)| file.appearance(i, m)).collect();
-    let coloured = items(&root, "meshes")
-        .iter()
-        .flat_map(|m| items(m, "primitives"))
-        .any(|p| p["attributes"].get("COLOR_0").is_some());
-    Ok((all, coloured))
+    Ok(all)
 }
 
 fn items<'a>(value: &'a Value, key: &str) -> &'a [Value] {
@@ -274,7 +270,7 @@ mod tests {
     use serde_json::json;
 
     fn read(value: &serde_json::Value) -> Vec<Appearance> {
-        appearances(value.to_string().as_bytes()).expect("reads").0
+        appearances(value.to_string().as_bytes()).expect("reads")
     }
 
     #[test]

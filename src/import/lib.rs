@@ -51,7 +51,7 @@ pub use self::gltf::{gltf_buffers, parse_gltf};
 pub use self::gltf_materials::appearances as gltf_appearances;
 pub use self::obj::parse_obj;
 pub use self::part::{MeshPart, Model, lies_within};
-pub use self::ply::{has_colours as ply_has_colours, parse_ply};
+pub use self::ply::parse_ply;
 pub use self::serialized::parse_serialized;
 
 /// Loads every mesh of a file; the format follows from the extension (`.obj`, `.ply`, `.gltf`, `.glb`, `.serialized` (its first mesh),

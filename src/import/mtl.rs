@@ -48,14 +48,6 @@ pub fn libraries(obj: &[u8]) -> Vec<Vec<Vec<String>>> {
     lines
 }
 
-/// Whether vertices of an OBJ file have colours behind their coordinates.
-#[must_use]
-pub fn has_colours(obj: &[u8]) -> bool {
-    let text = plain(obj);
-    let first = text.lines().find_map(|line| line.trim().strip_prefix("v "));
-    first.is_some_and(|rest| rest.split_whitespace().count() >= 6)
-}
-
 /// What a library says of a material, by its keys in lower case.
 struct Entry {
     name: String,
@@ -301,7 +293,6 @@ mod tests {
             libraries("\u{feff}mtllib a b.mtl\r\n".as_bytes()),
             [vec![vec!["a b.mtl".to_owned()], vec!["a".into(), "b.mtl".into()]]]
         );
-        assert!(has_colours(b"v 0 0 0 1 0 0\n") && !has_colours(b"v 0 0 0\n"));
     }
 
     /// Every key is used or named as unused.

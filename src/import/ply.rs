@@ -60,18 +60,6 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
     parts.end(FIX)
 }
 
-/// Whether a file's vertices have colours.
-#[must_use]
-pub fn has_colours(bytes: &[u8]) -> bool {
-    let head = &bytes[..bytes.len().min(1 << 16)];
-    let head = String::from_utf8_lossy(head);
-    let header = head.split("end_header").next().unwrap_or("");
-    super::text::lines(header).any(|line| {
-        let words: Vec<&str> = line.split_whitespace().collect();
-        words.first() == Some(&"property") && matches!(words.last(), Some(&"red" | &"diffuse_red"))
-    })
-}
-
 /// Checks that vertices have positions and faces corners.
 fn check_header(header: &Header) -> Result<(), ImportError> {
     for element in &header.elements {

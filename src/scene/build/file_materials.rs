@@ -39,12 +39,6 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             }
             continue;
         }
-        if found.coloured {
-            ctx.notes.push(format!(
-                "{}: the colours of its vertices are not used",
-                *mesh.file
-            ));
-        }
         for appearance in found.list {
             if object.part_materials.contains_key(&appearance.name) || !found.used.contains(&appearance.name)
             {
@@ -76,7 +70,6 @@ struct Found {
     list: Vec<Appearance>,
     /// Names of materials that parts have.
     used: Vec<String>,
-    coloured: bool,
     says_something: bool,
     /// For people.
     what: String,
@@ -95,7 +88,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
     let path = ctx.path(&mesh.file);
     let folder = Path::new(mesh.file.as_str()).parent().unwrap_or(Path::new(""));
     let beside = |name: &str| folder.join(name).to_string_lossy().into_owned();
-    let (mut list, coloured) = match shape {
+    let mut list = match shape {
         ShapeFile::Gltf(_) => match import::gltf_appearances(&bytes) {
             Ok(found) => found,
             Err(_) => return Ok(None),
@@ -125,9 +118,9 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
                     _ => {}
                 }
             }
-            (list, mtl::has_colours(&bytes))
+            list
         }
-        _ => (vec![], import::ply_has_colours(&bytes)),
+        _ => vec![],
     };
     for a in &mut list {
         for picture in a.pictures() {
@@ -147,25 +140,17 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
     } else {
         vec![]
     };
-    let mut what = vec![];
     let telling: Vec<&str> = list
         .iter()
         .filter(|a| !a.is_plain())
         .map(|a| a.name.as_str())
         .collect();
-    if !telling.is_empty() {
-        let more = if telling.len() > 4 { ", ..." } else { "" };
-        let names = &telling[..telling.len().min(4)];
-        what.push(format!("its materials ({}{more})", names.join(", ")));
-    }
-    if coloured {
-        what.push("the colours of its vertices".to_owned());
-    }
+    let more = if telling.len() > 4 { ", ..." } else { "" };
+    let names = telling[..telling.len().min(4)].join(", ");
     Ok(Some(Found {
-        says_something: !what.is_empty(),
-        what: format!("{} are", what.join(" and ")),
+        says_something: !telling.is_empty(),
+        what: format!("its materials ({names}{more}) are"),
         list,
         used,
-        coloured,
     }))
 }
