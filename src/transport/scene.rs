@@ -24,7 +24,7 @@ pub struct Scene {
     why: Option<&'static str>,
 }
 
-/// Points of a path are connected to all point emitters if there are at most so many, else to one that is drawn.
+/// Points of a path are connected to all point emitters if there are no more than this, else to one that is chosen at random.
 const MOST_POINTS: usize = 16;
 
 impl Deref for Scene {

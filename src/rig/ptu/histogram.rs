@@ -404,10 +404,10 @@ fn nothing(
         return (what, "see its markers with `sunstone ptu info`".into());
     }
     if record.mode() == Mode::T2 && state.syncs == 0 {
-        let mend = "connect the laser to the sync input; `sunstone ptu records` prints absolute times";
+        let fix = "connect the laser to the sync input; `sunstone ptu records` prints absolute times";
         return (
             "it has no sync pulses, so that photons have no time since the pulse".into(),
-            mend.into(),
+            fix.into(),
         );
     }
     (

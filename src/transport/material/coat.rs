@@ -256,7 +256,7 @@ mod tests {
         }
     }
 
-    /// Facets that hardly differ from the mean surface pass what Fresnel's equations say.
+    /// Facets that barely differ from the mean surface pass what Fresnel's equations say.
     #[test]
     fn smooth_facets_pass_as_the_mean_surface() {
         let eta = Spectral::splat(1.5);
