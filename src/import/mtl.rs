@@ -10,42 +10,35 @@
 //!   the rest is glass.
 
 use super::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
+use super::text;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use transport::material::texture::{Filter, Wrap};
-
-/// The text of a file without a byte order mark, with one kind of line ends.
-fn plain(bytes: &[u8]) -> String {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    String::from_utf8_lossy(bytes)
-        .replace("\r\n", "\n")
-        .replace('\r', "\n")
-}
 
 /// Names of the libraries that the `mtllib` lines of an OBJ file refer to. A line may name several; names may hold spaces.
 /// Each line is a list of the ways to read it: as one name, and as one name for each word.
 #[must_use]
 pub fn libraries(obj: &[u8]) -> Vec<Vec<Vec<String>>> {
-    let mut lines: Vec<Vec<Vec<String>>> = vec![];
-    for line in plain(obj).lines() {
+    let mut all: Vec<Vec<Vec<String>>> = vec![];
+    for line in text::lines(&text::decode(obj)) {
         let line = line.split('#').next().unwrap_or("").trim();
-        let Some(rest) = line
-            .strip_prefix("mtllib")
-            .filter(|r| r.starts_with(char::is_whitespace))
-        else {
+        let Some((keyword, rest)) = line.split_once(char::is_whitespace) else {
             continue;
         };
+        if !keyword.eq_ignore_ascii_case("mtllib") {
+            continue;
+        }
         let unquoted = |name: &str| name.trim().trim_matches('"').replace('\\', "/");
         let mut ways = vec![vec![unquoted(rest)]];
         let words: Vec<String> = rest.split_whitespace().map(unquoted).collect();
         if words.len() > 1 {
             ways.push(words);
         }
-        if !lines.contains(&ways) {
-            lines.push(ways);
+        if !all.contains(&ways) {
+            all.push(ways);
         }
     }
-    lines
+    all
 }
 
 /// What a library says of a material, by its keys in lower case.
@@ -87,11 +80,11 @@ impl Entry {
     }
 }
 
-/// The materials of a library. Not by `tobj`, which panics on numbers that are none.
+/// The materials of a library.
 #[must_use]
 pub fn parse(bytes: &[u8]) -> Vec<Appearance> {
     let mut all: Vec<Entry> = vec![];
-    for line in plain(bytes).lines() {
+    for line in text::lines(&text::decode(bytes)) {
         let line = line.split('#').next().unwrap_or("").trim();
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim().to_owned();
@@ -286,7 +279,7 @@ mod tests {
             assert_eq!(parse(text.as_bytes()), plain, "{text:?}");
         }
         assert_eq!(
-            libraries(b"mtllibx\nmtllib a.mtl\nmtllib a.mtl\nv 0 0 0\n"),
+            libraries(b"mtllibx\nmtllib a.mtl\nMTLLIB a.mtl\nv 0 0 0\n"),
             [[["a.mtl"]]]
         );
         assert_eq!(

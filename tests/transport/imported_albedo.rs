@@ -2,6 +2,7 @@
 //! along its normal, shows the directional albedo there. Values are those of the specifications, of Mitsuba 3.9.1, or closed
 //! forms; `validation/import_albedo.py` compares all angles with Mitsuba live.
 
+use crate::mesh_files::square;
 use crate::optics::{Device, head};
 use crate::support::render_scene;
 use glam::DVec3;
@@ -31,44 +32,23 @@ fn object(folder: &Path, shape: &str) -> [f64; 3] {
     seen(folder, &text)
 }
 
-const SQUARE: &str =
-    "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3 4/4\n";
-
 fn mtl(text: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
+    square(folder.path(), "{}", &format!("newmtl painted\n{text}\n"));
     image::RgbImage::from_pixel(2, 2, image::Rgb([188, 188, 188]))
         .save(folder.path().join("grey.png"))
         .unwrap();
-    std::fs::write(folder.path().join("a.mtl"), format!("newmtl m\n{text}\n")).unwrap();
-    std::fs::write(folder.path().join("a.obj"), format!("mtllib a.mtl\n{SQUARE}")).unwrap();
-    object(folder.path(), "obj = { file = \"a.obj\"")
+    object(folder.path(), "obj = { file = \"square.obj\"")
 }
 
 fn gltf(material: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
+    square(folder.path(), material, "");
     // Green (roughness) and blue (metal) of a map: half of both.
     image::RgbImage::from_pixel(2, 2, image::Rgb([255, 128, 128]))
-        .save(folder.path().join("map.png"))
+        .save(folder.path().join("picture.png"))
         .unwrap();
-    let floats: [f32; 20] = [
-        -1., -1., 0., 1., -1., 0., 1., 1., 0., -1., 1., 0., 0., 1., 1., 1., 1., 0., 0., 0.,
-    ];
-    let mut bytes: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
-    bytes.extend([0_u32, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()));
-    std::fs::write(folder.path().join("a.bin"), &bytes).unwrap();
-    let text = format!(
-        r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"mesh": 0}}], "textures": [{{"source": 0}}], "images": [{{"uri": "map.png"}}],
-        "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0, "TEXCOORD_0": 1}}, "indices": 2, "material": 0}}]}}],
-        "materials": [{material}], "buffers": [{{"uri": "a.bin", "byteLength": {}}}],
-        "bufferViews": [{{"buffer": 0, "byteLength": 48}}, {{"buffer": 0, "byteOffset": 48, "byteLength": 32}},
-                        {{"buffer": 0, "byteOffset": 80, "byteLength": 24}}],
-        "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, -1, 0], "max": [1, 1, 0]}},
-                      {{"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"}},
-                      {{"bufferView": 2, "componentType": 5125, "count": 6, "type": "SCALAR"}}]}}"#,
-        bytes.len()
-    );
-    std::fs::write(folder.path().join("a.gltf"), text).unwrap();
-    object(folder.path(), "gltf = { file = \"a.gltf\"")
+    object(folder.path(), "gltf = { file = \"square.gltf\"")
 }
 
 /// A BSDF of Mitsuba on a rectangle, imported.
@@ -98,6 +78,9 @@ fn near(what: &str, got: [f64; 3], want: [f64; 3], off: f64) {
     }
 }
 
+/// Directional albedo of facets of α 0.5 along the normal, with Schlick's reflectance from 0.5.
+const METAL: f64 = 0.344;
+
 /// 20,000 samples: 5 standard errors of what varies most here, a rough mirror, are 0.7 %.
 const NOISE: f64 = 0.012;
 
@@ -124,6 +107,11 @@ fn mtl_colours_are_those_of_the_whole_surface() {
         ("Kd .5 .5 .5\nd .5", [0.75; 3]),
         ("Kd .1 .1 .8\nTr 1.0\nillum 1", [0.8, 0.1, 0.1]),
         ("Kd .1 .2 .3\nKs .9 .9 .9\nillum 0", [0.3, 0.2, 0.1]),
+        // Half metal of α 0.5 (`gltf` of `validation/import_albedo.py`), half of it base and mirror.
+        (
+            "Kd .5 .5 .5\nKs .4 .4 .4\nillum 3\nPm .5",
+            [0.5 * METAL + 0.5 * 0.9; 3],
+        ),
         // sRGB 188 is 0.503.
         ("map_Kd grey.png", [0.503; 3]),
         ("Kd .5 .25 1\nmap_Kd grey.png", [0.503, 0.1257, 0.2515]),

@@ -12,7 +12,7 @@ const LIGHT: &str =
     "[[emitters]]\npoint = { position = [0.5, 1, 3], intensity = 2 }\n[[slices]]\nname = \"m\"\n";
 
 /// Writes a square with texture coordinates as OBJ with a library, and as glTF with its buffer; and an image without symmetry.
-fn square(folder: &Path, gltf_material: &str, mtl: &str) {
+pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
     image::RgbImage::from_fn(3, 2, |x, y| {
         image::Rgb([

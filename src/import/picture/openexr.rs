@@ -3,7 +3,7 @@
 //! `image`'s reader takes channels called exactly R, G and B alone.
 
 use super::pixels::{PictureError, Pixels, pixel_count};
-use super::primaries;
+use super::primaries::{self, NoGamut};
 use exr::prelude::{AnyChannel, FlatSamples, ReadChannels, ReadLayers, Vec2};
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -81,14 +81,8 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
         .attributes
         .chromaticities
         .map(|c| [c.red, c.green, c.blue, c.white].map(|Vec2(x, y)| [f64::from(x), f64::from(y)]));
-    let to_rgb = match (is_xyz, given.filter(|p| !primaries::is_bt709(p))) {
-        (true, _) => Some(primaries::from_xyz()),
-        (false, None) => None,
-        (false, Some(given)) => {
-            let map = primaries::to_bt709(&given);
-            Some(map.ok_or_else(|| PictureError::damaged("OpenEXR", "its chromaticities span no gamut"))?)
-        }
-    };
+    let to_rgb = primaries::conversion(is_xyz, given)
+        .map_err(|NoGamut| PictureError::damaged("OpenEXR", "its chromaticities span no gamut"))?;
     // Grey has no primaries.
     let to_rgb = to_rgb.filter(|_| channels.len() == 3);
     let [width, height] = chosen.size;

@@ -22,20 +22,29 @@ fn to_xyz(primaries: &Primaries) -> Option<DMat3> {
     Some(columns * DMat3::from_diagonal(scale))
 }
 
+/// Returns the rows of the matrix from a file's colours: XYZ, or those of primaries that it states. Of BT.709 and of a file that
+/// states none there is none.
+///
+/// # Errors
+/// `NoGamut` if the primaries span none.
+pub(super) fn conversion(is_xyz: bool, given: Option<Primaries>) -> Result<Option<[[f32; 3]; 3]>, NoGamut> {
+    match given.filter(|p| !is_bt709(p)) {
+        _ if is_xyz => Ok(Some(rows(xyz_to_bt709()))),
+        None => Ok(None),
+        Some(given) => match to_xyz(&given) {
+            Some(xyz) => Ok(Some(rows(xyz_to_bt709() * xyz))),
+            None => Err(NoGamut),
+        },
+    }
+}
+
+/// Primaries that lie on a line.
+pub(super) struct NoGamut;
+
 /// True of the primaries of BT.709 themselves.
-pub(super) fn is_bt709(primaries: &Primaries) -> bool {
+fn is_bt709(primaries: &Primaries) -> bool {
     let pairs = primaries.iter().flatten().zip(BT709.iter().flatten());
     pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() < 1e-6
-}
-
-/// Returns the rows of the matrix from linear colours of `primaries`; `None` if these span no gamut.
-pub(super) fn to_bt709(primaries: &Primaries) -> Option<[[f32; 3]; 3]> {
-    Some(rows(xyz_to_bt709() * to_xyz(primaries)?))
-}
-
-/// Rows of the matrix from XYZ.
-pub(super) fn from_xyz() -> [[f32; 3]; 3] {
-    rows(xyz_to_bt709())
 }
 
 fn xyz_to_bt709() -> DMat3 {

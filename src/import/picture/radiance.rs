@@ -3,7 +3,7 @@
 //! `image`'s reader takes the signature `#?RADIANCE` and the orientation `-Y +X` alone, and leaves the exposure out.
 
 use super::pixels::{PictureError, Pixels, pixel_count};
-use super::primaries;
+use super::primaries::{self, NoGamut};
 
 /// What the header states.
 struct Header {
@@ -41,15 +41,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
             values[y * width + x] = colour(*rgbe, header.correction);
         }
     }
-    let given = header.primaries.filter(|p| !primaries::is_bt709(p));
-    let to_rgb = match (header.is_xyz, given) {
-        (true, _) => Some(primaries::from_xyz()),
-        (false, None) => None,
-        (false, Some(given)) => {
-            let map = primaries::to_bt709(&given);
-            Some(map.ok_or_else(|| damaged("its PRIMARIES span no gamut"))?)
-        }
-    };
+    let to_rgb = primaries::conversion(header.is_xyz, header.primaries)
+        .map_err(|NoGamut| damaged("its PRIMARIES span no gamut"))?;
     if header.correction != [1.0; 3] {
         let [r, g, b] = header.correction.map(|c| 1.0 / c);
         header.notes.push(format!(

@@ -6,7 +6,7 @@
 
 use super::context::Context;
 use base::locate::Located;
-use image::{ImageBuffer, ImageFormat, Rgb};
+use image::{ImageBuffer, ImageFormat, Rgb, Rgba};
 use import::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
 use import::body;
 use optics::sampling::microfacet::{Distribution, Masking};
@@ -29,8 +29,15 @@ pub(super) struct Table<'a> {
     pub made: Vec<(String, MaterialFile)>,
 }
 
-/// A linear colour with alpha.
-type Texel = [f32; 4];
+/// A linear colour, or three numbers.
+type Texel = [f32; 3];
+
+/// A decoded picture.
+struct Texels {
+    size: [u32; 2],
+    /// Top row first.
+    values: Vec<Texel>,
+}
 
 impl<'a> Table<'a> {
     /// The materials that stand for an appearance, under `name` and names that begin with it.
@@ -51,7 +58,7 @@ impl<'a> Table<'a> {
     }
 
     fn note(&mut self, text: &str) {
-        self.ctx.notes.push(format!("{}: {text}", self.name));
+        self.ctx.note(format!("{}: {text}", self.name));
     }
 
     fn add(&mut self, part: &str, material: MaterialFile) -> Located<String> {
@@ -61,16 +68,14 @@ impl<'a> Table<'a> {
     }
 
     fn material(&mut self, a: &Appearance) -> MaterialFile {
+        let strongest = a.mirror.into_iter().fold(0.0, f64::max);
         let mut body = match a.coat {
+            _ if strongest > 0.0 => self.beside_mirror(a, strongest),
+            Some(coat) => self.plastic(a, coat),
             None => MaterialFile::Diffuse(DiffuseFile {
                 albedo: self.albedo(a, |v| v),
             }),
-            Some(coat) => self.plastic(a, coat),
         };
-        let strongest = a.mirror.into_iter().fold(0.0, f64::max);
-        if strongest > 0.0 {
-            body = self.beside_mirror(a, strongest);
-        }
         if a.metallic > 0.0 {
             let metal = self.metal(a);
             let weight = self.metallic(a);
@@ -180,7 +185,7 @@ impl<'a> Table<'a> {
                 masking: Masking::default(),
             })
         };
-        self.mixed(["base", "mirror"], base, mirror, share.into())
+        self.mixed(["beside_mirror", "mirror"], base, mirror, share.into())
     }
 
     fn metal(&mut self, a: &Appearance) -> MaterialFile {
@@ -278,13 +283,16 @@ impl<'a> Table<'a> {
         let factor = a.opacity as f32;
         match &a.opacity_image {
             None => a.opacity.into(),
+            Some((picture, Opacity::First)) => self.numbers(picture, "opacity", move |t| t[0] * factor),
             Some((picture, what)) => {
-                let what = *what;
-                self.numbers(picture, "opacity", move |t| match what {
-                    Opacity::First => t[0] * factor,
-                    Opacity::Alpha => t[3] * factor,
-                    Opacity::Cut(at) => f32::from(f64::from(t[3]) >= at - 1e-6),
-                })
+                let opacity = |alpha: f32| match *what {
+                    Opacity::Cut(at) => f32::from(f64::from(alpha) >= at - 1e-6),
+                    _ => alpha * factor,
+                };
+                match self.alphas(picture) {
+                    None => a.opacity.into(),
+                    alphas => ScalarFile::Image(self.image(picture, "opacity", alphas, |t| t.map(opacity))),
+                }
             }
         }
     }
@@ -310,62 +318,78 @@ impl<'a> Table<'a> {
         self.at(value)
     }
 
-    /// Linear texels of a picture: colours decoded if `encoded`, alpha as it is. `None` if it cannot be read, which is
-    /// reported where the material that names it is built.
-    fn texels(&mut self, picture: &Picture, encoded: bool) -> Option<(u32, u32, Vec<Texel>)> {
-        let (name, bytes) = match &picture.source {
-            Source::File(name) => (name.as_str(), self.ctx.read(name, self.file.span()).ok()?),
-            Source::Embedded(_, bytes) => ("", bytes.clone()),
+    /// The bytes of a picture. `None` if it cannot be read, which is reported where the material that names it is built.
+    fn bytes(&mut self, picture: &Picture) -> Option<Vec<u8>> {
+        match &picture.source {
+            Source::File(name) => self.ctx.read(name, self.file.span()).ok(),
+            Source::Embedded(_, bytes) => Some(bytes.clone()),
+        }
+    }
+
+    /// Linear texels of a picture: colours decoded if `encoded`.
+    fn texels(&mut self, picture: &Picture, encoded: bool) -> Option<Texels> {
+        let name = match &picture.source {
+            Source::File(name) => name.as_str(),
+            Source::Embedded(..) => "",
         };
-        let pixels = import::picture::decode(name, &bytes, None).ok()?;
-        // Of the formats that mesh files name, those of whole numbers have alpha.
-        let alpha = image::load_from_memory(&bytes)
-            .ok()
-            .map(image::DynamicImage::into_rgba16);
-        let alpha = |i: usize| {
-            alpha
-                .as_ref()
-                .map_or(1.0, |a| f32::from(a.as_raw()[4 * i + 3]) / 65535.0)
-        };
+        let pixels = import::picture::decode(name, &self.bytes(picture)?, None).ok()?;
         let decode = |v: f32| import::picture::linear(v, encoded && pixels.encoded);
-        let texels = pixels.values.iter().enumerate();
-        let texels = texels.map(|(i, [r, g, b])| [decode(*r), decode(*g), decode(*b), alpha(i)]);
-        Some((pixels.width as u32, pixels.height as u32, texels.collect()))
+        Some(Texels {
+            size: [pixels.width as u32, pixels.height as u32],
+            values: pixels.values.iter().map(|rgb| rgb.map(decode)).collect(),
+        })
+    }
+
+    /// The alpha of a picture's texels, three times each; 1 where it has none.
+    fn alphas(&mut self, picture: &Picture) -> Option<Texels> {
+        let image = image::load_from_memory(&self.bytes(picture)?).ok()?;
+        let alpha = |p: &Rgba<u16>| [f32::from(p.0[3]) / 65535.0; 3];
+        Some(Texels {
+            size: [image.width(), image.height()],
+            values: image.into_rgba16().pixels().map(alpha).collect(),
+        })
     }
 
     /// The greatest value of each channel.
     fn brightest(&mut self, picture: &Picture) -> [f32; 3] {
-        let Some((.., texels)) = self.texels(picture, true) else {
+        let Some(texels) = self.texels(picture, true) else {
             return [1.0; 3];
         };
-        texels
-            .iter()
-            .fold([0.0; 3], |most, t| std::array::from_fn(|i| most[i].max(t[i])))
+        let values = texels.values.iter();
+        values.fold([0.0; 3], |most, t| std::array::from_fn(|i| most[i].max(t[i])))
     }
 
-    /// An image of colours made of a picture, in memory.
-    fn derived(&mut self, picture: &Picture, part: &str, change: impl Fn(Texel) -> [f32; 3]) -> AlbedoFile {
-        AlbedoFile::Image(self.image(picture, part, true, change))
+    /// An image of colours made of a picture.
+    fn derived(&mut self, picture: &Picture, part: &str, change: impl Fn(Texel) -> Texel) -> AlbedoFile {
+        let texels = self.texels(picture, true);
+        AlbedoFile::Image(self.image(picture, part, texels, change))
     }
 
-    /// An image of numbers made of a picture, in memory.
+    /// An image of numbers made of a picture's channels as they are.
     fn numbers(&mut self, picture: &Picture, part: &str, change: impl Fn(Texel) -> f32) -> ScalarFile {
-        ScalarFile::Image(self.image(picture, part, false, |t| [change(t); 3]))
+        let texels = self.texels(picture, false);
+        ScalarFile::Image(self.image(picture, part, texels, |t| [change(t); 3]))
     }
 
+    /// An image in memory, of changed texels of a picture; the picture itself if these could not be read.
     fn image(
         &mut self,
         picture: &Picture,
         part: &str,
-        encoded: bool,
-        change: impl Fn(Texel) -> [f32; 3],
+        texels: Option<Texels>,
+        change: impl Fn(Texel) -> Texel,
     ) -> ImageAlbedo {
-        let made = self.texels(picture, encoded).and_then(|(width, height, texels)| {
-            let whole = |v: f32| (v.clamp(0.0, 1.0) * 65535.0).round() as u16;
-            let values = texels.into_iter().flat_map(change).map(whole).collect();
-            let image = ImageBuffer::<Rgb<u16>, _>::from_raw(width, height, values)?;
-            import::picture::encoded(&image.into(), ImageFormat::Png).ok()
-        });
+        let made = texels.and_then(
+            |Texels {
+                 size: [width, height],
+                 values,
+             }| {
+                let whole = |v: f32| (v.clamp(0.0, 1.0) * 65535.0).round() as u16;
+                let values = values.into_iter().flat_map(change).map(whole).collect();
+                let image = ImageBuffer::<Rgb<u16>, _>::from_raw(width, height, values)?;
+                import::picture::encoded(&image.into(), ImageFormat::Png).ok()
+            },
+        );
         let Some(bytes) = made else {
             return self.reference(picture, false);
         };
@@ -373,7 +397,7 @@ impl<'a> Table<'a> {
         self.ctx.keep(&name, bytes);
         ImageAlbedo {
             image: self.at(name),
-            ..self.reference(picture, encoded)
+            ..self.reference(picture, true)
         }
     }
 

@@ -32,7 +32,7 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             // Names alone say nothing of looks, and a scene that names parts knows of them.
             let silent = object.part_materials.is_empty() && found.says_something;
             if silent {
-                ctx.notes.push(format!(
+                ctx.note(format!(
                     "{}: {} not used; `materials = true` beside `file` takes materials",
                     *mesh.file, found.what
                 ));
@@ -50,7 +50,7 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
                     .push(format!("{name}: not used are {}", appearance.unused.join(", ")));
             }
             for note in &appearance.notes {
-                ctx.notes.push(format!("{name}: {note}"));
+                ctx.note(format!("{name}: {note}"));
             }
             for (name, material) in Table::new(ctx, &mesh.file, &name, &appearance).made {
                 out.materials
@@ -86,6 +86,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
         return Ok(None);
     };
     let path = ctx.path(&mesh.file);
+    let library = if mesh.materials { u64::MAX } else { HEAD };
     let folder = Path::new(mesh.file.as_str()).parent().unwrap_or(Path::new(""));
     let beside = |name: &str| folder.join(name).to_string_lossy().into_owned();
     let mut list = match shape {
@@ -98,7 +99,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
             for ways in mtl::libraries(&bytes) {
                 // The first way to read the line by which all its files are there.
                 let read = |ctx: &Context, names: &[String]| -> std::io::Result<Vec<Vec<u8>>> {
-                    names.iter().map(|n| ctx.peek(&beside(n), HEAD)).collect()
+                    names.iter().map(|n| ctx.peek(&beside(n), library)).collect()
                 };
                 match ways.iter().map(|names| read(ctx, names)).find(Result::is_ok) {
                     Some(Ok(texts)) => list.extend(texts.iter().flat_map(|text| mtl::parse(text))),

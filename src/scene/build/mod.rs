@@ -13,7 +13,7 @@ pub mod materials;
 pub mod media;
 mod places;
 mod polarizing;
-mod pose;
+pub(crate) mod pose;
 pub(crate) mod shapes;
 pub(crate) mod slices;
 mod smooth;

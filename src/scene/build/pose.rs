@@ -2,9 +2,10 @@
 
 use super::context::{Context, HUGE};
 use base::locate::{InputError, Located};
-use glam::{DMat3, DQuat, DVec3, Mat3A, Vec3A};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Mat3A, Vec3A};
 use std::ops::Range;
 use syntax::device::{ExtrinsicsFile, PoseFile};
+use syntax::transform::TransformFile;
 
 /// Three finite numbers of sane size.
 pub(crate) fn vector(
@@ -21,6 +22,21 @@ pub(crate) fn vector(
         format!("{what} is not a finite point"),
         "give three numbers in metres",
     ))
+}
+
+/// A map as rows of a 4×4 matrix, without signs of -0, which only confuse readers.
+pub(crate) fn rows(map: &DAffine3) -> [[f64; 4]; 4] {
+    let m = map.matrix3;
+    let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], map.translation[i]].map(|v| v + 0.0);
+    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+}
+
+/// A map as the transform of an object.
+pub(crate) fn matrix(map: &DAffine3) -> TransformFile {
+    TransformFile {
+        matrix: Some(rows(map)),
+        ..TransformFile::default()
+    }
 }
 
 /// Where a device stands, and its axes (columns: right, down, forward).

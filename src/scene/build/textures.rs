@@ -35,7 +35,7 @@ fn brightened(ctx: &mut Context, textures: &mut Textures, texture: u32, factor: 
         *texel = most.to_array();
     }
     if limited > 0 {
-        ctx.notes.push(format!(
+        ctx.note(format!(
             "{name}: {limited} of {} texels are limited to an albedo of 1",
             texels.len()
         ));
@@ -112,9 +112,7 @@ fn note_reflectance_above_one(
             "{}: {bright} texels reflect more light than they receive (above 1)",
             **name
         );
-        if !ctx.notes.contains(&note) {
-            ctx.notes.push(note);
-        }
+        ctx.note(note);
     }
 }
 

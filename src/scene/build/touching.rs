@@ -4,13 +4,13 @@
 //! bends no light, is moved off.
 
 use super::context::Context;
+use super::pose::matrix;
 use super::shapes::{self, Solid};
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3};
 use std::collections::BTreeMap;
 use syntax::scene::SceneFile;
 use syntax::shape::ObjectFile;
-use syntax::transform::TransformFile;
 use transport::render::gaps::{Contact, Gap};
 
 /// Widths of a gap that count as enough, in units of the least.
@@ -107,13 +107,4 @@ fn extent(
         }
     }
     Ok((low, high))
-}
-
-fn matrix(map: &DAffine3) -> TransformFile {
-    let (m, t) = (map.matrix3, map.translation);
-    let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]];
-    TransformFile {
-        matrix: Some([row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]),
-        ..TransformFile::default()
-    }
 }

@@ -1,7 +1,8 @@
 //! Mitsuba's sensor, integrator and emitters → camera, settings, projector and emitters of a scene file.
 
-use super::importer::{Importer, rows};
+use super::importer::Importer;
 use super::tree::{Node, number};
+use crate::build::pose::rows;
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DVec3};
 use syntax::device::{ApertureFile, PinholeFile, PoseFile};

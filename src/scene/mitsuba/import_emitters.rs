@@ -2,16 +2,16 @@
 
 use super::import_devices::{device, field_of_view, pose};
 use super::import_surfaces::{Coordinates, image_of};
-use super::importer::{Importer, rows};
+use super::importer::Importer;
 use super::names::PROJECTOR_RESOLUTION;
 use super::tree::{Node, numbers};
+use crate::build::pose::matrix;
 use base::locate::{InputError, Located};
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3};
 use import::picture;
 use std::f64::consts::PI;
 use syntax::device::{EmitterFile, ProjectorFile};
 use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, Rows, SpotFile};
-use syntax::transform::TransformFile;
 use syntax::values::SpectrumFile;
 
 /// The emitters of a scene.
@@ -142,15 +142,6 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     let scale = node.float(source, "scale")?.unwrap_or(1.0);
     let place = node.transform(source, "to_world")?;
     sampling_weight(importer, node)?;
-    if place.is_some_and(|map| {
-        map.matrix3
-            .to_cols_array_2d()
-            .iter()
-            .any(|c| (DVec3::from_array(*c).length() - 1.0).abs() > 1e-4)
-    }) {
-        importer
-            .note("the envmap's to_world scales: sunstone takes its turn alone, Mitsuba distorts the image");
-    }
     // It changes noise alone.
     node.finish(source, &["mis_compensation"]);
     let mut environment = EnvironmentFile::new(scale);
@@ -166,11 +157,7 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
                     "give it rotations and reflections alone",
                 )
             })?;
-            let matrix = TransformFile {
-                matrix: Some(rows(&DAffine3::from_mat3(turn))),
-                ..TransformFile::default()
-            };
-            Some(Located::at(node.span.clone(), matrix))
+            Some(Located::at(node.span.clone(), matrix(&DAffine3::from_mat3(turn))))
         }
     };
     Ok(EmitterFile::Environment(Box::new(environment)))

@@ -1,14 +1,14 @@
 //! Mitsuba's `shapegroup` and `instance` → groups and instances of a scene file.
 
 use super::import_shapes::{self, Readers};
-use super::importer::{Importer, rows};
+use super::importer::Importer;
 use super::names::plain;
 use super::tree::Node;
+use crate::build::pose::matrix;
 use base::locate::{InputError, Located};
 use glam::DAffine3;
 use std::collections::BTreeMap;
 use syntax::instance::{GroupFile, InstanceFile};
-use syntax::transform::TransformFile;
 
 /// The groups and instances so far.
 #[derive(Default)]
@@ -107,11 +107,7 @@ impl<'a> Groups<'a> {
         instance.group = Located::at(at(), instance.group.to_string());
         instance.name.clone_from(&node.id);
         if let Some(place) = place.filter(|p| *p != DAffine3::IDENTITY) {
-            let matrix = TransformFile {
-                matrix: Some(rows(&place)),
-                ..TransformFile::default()
-            };
-            instance.transform = Some(Located::at(at(), matrix));
+            instance.transform = Some(Located::at(at(), matrix(&place)));
         }
         self.instances.push(Located::at(at(), instance));
         Ok(())

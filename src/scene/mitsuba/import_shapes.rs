@@ -3,14 +3,14 @@
 use super::import_emitters;
 use super::import_materials::MaterialReader;
 use super::import_media::MediumReader;
-use super::importer::{Importer, rows};
+use super::importer::Importer;
 use super::tree::Node;
+use crate::build::pose::matrix;
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3};
 use syntax::shape::{
     CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile,
 };
-use syntax::transform::TransformFile;
 
 /// What shapes refer to.
 #[derive(Default)]
@@ -193,11 +193,7 @@ fn objects<'a>(
     object.flip_normals = swapped && object.interior.is_none();
     object.emission = emission.map(|(e, _)| e);
     if place != DAffine3::IDENTITY {
-        let matrix = TransformFile {
-            matrix: Some(rows(&place)),
-            ..TransformFile::default()
-        };
-        object.transform = Some(Located::at(at(), matrix));
+        object.transform = Some(Located::at(at(), matrix(&place)));
     }
     if node.kind == "cube" && images && object.interior.is_none() {
         let face = |(corner, u, v)| ObjectFile {

@@ -6,7 +6,6 @@ use super::relative_path::relative;
 use super::source::Source;
 use super::tree::{Child, Inside, Node, Value, numbers};
 use base::locate::{InputError, Located};
-use glam::DAffine3;
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -364,11 +363,4 @@ fn planck(nm: f64, kelvin: f64) -> f64 {
     let (h, c, k) = (6.626_070_15e-34, 299_792_458.0, 1.380_649e-23);
     let metres = nm * 1e-9;
     2.0 * h * c * c / metres.powi(5) / (h * c / (metres * k * kelvin)).exp_m1() * 1e-9
-}
-
-/// A map as rows of a 4×4 matrix, without signs of -0, which only confuse readers.
-pub(super) fn rows(map: &DAffine3) -> [[f64; 4]; 4] {
-    let m = map.matrix3;
-    let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], map.translation[i]].map(|v| v + 0.0);
-    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
