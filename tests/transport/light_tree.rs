@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use sunstone::optics::sampling::{stream::Stream, warp};
 use sunstone::transport::light::bounds::Bounds;
 use sunstone::transport::light::receiver::Receiver;
-use sunstone::transport::light::tree::LightTree;
+use sunstone::transport::light::tree::{Choice, LightTree};
 
 const BOTH: [&str; 2] = ["path", "bidirectional"];
 
@@ -63,11 +63,15 @@ fn lights_are_chosen_with_the_stated_probabilities() {
         let mut counts = vec![0.0_f64; lights.len()];
         let mut none = 0.0;
         for k in 0..N {
-            match tree.choose(&at, (k as f32 + 0.5) / N as f32) {
-                Some((light, chance, rest)) => {
+            let mut choice = [Choice::open((k as f32 + 0.5) / N as f32, 1.0)];
+            tree.choose(&[at], &mut choice);
+            let [Choice { chance, which, .. }] = choice;
+            match choice[0].light() {
+                Some(light) => {
+                    let light = light as usize;
                     let stated = tree.chance(&at, light);
                     assert!((chance / stated - 1.0).abs() < 1e-5, "{chance}, stated {stated}");
-                    assert!((0.0..1.0).contains(&rest));
+                    assert!((0.0..1.0).contains(&which));
                     counts[light] += 1.0 / f64::from(N);
                 }
                 None => none += 1.0 / f64::from(N),

@@ -75,6 +75,12 @@ impl Eight {
         each(self, self, |a, _| 1.0 / a)
     }
 
+    /// Square root.
+    #[inline(always)]
+    pub fn sqrt(self) -> Self {
+        each(self, self, |a, _| a.sqrt())
+    }
+
     #[inline(always)]
     pub fn neg(self) -> Self {
         each(self, self, |a, _| -a)

@@ -9,7 +9,7 @@ pub mod builder;
 pub mod bvh;
 mod crossings;
 mod departure;
-mod eight;
+pub(crate) mod eight;
 mod facets;
 mod instance;
 #[cfg(test)]

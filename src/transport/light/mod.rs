@@ -24,10 +24,12 @@ use distant::Distant;
 use glam::Vec3A;
 use receiver::Receiver;
 use sky::Sky;
-use tree::LightTree;
+use tree::{Choice, LightTree};
 
 /// No light, in [`Lights::of_material`].
 pub const NONE: u32 = u32::MAX;
+/// Number of the sky among what is chosen.
+const SKY: u32 = NONE >> 1;
 
 /// All of them.
 #[derive(Clone, Debug, Default)]
@@ -108,31 +110,48 @@ impl Lights {
         Some((number, self.areas.get(number as usize)?))
     }
 
-    /// Draws light toward a point by three uniforms; `far` metres away is outside of the scene.
+    /// Begins to choose a light by the uniform number `which`; [`Self::choose`] goes on.
+    #[inline]
+    #[must_use]
+    pub fn begin(&self, which: f32) -> Choice {
+        let rest = 1.0 - self.sky_chance;
+        if which < self.sky_chance {
+            Choice::made(SKY, which, self.sky_chance)
+        } else {
+            let which = (which - self.sky_chance) / rest;
+            match &self.tree {
+                Some(_) => Choice::open(which, rest),
+                None => Choice::made(0, which, rest),
+            }
+        }
+    }
+
+    /// Chooses lights for some points.
+    #[inline(always)]
+    pub fn choose<const N: usize>(&self, at: &[Receiver; N], choices: &mut [Choice; N]) {
+        if let Some(tree) = &self.tree {
+            tree.choose(at, choices);
+        }
+    }
+
+    /// Draws a place of the chosen light by two more uniforms; `far` metres away is outside of the scene.
     #[inline]
     #[must_use]
     pub fn draw(
         &self,
         textures: &Textures,
         at: &Receiver,
-        [mut which, u, v]: [f32; 3],
+        choice: &Choice,
+        [u, v]: [f32; 2],
         far: f32,
     ) -> Option<Drawn> {
-        let mut rest = 1.0;
-        if let Some(sky) = &self.sky {
-            if which < self.sky_chance {
-                return sky.draw(at.p, [u, v], far, self.sky_chance);
-            }
-            rest = 1.0 - self.sky_chance;
-            which = (which - self.sky_chance) / rest;
+        let light = choice.light()?;
+        if light == SKY {
+            return self.sky.as_ref()?.draw(at.p, [u, v], far, choice.chance);
         }
-        let (light, chance, which) = match &self.tree {
-            Some(tree) => tree.choose(at, which)?,
-            None => (0, 1.0, which),
-        };
-        let (number, part) = *self.parts.get(light)?;
-        let chosen = (part as usize, rest * chance);
-        self.areas[number as usize].draw(textures, at.p, [which, u, v], chosen)
+        let (number, part) = *self.parts.get(light as usize)?;
+        let chosen = (part as usize, choice.chance);
+        self.areas[number as usize].draw(textures, at.p, [choice.which, u, v], chosen)
     }
 
     /// Density per steradian with which [`Self::draw`] finds, from a point, what was found in the unit direction `dir`.

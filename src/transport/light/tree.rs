@@ -3,18 +3,17 @@
 //! Conty Estévez & Kulla, "Importance sampling of many lights with adaptive tree splitting" (2018), without the splitting, and
 //! pbrt-v4's `BVHLightSampler`: going down from the root, a child is chosen with a probability proportional to an upper estimate
 //! of its contribution, intensity · cosθ · cosθ' / distance². A node has eight children, whose estimates are
-//! vector arithmetic.
+//! arithmetic on rows of eight.
 
 use super::bounds::Bounds;
 use super::receiver::Receiver;
+use crate::geometry::eight::Eight;
+use arrayvec::ArrayVec;
 use glam::Vec3A;
 use std::f32::consts::PI;
-use wide::f32x4;
 
 /// Children of a node.
 const WIDTH: usize = 8;
-/// Vectors of four that hold one number of each child.
-const ROWS: usize = WIDTH / 4;
 /// Set in a child's number if it is a light.
 const LEAF: u32 = 1 << 31;
 /// Parent of the root.
@@ -25,7 +24,9 @@ const BINS: usize = 12;
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// One number of each child.
-type Row = [f32x4; ROWS];
+type Row = Eight;
+const ZERO: Row = Eight::splat(0.0);
+const ONE: Row = Eight::splat(1.0);
 
 /// Groups of lights, as rows of numbers.
 #[derive(Clone, Debug)]
@@ -34,6 +35,14 @@ struct Node {
     /// Radius of the sphere about each, and 3/radius².
     radius: Row,
     nearest: Row,
+    /// Over the largest of all lights; 0 where there is no child.
+    intensity: Row,
+    /// Number of a node, or of a light with [`LEAF`].
+    child: [u32; WIDTH],
+    /// Number of the parent node times [`WIDTH`] plus the place among its children.
+    parent: u32,
+    /// All children have normals in all directions.
+    all_around: bool,
     axis: [Row; 3],
     /// Of the angle of the cone of normals.
     cos_spread: Row,
@@ -42,12 +51,6 @@ struct Node {
     cos_reach: Row,
     /// 1 if both sides emit, 0 otherwise.
     two_sided: Row,
-    /// Over the largest of all lights; 0 where there is no child.
-    intensity: Row,
-    /// Number of a node, or of a light with [`LEAF`].
-    child: [u32; WIDTH],
-    /// Number of the parent node times [`WIDTH`] plus the place among its children.
-    parent: u32,
 }
 
 /// The tree.
@@ -58,27 +61,75 @@ pub struct LightTree {
     places: Vec<u32>,
 }
 
-fn put(row: &mut Row, i: usize, value: f32) {
-    let mut numbers = row[i / 4].to_array();
-    numbers[i % 4] = value;
-    row[i / 4] = f32x4::new(numbers);
+/// A light that is being chosen, or has been.
+#[derive(Clone, Copy, Debug)]
+pub struct Choice {
+    /// The node that it has come to, or with [`LEAF`] the light.
+    number: u32,
+    /// Probability of having come there; 0 where no light can reach the point.
+    pub chance: f32,
+    /// A uniform number that is left.
+    pub which: f32,
+}
+
+impl Choice {
+    /// Of nothing.
+    pub const NONE: Self = Self {
+        number: LEAF,
+        chance: 0.0,
+        which: 0.0,
+    };
+
+    /// Of a tree's lights, by the uniform number `which`; `chance`: that the tree is asked.
+    #[inline]
+    #[must_use]
+    pub fn open(which: f32, chance: f32) -> Self {
+        Self {
+            number: 0,
+            chance,
+            which,
+        }
+    }
+
+    /// One that needs no tree.
+    #[inline]
+    #[must_use]
+    pub fn made(light: u32, which: f32, chance: f32) -> Self {
+        Self {
+            number: light | LEAF,
+            chance,
+            which,
+        }
+    }
+
+    /// Number of the light, once it is chosen; `None` where no light can reach the point.
+    #[inline]
+    #[must_use]
+    pub fn light(&self) -> Option<u32> {
+        (self.chance > 0.0).then_some(self.number ^ LEAF)
+    }
+
+    #[inline(always)]
+    fn is_open(&self) -> bool {
+        self.number & LEAF == 0
+    }
 }
 
 /// cos(a - b) of two angles in [0, π], given by cosine and sine; 1 where a < b.
 #[inline(always)]
-fn cos_less([cos_a, sin_a]: [f32x4; 2], [cos_b, sin_b]: [f32x4; 2]) -> f32x4 {
+fn cos_less([cos_a, sin_a]: [Eight; 2], [cos_b, sin_b]: [Eight; 2]) -> Eight {
     let cos = cos_a * cos_b + sin_a * sin_b;
-    cos_a.simd_gt(cos_b).select(f32x4::ONE, cos)
+    cos_b.lt(cos_a).select(ONE, cos)
 }
 
 #[inline(always)]
-fn sine(cos: f32x4) -> f32x4 {
-    (f32x4::ONE - cos * cos).fast_max(f32x4::ZERO).sqrt()
+fn sine(cos: Eight) -> Eight {
+    (ONE - cos * cos).max(ZERO).sqrt()
 }
 
 impl Node {
     fn empty(parent: u32) -> Self {
-        let zero = [f32x4::ZERO; ROWS];
+        let zero = ZERO;
         Self {
             centre: [zero; 3],
             radius: zero,
@@ -91,69 +142,108 @@ impl Node {
             intensity: zero,
             child: [NONE; WIDTH],
             parent,
+            all_around: true,
         }
     }
 
     fn set(&mut self, i: usize, bounds: &Bounds, scale: f32) {
         let (centre, axis) = (bounds.centre(), bounds.axis);
         for k in 0..3 {
-            put(&mut self.centre[k], i, centre[k]);
-            put(&mut self.axis[k], i, axis[k]);
+            self.centre[k].0[i] = centre[k];
+            self.axis[k].0[i] = axis[k];
         }
         let radius = bounds.radius();
-        put(&mut self.radius, i, radius);
-        put(&mut self.nearest, i, 3.0 / (radius * radius).max(3e-30));
+        self.radius.0[i] = radius;
+        self.nearest.0[i] = 3.0 / (radius * radius).max(3e-30);
         // A cosine of -2 is less than that of any angle: rounding leaves no direction out.
         let (sin, cos) = if bounds.spread >= PI {
             (0.0, -2.0)
         } else {
+            self.all_around = false;
             bounds.spread.sin_cos()
         };
-        put(&mut self.sin_spread, i, sin);
-        put(&mut self.cos_spread, i, cos);
-        put(&mut self.cos_reach, i, bounds.reach.cos());
-        put(&mut self.two_sided, i, f32::from(u8::from(bounds.two_sided)));
-        put(&mut self.intensity, i, bounds.intensity * scale);
+        self.sin_spread.0[i] = sin;
+        self.cos_spread.0[i] = cos;
+        self.cos_reach.0[i] = bounds.reach.cos();
+        self.two_sided.0[i] = f32::from(u8::from(bounds.two_sided));
+        self.intensity.0[i] = bounds.intensity * scale;
     }
 
     /// Estimates of what each child contributes, up to a factor that they share.
     #[inline(always)]
     fn importances(&self, at: &Receiver) -> [f32; WIDTH] {
-        let splat = |v: Vec3A| v.to_array().map(f32x4::splat);
+        if self.all_around {
+            self.importances_of::<true>(at)
+        } else {
+            self.importances_of::<false>(at)
+        }
+    }
+
+    #[inline(always)]
+    fn importances_of<const AROUND: bool>(&self, at: &Receiver) -> [f32; WIDTH] {
+        let splat = |v: Vec3A| v.to_array().map(Eight::splat);
         let (p, n) = (splat(at.p), splat(at.normal));
-        let (zero, one, half) = (f32x4::ZERO, f32x4::ONE, f32x4::splat(0.5));
-        let free = f32x4::splat(if at.normal == Vec3A::ZERO { 1.0 } else { 0.0 });
-        let mut out = [0.0; WIDTH];
-        for k in 0..ROWS {
-            let d = [0, 1, 2].map(|x| self.centre[x][k] - p[x]);
-            let d2 = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).fast_max(f32x4::splat(1e-30));
-            let over = one / d2.sqrt();
-            // Half angle of the sphere about the lights, as seen from the point.
-            let sin_ball = self.radius[k] * over;
-            let inside = sin_ball.simd_ge(one);
+        let half = Eight::splat(0.5);
+        let d = [0, 1, 2].map(|x| self.centre[x] - p[x]);
+        let d2 = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).max(Eight::splat(1e-30));
+        let over = d2.sqrt().recip();
+        // Half angle of the sphere about the lights, as seen from the point.
+        let sin_ball = self.radius * over;
+        let inside = ONE.le(sin_ball);
+        let emits = if AROUND {
+            ONE
+        } else {
             // Least angle between a normal and a direction to the point.
             let axis = &self.axis;
-            let along = (axis[0][k] * d[0] + axis[1][k] * d[1] + axis[2][k] * d[2]) * -over;
-            let along = self.two_sided[k].simd_gt(zero).select(along.abs(), along);
-            let off = [along, sine(along)];
-            let cone = [self.cos_spread[k], self.sin_spread[k]];
-            let middle = cos_less(off, cone);
+            let along = (axis[0] * d[0] + axis[1] * d[1] + axis[2] * d[2]) * over.neg();
+            let along = ZERO.lt(self.two_sided).select(along.max(along.neg()), along);
+            let middle = cos_less([along, sine(along)], [self.cos_spread, self.sin_spread]);
             // Over the sphere a cosine is at most so much larger: cos(a - b) ≤ cos a + sin b.
-            let most = inside.select(one, (middle + sin_ball).fast_min(one));
+            let most = inside.select(ONE, (middle + sin_ball).min(ONE));
             // A group counts by the mean of the bound and its middle, since not all of it is where it is best.
-            let emits = half * (most + middle.fast_max(zero));
-            let emits = most.simd_gt(self.cos_reach[k]).select(emits, zero);
-            // The same between the receiver's normal and the direction to the lights.
+            let emits = half * (most + middle.max(ZERO));
+            self.cos_reach.lt(most).select(emits, ZERO)
+        };
+        // The same between the receiver's normal and the direction to the lights.
+        let receives = if at.normal == Vec3A::ZERO {
+            ONE
+        } else {
             let up = (n[0] * d[0] + n[1] * d[1] + n[2] * d[2]) * over;
-            let most = inside.select(one, (up + sin_ball).fast_min(one)).fast_max(zero);
-            let receives = half * (most + up.fast_max(zero));
-            let receives = free.simd_gt(zero).select(one, receives);
-            // Of a group about the point the mean of 1/distance² is that of a ball, 3/radius².
-            let near = (over * over).fast_min(self.nearest[k]);
-            let all = self.intensity[k] * emits * receives * near;
-            out[4 * k..4 * k + 4].copy_from_slice(&all.to_array());
+            let most = inside.select(ONE, (up + sin_ball).min(ONE)).max(ZERO);
+            half * (most + up.max(ZERO))
+        };
+        // Of a group about the point the mean of 1/distance² is that of a ball, 3/radius².
+        let near = (over * over).min(self.nearest);
+        (self.intensity * emits * receives * near).0
+    }
+
+    /// Goes down to one of the children.
+    #[inline(always)]
+    fn descend(&self, at: &Receiver, choice: &mut Choice) {
+        let weights = self.importances(at);
+        // Where the share of each child begins, and the last one ends.
+        let mut begins = [0.0; WIDTH + 1];
+        for i in 0..WIDTH {
+            begins[i + 1] = begins[i] + weights[i];
         }
-        out
+        let all = begins[WIDTH];
+        // Not a number where estimates overflow.
+        if !(all > 0.0 && all < f32::INFINITY) {
+            *choice = Choice::NONE;
+            return;
+        }
+        let target = choice.which * all;
+        // One of weight 0 ends where it begins, and is passed over.
+        let mut i: usize = begins[1..WIDTH]
+            .iter()
+            .map(|end| usize::from(target >= *end))
+            .sum();
+        while weights[i] == 0.0 {
+            i -= 1;
+        }
+        choice.chance *= weights[i] / all;
+        choice.which = ((target - begins[i]) / weights[i]).clamp(0.0, BELOW_ONE);
+        choice.number = self.child[i];
     }
 }
 
@@ -205,45 +295,24 @@ impl LightTree {
         number
     }
 
-    /// Chooses a light for a point by the uniform number `which`; returns its number, the probability of that, and a uniform
-    /// number that is left. `None` if it comes to a group of which no light can reach the point.
-    #[inline]
-    #[must_use]
-    pub fn choose(&self, at: &Receiver, mut which: f32) -> Option<(usize, f32, f32)> {
-        let (mut number, mut chance) = (0, 1.0);
-        loop {
-            let node = &self.nodes[number];
-            let weights = node.importances(at);
-            let mut ends = weights;
-            for i in 1..WIDTH {
-                ends[i] += ends[i - 1];
+    /// Makes the choices of some points. They go down together: what one waits for, another works on.
+    #[inline(always)]
+    pub fn choose<const N: usize>(&self, at: &[Receiver; N], choices: &mut [Choice; N]) {
+        let mut open: ArrayVec<u8, N> = (0..N as u8).filter(|i| choices[*i as usize].is_open()).collect();
+        while !open.is_empty() {
+            let mut kept = 0;
+            for n in 0..open.len() {
+                let i = open[n] as usize;
+                let choice = &mut choices[i];
+                self.nodes[choice.number as usize].descend(&at[i], choice);
+                open[kept] = i as u8;
+                kept += usize::from(choice.is_open());
             }
-            let all = ends[WIDTH - 1];
-            // Not a number where estimates overflow.
-            if !(all > 0.0 && all.is_finite()) {
-                return None;
-            }
-            let target = which * all;
-            // One of weight 0 ends where it begins, and is passed over.
-            let mut i: usize = ends[..WIDTH - 1]
-                .iter()
-                .map(|end| usize::from(target >= *end))
-                .sum();
-            while weights[i] == 0.0 {
-                i -= 1;
-            }
-            let begin = if i > 0 { ends[i - 1] } else { 0.0 };
-            chance *= weights[i] / all;
-            which = ((target - begin) / weights[i]).clamp(0.0, BELOW_ONE);
-            let child = node.child[i];
-            if child & LEAF != 0 {
-                return Some(((child ^ LEAF) as usize, chance, which));
-            }
-            number = child as usize;
+            open.truncate(kept);
         }
     }
 
-    /// Probability with which [`Self::choose`] returns a light for a point.
+    /// Probability with which [`Self::choose`] chooses a light for a point.
     #[inline]
     #[must_use]
     pub fn chance(&self, at: &Receiver, light: usize) -> f32 {

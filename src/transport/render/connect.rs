@@ -12,9 +12,8 @@ use crate::geometry::many::Many;
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::rounding::END_GAP;
 use crate::geometry::view::View;
-use crate::light;
 use crate::light::filter::Polarized;
-use crate::light::receiver::Receiver;
+use crate::light::{self, Drawn};
 use crate::material::{Filling, NO_CRYSTAL};
 use crate::scene::Scene;
 use base::units::picoseconds;
@@ -148,23 +147,17 @@ fn connect_points(scene: &Scene, state: &State, at: &Vertex<'_>, out: &mut Contr
     rays
 }
 
-/// Connects a surface point to one point emitter of many, which the uniform number `which` draws; returns the rays traced.
+/// Connects a surface point to the point emitter of that number, which was chosen with the probability `chance`; returns the
+/// rays traced.
 #[inline(never)]
 pub(super) fn connect_drawn_point(
     scene: &Scene,
     state: &State,
     at: &Vertex<'_>,
-    which: f32,
+    (number, chance): (u32, f32),
     out: &mut Contributions,
 ) -> u32 {
-    let receiver = Receiver::on(&scene.materials, at.surface, at.wo);
-    let drawn = scene
-        .point_tree
-        .as_ref()
-        .and_then(|tree| tree.choose(&receiver, which));
-    drawn.map_or(0, |(number, chance, _)| {
-        connect_point(scene, state, at, (&scene.points[number], chance), out)
-    })
+    connect_point(scene, state, at, (&scene.points[number as usize], chance), out)
 }
 
 /// Connects a surface point to a point emitter that is connected to with the probability `chance`; returns the rays traced.
@@ -201,14 +194,14 @@ fn connect_point(
     connect(scene, state, at, &connection, None, out)
 }
 
-/// Connects a surface point to all light with one direction, and to one point of shining surfaces and sky that is drawn by
-/// `u`; returns the rays traced.
+/// Connects a surface point to all light with one direction, and to the point of shining surfaces and sky that was drawn;
+/// returns the rays traced.
 #[inline(never)]
 pub(super) fn connect_lights(
     scene: &Scene,
     state: &State,
     at: &Vertex<'_>,
-    u: [f32; 3],
+    drawn: Option<Drawn>,
     out: &mut Contributions,
 ) -> u32 {
     let (lights, surface) = (&scene.lights, at.surface);
@@ -217,8 +210,6 @@ pub(super) fn connect_lights(
         .distant
         .iter()
         .filter_map(|d| d.toward(surface.p, scene.far));
-    let receiver = Receiver::on(&scene.materials, surface, at.wo);
-    let drawn = lights.draw(&scene.materials.textures, &receiver, u, scene.far);
     for drawn in distant.chain(drawn) {
         let share = if drawn.density > 0.0 {
             let chance = scene.materials.pdf(surface.material, surface, at.wo, drawn.wi);

@@ -23,11 +23,12 @@ impl Joiner<'_> {
         };
         let p = point.surface.p;
         let [u, v] = self.stream.uniform2();
-        let u = [self.stream.uniform(), u, v];
+        let mut choice = [self.scene.lights.begin(self.stream.uniform())];
         let lights = &scene.lights;
         let distant = lights.distant.iter().filter_map(|d| d.toward(p, scene.far));
         let at = point.receiver(scene);
-        let drawn = lights.draw(&scene.materials.textures, &at, u, scene.far);
+        lights.choose(&[at], &mut choice);
+        let drawn = lights.draw(&scene.materials.textures, &at, &choice[0], [u, v], scene.far);
         let weighs = std::mem::replace(&mut self.weighs, false);
         for drawn in distant.chain(drawn) {
             let share = if drawn.density > 0.0 {

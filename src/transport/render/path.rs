@@ -19,6 +19,7 @@ use crate::geometry::many::{self, Many};
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::rounding::met;
 use crate::light::receiver::Receiver;
+use crate::light::tree::Choice;
 use crate::material::facing;
 use crate::scene::Scene;
 use arrayvec::ArrayVec;
@@ -77,6 +78,12 @@ struct Rows {
     /// On Lambert surfaces: the normal on the side that light goes to, and what its next direction is drawn from.
     normals: Many<BATCH>,
     uniforms: [[f32; BATCH]; 2],
+    /// For which points lights are chosen, which, and where on them.
+    receivers: [Receiver; BATCH],
+    lights: [Choice; BATCH],
+    places: [[f32; 2]; BATCH],
+    /// Point emitters, of many.
+    emitters: [Choice; BATCH],
 }
 
 impl Paths {
@@ -159,6 +166,10 @@ impl Paths {
             points: many::zero(),
             normals: many::zero(),
             uniforms: [[0.0; BATCH]; 2],
+            receivers: [Receiver::anywhere(Vec3A::ZERO); BATCH],
+            lights: [Choice::NONE; BATCH],
+            places: [[0.0; 2]; BATCH],
+            emitters: [Choice::NONE; BATCH],
         };
         let last = scene.settings.max_depth - 1;
         let (shines, glows) = (!scene.lights.is_empty(), !scene.lights.areas.is_empty());
@@ -224,6 +235,15 @@ impl Paths {
                 }
                 None => None,
             };
+            if shines || scene.point_tree.is_some() {
+                for n in 0..kept {
+                    self.paths[alive[n] as usize].begin_choices(scene, n, &mut rows);
+                }
+                scene.lights.choose(&rows.receivers, &mut rows.lights);
+                if let Some(tree) = &scene.point_tree {
+                    tree.choose(&rows.receivers, &mut rows.emitters);
+                }
+            }
             let diffuse = warp::cosine_hemispheres(&rows.normals, &rows.uniforms);
             let frames = perpendiculars(&diffuse);
             kept = 0;
@@ -253,10 +273,10 @@ impl Paths {
                         selected::connect(scene, &path.state, &z, came, &self.points[i as usize], &mut out);
                 }
                 if shines {
-                    rays += path.connect_lights(scene, bounces, &mut out);
+                    rays += path.connect_lights(scene, bounces, &rows, n, &mut out);
                 }
                 if scene.point_tree.is_some() {
-                    rays += path.connect_drawn_point(scene, bounces, &mut out);
+                    rays += path.connect_drawn_point(scene, bounces, &rows.emitters[n], &mut out);
                 }
                 if goes_on
                     && path.scatter::<MORE>(
@@ -374,44 +394,76 @@ impl Path {
         environment::met(scene, chain, Beam { travel, frame }, &met, out);
     }
 
+    /// Enters in the rows, at place `n`, how lights are chosen for the surface.
+    #[inline(always)]
+    fn begin_choices(&mut self, scene: &Scene, n: usize, rows: &mut Rows) {
+        let surface = &self.surface;
+        (rows.lights[n], rows.emitters[n]) = (Choice::NONE, Choice::NONE);
+        if !scene.materials.has_extended_lobe(surface.material) {
+            return;
+        }
+        rows.receivers[n] = Receiver::on(&scene.materials, surface, -self.state.ray.dir);
+        if !scene.lights.is_empty() {
+            rows.places[n] = self.stream.uniform2();
+            rows.lights[n] = scene.lights.begin(self.stream.uniform());
+        }
+        if scene.point_tree.is_some() {
+            rows.emitters[n] = Choice::open(self.stream.uniform(), 1.0);
+        }
+    }
+
     /// Connects the surface to shining surfaces, sky and light from afar, after `bounces` interactions before this one;
     /// returns the rays traced.
     #[inline(never)]
-    fn connect_lights(&mut self, scene: &Scene, bounces: u32, out: &mut Contributions) -> u32 {
+    fn connect_lights(
+        &self,
+        scene: &Scene,
+        bounces: u32,
+        rows: &Rows,
+        n: usize,
+        out: &mut Contributions,
+    ) -> u32 {
         let (Some(hit), surface) = (self.hit, &self.surface) else {
             return 0;
         };
         if !scene.materials.has_extended_lobe(surface.material) {
             return 0;
         }
-        let [u, v] = self.stream.uniform2();
-        let u = [self.stream.uniform(), u, v];
         let at = Vertex {
             hit,
             surface,
             wo: -self.state.ray.dir,
             bounces: bounces + 1,
         };
-        connect_lights(scene, &self.state, &at, u, out)
+        let drawn = scene.lights.draw(
+            &scene.materials.textures,
+            &rows.receivers[n],
+            &rows.lights[n],
+            rows.places[n],
+            scene.far,
+        );
+        connect_lights(scene, &self.state, &at, drawn, out)
     }
 
     /// Connects the surface to one of many point emitters, after `bounces` interactions before this one; returns the rays traced.
     #[inline(never)]
-    fn connect_drawn_point(&mut self, scene: &Scene, bounces: u32, out: &mut Contributions) -> u32 {
-        let (Some(hit), surface) = (self.hit, &self.surface) else {
+    fn connect_drawn_point(
+        &self,
+        scene: &Scene,
+        bounces: u32,
+        choice: &Choice,
+        out: &mut Contributions,
+    ) -> u32 {
+        let (Some(hit), Some(number)) = (self.hit, choice.light()) else {
             return 0;
         };
-        if !scene.materials.has_extended_lobe(surface.material) {
-            return 0;
-        }
-        let which = self.stream.uniform();
         let at = Vertex {
             hit,
-            surface,
+            surface: &self.surface,
             wo: -self.state.ray.dir,
             bounces: bounces + 1,
         };
-        connect_drawn_point(scene, &self.state, &at, which, out)
+        connect_drawn_point(scene, &self.state, &at, (number, choice.chance), out)
     }
 
     /// Keeps how the direction `wi`, in which a path goes on, was chosen; `delta`: as the only one.
