@@ -13,6 +13,7 @@ mod accessor;
 pub mod appearance;
 pub mod body;
 pub mod closed;
+pub mod curve;
 mod error;
 mod gltf;
 mod gltf_deform;
@@ -29,8 +30,10 @@ mod ply;
 mod ply_body;
 mod ply_header;
 mod polygon;
+pub mod sdf;
 mod serialized;
 mod text;
+pub mod vol;
 pub mod write_ply;
 
 #[cfg(test)]
