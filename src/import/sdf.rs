@@ -21,12 +21,14 @@ pub enum Normals {
 /// The surface of a grid.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Triangles in the cube [0, 1]³ that face where distances grow. All texture coordinates are 0, as Mitsuba's.
+    /// Triangles in the cube [0, 1]³ that face where distances grow. Texture coordinates are those of one place, as Mitsuba's.
     pub mesh: Mesh,
     /// Greatest distance between a triangle's centre and the trilinear surface, to first order; sides of a cell.
     pub deviation: f64,
 }
 
+/// Texture coordinates everywhere: Mitsuba's are 0, where the squares of a checkerboard meet; those within its square are meant.
+const UV: Vec2 = Vec2::splat(1e-6);
 /// Greatest number of triangles.
 const MOST: usize = 4_000_000;
 /// Deviation that is small enough, in sides of a cell, and greatest number of parts of a cell's side.
@@ -216,7 +218,7 @@ impl Grid<'_> {
                         let mesh = &mut out.mesh;
                         mesh.positions.push((p / self.cells()).as_vec3());
                         mesh.normals.push(normal.as_vec3());
-                        mesh.uvs.push(Vec2::ZERO);
+                        mesh.uvs.push(UV);
                         (mesh.positions.len() - 1) as u32
                     })
                 };
