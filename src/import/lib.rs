@@ -19,6 +19,7 @@ mod gltf;
 mod gltf_deform;
 mod gltf_materials;
 mod gltf_notes;
+mod meshopt;
 pub mod metal;
 pub mod mtl;
 mod notes;
