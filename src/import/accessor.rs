@@ -10,6 +10,7 @@ use std::io::Read;
 use std::path::Path;
 
 use gltf::json::accessor::{Accessor, ComponentType, Type};
+use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
 use gltf::json::{Root, Value};
 
@@ -49,9 +50,17 @@ impl<'a> Data<'a> {
         for (i, buffer) in root.buffers.iter().enumerate() {
             // What stands in for compressed views is not needed, and may have no bytes.
             let extensions = buffer.extensions.as_ref().map(|e| &e.others);
-            let stands_in =
-                |name: &&str| extensions.is_some_and(|e| e.get(*name).is_some_and(|v| v["fallback"] == true));
-            if MESHOPT.iter().any(stands_in) {
+            let is_fallback = |name: &&str| {
+                extensions
+                    .and_then(|e| e.get(*name))
+                    .is_some_and(|v| v["fallback"] == true)
+            };
+            let is_absent = || {
+                let views = root.buffer_views.iter().filter(|v| v.buffer.value() == i);
+                let has_bytes = buffer.uri.is_some() || i == 0 && blob.is_some();
+                !has_bytes && views.filter_map(compression).next().is_some()
+            };
+            if MESHOPT.iter().any(is_fallback) || is_absent() {
                 buffers.push(Cow::Borrowed(&[][..]));
                 continue;
             }
@@ -80,9 +89,7 @@ impl<'a> Data<'a> {
         }
         let mut views = BTreeMap::new();
         for (i, view) in root.buffer_views.iter().enumerate() {
-            let extensions = view.extensions.as_ref().map(|e| &e.others);
-            let find = |name: &&'static str| Some((*name, extensions?.get(*name)?));
-            if let Some((name, extension)) = MESHOPT.iter().find_map(find) {
+            if let Some((name, extension)) = compression(view) {
                 let bytes = decompressed(extension, &buffers);
                 let bytes =
                     bytes.ok_or_else(|| broken(format!("{name} of buffer view {i} cannot be decoded")))?;
@@ -213,6 +220,14 @@ impl<'a> Data<'a> {
         }
         Some((0..count).map(move |i| &bytes[i * stride..i * stride + size]))
     }
+}
+
+/// The extension by which a view is compressed.
+fn compression(view: &View) -> Option<(&'static str, &Value)> {
+    let extensions = &view.extensions.as_ref()?.others;
+    MESHOPT
+        .into_iter()
+        .find_map(|name| Some((name, extensions.get(name)?)))
 }
 
 /// The bytes that a view's extension stands for; `None` if they cannot be decoded. Filtered colours, which are not used, stay so.

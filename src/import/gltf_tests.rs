@@ -435,6 +435,8 @@ fn compressed_views_are_read() {
         );
         assert_eq!(model.parts[0].mesh.indices, [[0, 1, 2]]);
         assert!(model.notes.is_empty(), "{:?}", model.notes);
+        let bare = text(name, "ATTRIBUTES").replace("\"fallback\":true", "");
+        assert!(parse_gltf(bare.as_bytes(), None).is_ok());
         let broken = parse_gltf(text(name, "INDICES").as_bytes(), None).unwrap_err();
         assert!(
             broken.to_string().contains("buffer view 0 cannot be decoded"),
