@@ -56,9 +56,9 @@ impl<'a> Data<'a> {
                     .is_some_and(|v| v["fallback"] == true)
             };
             let is_absent = || {
-                let views = root.buffer_views.iter().filter(|v| v.buffer.value() == i);
+                let mut views = root.buffer_views.iter().filter(|v| v.buffer.value() == i);
                 let has_bytes = buffer.uri.is_some() || i == 0 && blob.is_some();
-                !has_bytes && views.filter_map(compression).next().is_some()
+                !has_bytes && views.any(|v| compression(v).is_some())
             };
             if MESHOPT.iter().any(is_fallback) || is_absent() {
                 buffers.push(Cow::Borrowed(&[][..]));

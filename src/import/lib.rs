@@ -40,6 +40,8 @@ pub mod write_ply;
 #[cfg(test)]
 mod accounting;
 #[cfg(test)]
+mod curve_tests;
+#[cfg(test)]
 mod fuzz;
 #[cfg(test)]
 mod gltf_tests;

@@ -338,7 +338,7 @@ mod tests {
         digits.as_chunks().0.iter().map(pair).collect()
     }
 
-    // Made by the encoder of npm's meshoptimizer 1.x, of the numbers that the tests state.
+    // Made by the encoder of npm's meshoptimizer 1.3.0, of the numbers that the tests state.
     const WORDS: [&str; 2] = [
         "a01f0002060a0e12161a1e22262a2e32363a3e42464a4e52565a5e62666a6e72767affff0000dc82868a8e92969a1480\
         020080c0820000052a066666666666666666666666666666666666666600000000002a0ddddddddddddddddddddddddd\
