@@ -3,7 +3,8 @@
 
 Walks folders for Mitsuba scene files (XML with a <scene>), glTF/GLB, OBJ and PLY files and imports each with the `sunstone`
 command (a mesh through a scene file of one object). Prints how many are imported and why the others are refused, and writes
-the same as JSON. A scene file that another one includes is a fragment: counted apart, since it is imported with the other.
+the same as JSON. A scene file that another one includes, or that has neither shapes nor a sensor, is a fragment: counted
+apart, since it is imported with others.
 
 With --render, every imported Mitsuba scene is rendered by both programs at a small size, and the mean of each channel is
 compared: `same` (within 1 %, or within 4 standard errors where noise is larger), `noted` (it differs, and a note of the
@@ -204,7 +205,8 @@ def main():
     options = parser.parse_args()
     files = sorted({f for folder in options.folders for f in folder.resolve().rglob("*") if f.is_file()})
     scenes = {f for f in files if f.suffix.lower() == ".xml" and "<scene" in f.read_text(errors="replace")}
-    fragments = set()
+    # Without a shape or a sensor there is nothing to render: parts for others, whose names may come through parameters.
+    fragments = {f for f in scenes if not re.search("<(shape|sensor|include)[ >]", f.read_text(errors="replace"))}
     for scene in scenes:
         for name in re.findall(r"<include\s+filename=[\"']([^\"']*)", scene.read_text(errors="replace")):
             fragments |= {f for f in scenes if str(f).endswith("/" + re.sub(r".*\$\w+", "", name).lstrip("./"))}

@@ -34,12 +34,13 @@ pub fn import_mitsuba(
 ) -> PyResult<(Option<Scene>, Vec<String>, Vec<Fault>)> {
     detached(py, || {
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-        let files: BTreeMap<String, Vec<u8>> = files.into_iter().collect();
+        let mut files: BTreeMap<String, Vec<u8>> = files.into_iter().collect();
         let toml = folder.join("scene.toml");
         let import = match Import::with_files(&path, text, &toml, &parameters, &files) {
             Ok(import) => import,
             Err(e) => return (None, vec![], e.0.iter().map(fault).collect()),
         };
+        files.extend(import.files);
         match Scene::in_memory(&toml, &import.toml, folder, &[], files) {
             Ok(scene) => (Some(scene), import.notes, vec![]),
             Err(e) => (None, vec![], vec![fault(&e)]),

@@ -5,14 +5,18 @@
 //! a percent-encoded uri that is not UTF-8). Here every index, offset and count is checked against the bytes at hand.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
-use gltf::json::Root;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
+use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
+use gltf::json::{Root, Value};
 
 use super::error::{ImportError, ImportProblem};
+use super::gltf_notes::MESHOPT;
+use super::meshopt::{self, Mode};
 use super::notes::Notes;
 
 pub(super) const MEND: &str = "export the file again, with an exporter that passes the glTF validator";
@@ -26,6 +30,8 @@ pub(super) fn broken(what: impl Into<String>) -> ImportError {
 pub(super) struct Data<'a> {
     pub root: &'a Root,
     buffers: Vec<Cow<'a, [u8]>>,
+    /// Bytes of buffer views that were compressed.
+    views: BTreeMap<usize, Vec<u8>>,
 }
 
 /// One number of an accessor, read from its bytes.
@@ -42,6 +48,22 @@ impl<'a> Data<'a> {
     ) -> Result<Self, ImportError> {
         let mut buffers = Vec::with_capacity(root.buffers.len());
         for (i, buffer) in root.buffers.iter().enumerate() {
+            // What stands in for compressed views is not needed, and may have no bytes.
+            let extensions = buffer.extensions.as_ref().map(|e| &e.others);
+            let is_fallback = |name: &&str| {
+                extensions
+                    .and_then(|e| e.get(*name))
+                    .is_some_and(|v| v["fallback"] == true)
+            };
+            let is_absent = || {
+                let mut views = root.buffer_views.iter().filter(|v| v.buffer.value() == i);
+                let has_bytes = buffer.uri.is_some() || i == 0 && blob.is_some();
+                !has_bytes && views.any(|v| compression(v).is_some())
+            };
+            if MESHOPT.iter().any(is_fallback) || is_absent() {
+                buffers.push(Cow::Borrowed(&[][..]));
+                continue;
+            }
             let length = usize::try_from(buffer.byte_length.0).unwrap_or(usize::MAX);
             let mut bytes = match (&buffer.uri, blob) {
                 (Some(uri), _) if uri.starts_with("data:") => {
@@ -65,7 +87,16 @@ impl<'a> Data<'a> {
             }
             buffers.push(bytes);
         }
-        Ok(Self { root, buffers })
+        let mut views = BTreeMap::new();
+        for (i, view) in root.buffer_views.iter().enumerate() {
+            if let Some((name, extension)) = compression(view) {
+                let bytes = decompressed(extension, &buffers);
+                let bytes =
+                    bytes.ok_or_else(|| broken(format!("{name} of buffer view {i} cannot be decoded")))?;
+                views.insert(i, bytes);
+            }
+        }
+        Ok(Self { root, buffers, views })
     }
 
     /// An accessor of `N` floating-point (or normalized or plain integer) components.
@@ -172,10 +203,14 @@ impl<'a> Data<'a> {
         count: usize,
         size: usize,
     ) -> Option<impl Iterator<Item = &[u8]>> {
+        let decoded = self.views.get(&view);
         let view = self.root.buffer_views.get(view)?;
         let start = usize::try_from(view.byte_offset.map_or(0, |o| o.0)).ok()?;
         let end = start.checked_add(usize::try_from(view.byte_length.0).ok()?)?;
-        let bytes = self.buffers.get(view.buffer.value())?.get(start..end)?;
+        let bytes = match decoded {
+            Some(bytes) => bytes,
+            None => self.buffers.get(view.buffer.value())?.get(start..end)?,
+        };
         let bytes = bytes.get(usize::try_from(offset).ok()?..)?;
         let stride = view.byte_stride.map_or(0, |s| s.0);
         let stride = if stride == 0 { size } else { stride };
@@ -185,6 +220,37 @@ impl<'a> Data<'a> {
         }
         Some((0..count).map(move |i| &bytes[i * stride..i * stride + size]))
     }
+}
+
+/// The extension by which a view is compressed.
+fn compression(view: &View) -> Option<(&'static str, &Value)> {
+    let extensions = &view.extensions.as_ref()?.others;
+    MESHOPT
+        .into_iter()
+        .find_map(|name| Some((name, extensions.get(name)?)))
+}
+
+/// The bytes that a view's extension stands for; `None` if they cannot be decoded. Filtered colours, which are not used, stay so.
+fn decompressed(extension: &Value, buffers: &[Cow<[u8]>]) -> Option<Vec<u8>> {
+    let number = |key: &str| usize::try_from(extension[key].as_u64()?).ok();
+    let start = extension
+        .get("byteOffset")
+        .map_or(Some(0), |_| number("byteOffset"))?;
+    let end = start.checked_add(number("byteLength")?)?;
+    let bytes = buffers.get(number("buffer")?)?.get(start..end)?;
+    let mode = match extension["mode"].as_str()? {
+        "ATTRIBUTES" => Mode::Attributes,
+        "TRIANGLES" => Mode::Triangles,
+        "INDICES" => Mode::Indices,
+        _ => return None,
+    };
+    let stride = number("byteStride")?;
+    let mut out = meshopt::decode(bytes, mode, number("count")?, stride)?;
+    match extension.get("filter").map(|filter| filter.as_str()) {
+        None | Some(Some("COLOR")) => {}
+        Some(filter) => meshopt::unfilter(&mut out, filter?, stride)?,
+    }
+    Some(out)
 }
 
 fn component(json: &Accessor) -> Option<ComponentType> {

@@ -1,5 +1,5 @@
 //! glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with `EXT_mesh_gpu_instancing`,
-//! `KHR_mesh_quantization` and `KHR_node_visibility`.
+//! `KHR_mesh_quantization`, `KHR_node_visibility`, `EXT_meshopt_compression` and `KHR_meshopt_compression`.
 //!
 //! The node tree is walked in double precision and every mesh is baked to world space once per node that uses it, in the pose
 //! of rest: morph targets by their default weights, skins by their joints' nodes. glTF is right-handed with +y up and in
@@ -31,7 +31,7 @@ const MAX_TRIANGLES: usize = 1 << 26;
 ///
 /// # Errors
 /// [`ImportError`] if the file is broken, its nodes are not a tree, it needs an extension for its geometry that is not read
-/// (Draco and meshopt compression among them), or no triangles are left.
+/// (Draco compression among them), or no triangles are left.
 pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, ImportError> {
     let (json, blob) = container(bytes)?;
     let cannot = |e: gltf::json::Error| broken(format!("the glTF JSON cannot be read ({e})"));
@@ -57,6 +57,12 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
             "extensions",
         ] {
             top.remove(key);
+        }
+    }
+    // A scene without nodes is an empty one (section 3.5.1).
+    for scene in document["scenes"].as_array_mut().into_iter().flatten() {
+        if let Some(scene) = scene.as_object_mut() {
+            scene.entry("nodes").or_insert_with(|| Value::Array(vec![]));
         }
     }
     let json = gltf::json::serialize::to_vec(&document).map_err(cannot)?;
@@ -476,17 +482,13 @@ fn read_primitive(
         ));
         return Ok(None);
     };
-    let compression = p.extensions.as_ref().and_then(|e| {
-        let names = e.others.keys();
-        names
-            .map(String::as_str)
-            .find(|name| gltf_notes::COMPRESSIONS.contains(name))
-    });
+    let is_draco = p
+        .extensions
+        .as_ref()
+        .is_some_and(|e| e.others.contains_key(gltf_notes::DRACO));
     let is_empty = |a: &gltf::json::Accessor| a.buffer_view.is_none() && a.sparse.is_none();
-    if let Some(name) = compression
-        && data.root.accessors.get(positions).is_some_and(is_empty)
-    {
-        return Err(gltf_notes::compressed(name));
+    if is_draco && data.root.accessors.get(positions).is_some_and(is_empty) {
+        return Err(gltf_notes::compressed());
     }
     let vec3 = |index| -> Result<Vec<Vec3>, ImportError> {
         Ok(data.floats(index)?.into_iter().map(Vec3::from_array).collect())

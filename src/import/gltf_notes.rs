@@ -9,19 +9,18 @@ pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
 /// Extensions that are read, here or with the materials.
-const READ: [&str; 4] = [
+const READ: [&str; 6] = [
     INSTANCING,
     VISIBILITY,
+    MESHOPT[0],
+    MESHOPT[1],
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
 
-/// Extensions without which the triangles cannot be read.
-pub(super) const COMPRESSIONS: [&str; 3] = [
-    "KHR_draco_mesh_compression",
-    "EXT_meshopt_compression",
-    "KHR_meshopt_compression",
-];
+/// Compression of buffer views, and of meshes, which is not read.
+pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
 /// Beginnings of the names of extensions that change no triangle.
 const NO_GEOMETRY: [&str; 14] = [
@@ -124,8 +123,8 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
     let names = |key: &str| -> Vec<&str> { list(&document[key]).iter().filter_map(Value::as_str).collect() };
     let is_known = |name: &str| READ.contains(&name) || NO_GEOMETRY.iter().any(|n| name.starts_with(n));
     for name in names("extensionsRequired") {
-        if COMPRESSIONS.contains(&name) {
-            return Err(compressed(name));
+        if name == DRACO {
+            return Err(compressed());
         }
         if !is_known(name) {
             let what = format!("the file requires the extension {name}");
@@ -179,6 +178,19 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
             for (name, key) in read {
                 account.object(&item["extensions"][name], name, &[key]);
             }
+            for name in MESHOPT {
+                let keys = [
+                    "buffer",
+                    "byteOffset",
+                    "byteLength",
+                    "byteStride",
+                    "count",
+                    "mode",
+                    "filter",
+                    "fallback",
+                ];
+                account.object(&item["extensions"][name], name, &keys);
+            }
             account.object(
                 &item["extensions"][INSTANCING]["attributes"],
                 INSTANCING,
@@ -189,9 +201,9 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
     Ok(())
 }
 
-/// The error for meshes that are compressed by an extension.
-pub(super) fn compressed(name: &str) -> ImportError {
-    let what = format!("its meshes are compressed ({name})");
+/// The error for meshes that are compressed.
+pub(super) fn compressed() -> ImportError {
+    let what = format!("its meshes are compressed ({DRACO})");
     ImportError::unsupported(what, "export it again without compression")
 }
 

@@ -400,3 +400,49 @@ fn containers_are_read_as_the_specification_asks() {
     let marked = [b"\xef\xbb\xbf", &sample_gltf()[..]].concat();
     assert_eq!(parse_gltf(&marked, None).unwrap(), expected);
 }
+
+/// Buffer views of `EXT_meshopt_compression` and `KHR_meshopt_compression`, whose own buffer has no bytes: a triangle.
+#[test]
+fn compressed_views_are_read() {
+    let view = |start: u32, length: u32, stride: u32, mode: &str| json!({"buffer": 0, "byteOffset": start, "byteLength": length, "byteStride": stride, "count": 3, "mode": mode});
+    let text = |name: &str, mode: &str| {
+        json!({
+            "asset": {"version": "2.0"},
+            "extensionsRequired": [name],
+            "buffers": [
+                {"byteLength": 80, "uri": "data:application/octet-stream;base64,oAAAATwAAAD//wE8AAAAfn0AAAABDAAAAIAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAADh8AB2h1ZneKmGZYlomAFpAAA="},
+                {"byteLength": 48, "extensions": {name: {"fallback": true}}}
+            ],
+            "bufferViews": [
+                {"buffer": 1, "byteLength": 36, "byteStride": 12, "extensions": {name: view(0, 62, 12, mode)}},
+                {"buffer": 1, "byteOffset": 36, "byteLength": 12, "extensions": {name: view(62, 18, 4, "TRIANGLES")}}
+            ],
+            "accessors": [
+                {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+                {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"}
+            ],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}]
+        })
+        .to_string()
+    };
+    for name in ["EXT_meshopt_compression", "KHR_meshopt_compression"] {
+        let model = parse_gltf(text(name, "ATTRIBUTES").as_bytes(), None).unwrap();
+        assert_eq!(
+            model.parts[0].mesh.positions,
+            [Vec3::ZERO, Vec3::X, vec3(0., 2., 0.)]
+        );
+        assert_eq!(model.parts[0].mesh.indices, [[0, 1, 2]]);
+        assert!(model.notes.is_empty(), "{:?}", model.notes);
+        let bare = text(name, "ATTRIBUTES").replace("\"fallback\":true", "");
+        assert!(parse_gltf(bare.as_bytes(), None).is_ok());
+        let broken = parse_gltf(text(name, "INDICES").as_bytes(), None).unwrap_err();
+        assert!(
+            broken.to_string().contains("buffer view 0 cannot be decoded"),
+            "{broken}"
+        );
+    }
+    // Scenes may have no nodes.
+    fails("/scenes/0", json!({}), "no triangles");
+}

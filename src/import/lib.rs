@@ -13,11 +13,13 @@ mod accessor;
 pub mod appearance;
 pub mod body;
 pub mod closed;
+pub mod curve;
 mod error;
 mod gltf;
 mod gltf_deform;
 mod gltf_materials;
 mod gltf_notes;
+mod meshopt;
 pub mod metal;
 pub mod mtl;
 mod notes;
@@ -29,12 +31,16 @@ mod ply;
 mod ply_body;
 mod ply_header;
 mod polygon;
+pub mod sdf;
 mod serialized;
 mod text;
+pub mod vol;
 pub mod write_ply;
 
 #[cfg(test)]
 mod accounting;
+#[cfg(test)]
+mod curve_tests;
 #[cfg(test)]
 mod fuzz;
 #[cfg(test)]

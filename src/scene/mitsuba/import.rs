@@ -32,6 +32,8 @@ pub struct Import {
     pub scene: SceneFile,
     /// The text of its file.
     pub toml: String,
+    /// Files that it needs beside it, made of shapes that scene files do not have, by name.
+    pub files: BTreeMap<String, Vec<u8>>,
     /// What changes its meaning on the way.
     pub notes: Vec<String>,
 }
@@ -104,11 +106,21 @@ impl Import {
         }
     }
 
-    /// Writes the scene file, at once or not at all.
+    /// Writes the scene file, and before it the files that it needs, each at once or not at all.
     ///
     /// # Errors
-    /// [`WriteError`] if the file is there already and `force` is not given, or the file system refuses.
+    /// [`WriteError`] if a file is there already and `force` is not given, or the file system refuses.
     pub fn write(&self, toml: &Path, force: bool) -> Result<(), WriteError> {
+        let paths = self.files.keys().map(|name| toml.with_file_name(name));
+        if let Some(there) = paths
+            .chain([toml.to_owned()])
+            .find(|path| !force && path.exists())
+        {
+            return Err(WriteError::Exists(there));
+        }
+        for (name, bytes) in &self.files {
+            write_one(&toml.with_file_name(name), &Contents::Bytes(bytes.clone()), force)?;
+        }
         write_one(toml, &Contents::Bytes(self.toml.clone().into_bytes()), force)
     }
 }
@@ -230,6 +242,8 @@ fn run(
             "spectra are read at the scene's wavelengths, as in Mitsuba's spectral variants; its RGB variants turn them into colours",
         );
     }
+    let mut files = files.clone();
+    files.extend(importer.made.clone());
     let (notes, gap) = check(&importer, &file, toml, files, (sensor, clip))?;
     for note in notes {
         importer.note(note);
@@ -248,6 +262,7 @@ fn run(
     Ok(Some(Import {
         toml: heading(&source.main().0) + &text,
         scene: file,
+        files: importer.made,
         notes: importer.notes,
     }))
 }
@@ -315,7 +330,7 @@ fn check(
     importer: &Importer,
     file: &SceneFile,
     toml: &Path,
-    files: &BTreeMap<String, Vec<u8>>,
+    files: BTreeMap<String, Vec<u8>>,
     (sensor, clip): (&Node, [f64; 2]),
 ) -> Result<(Vec<String>, Option<String>), InputError> {
     let source = importer.source;
@@ -323,7 +338,7 @@ fn check(
     let (name, text) = source.main();
     let mut ctx = Context::new(&name, &text, &file.wavelengths_nm)?
         .in_folder(folder)
-        .with_files(files.clone());
+        .with_files(files);
     let built = assemble::with_gaps(&mut ctx, file);
     if let Ok((scene, _)) = &built
         && let Some(cut) = cut_off(scene, clip)

@@ -1,6 +1,7 @@
 //! Mitsuba's shapes → objects of a scene file.
 
 use super::import_emitters;
+use super::import_generated;
 use super::import_materials::MaterialReader;
 use super::import_media::MediumReader;
 use super::importer::Importer;
@@ -64,7 +65,8 @@ fn objects<'a>(
             ),
         }
     };
-    let mirrors = place.matrix3.determinant() < 0.0;
+    let generated = import_generated::KINDS.contains(&node.kind.as_str());
+    let mirrors = place.matrix3.determinant() < 0.0 && !generated;
     // What Mitsuba's surface and its shading normal face, against ours.
     let (mut inward, mut swapped) = (flip, flip);
     // Whether Mitsuba's v runs against ours.
@@ -116,11 +118,17 @@ fn objects<'a>(
                 _ => ShapeFile::Serialized(mesh),
             }
         }
+        "bsplinecurve" | "linearcurve" => {
+            let mesh = import_generated::curve(importer, node, &place)?;
+            place = DAffine3::IDENTITY;
+            ShapeFile::Ply(mesh)
+        }
+        "sdfgrid" => ShapeFile::Ply(import_generated::sdf_grid(importer, node)?),
         other => {
             return importer.error(
                 &node.span,
                 format!("sunstone has no shape `{other}`"),
-                "use obj, ply, serialized, sphere, rectangle, disk, cube or cylinder; convert other meshes to PLY",
+                "use obj, ply, serialized, bsplinecurve, linearcurve, sdfgrid, sphere, rectangle, disk, cube or cylinder; convert other meshes to PLY",
             );
         }
     };

@@ -1,7 +1,7 @@
 //! What all parts of the translation from Mitsuba share: the file, where it leads to, and spectra.
 
 use super::document::Document;
-use super::names::WAVELENGTHS;
+use super::names::{WAVELENGTHS, plain};
 use super::relative_path::relative;
 use super::source::Source;
 use super::tree::{Child, Inside, Node, Value, numbers};
@@ -23,8 +23,12 @@ pub(super) struct Importer<'a> {
     pub spectral: Cell<bool>,
     /// Files that are only in memory.
     pub files: &'a BTreeMap<String, Vec<u8>>,
+    /// Files that the import makes, by their names in the scene file.
+    pub made: BTreeMap<String, Vec<u8>>,
     /// Folder of the scene file.
     to: PathBuf,
+    /// Its name without the extension.
+    stem: String,
 }
 
 impl<'a> Importer<'a> {
@@ -81,6 +85,8 @@ impl<'a> Importer<'a> {
             notes: document.notes.clone(),
             files,
             spectral: Cell::new(false),
+            made: BTreeMap::new(),
+            stem: plain(&toml.file_stem().unwrap_or_default().to_string_lossy()),
             to: toml.parent().unwrap_or(Path::new("")).to_owned(),
         })
     }
@@ -112,6 +118,37 @@ impl<'a> Importer<'a> {
         relative(&self.to, &self.path(name))
             .to_string_lossy()
             .into_owned()
+    }
+
+    /// Bytes of the file that a node names.
+    pub fn read(&self, node: &Node, name: &str) -> Result<Vec<u8>, InputError> {
+        let from_disk = || base::input::read(&self.path(name));
+        let bytes = self
+            .files
+            .get(&self.file(name))
+            .cloned()
+            .map_or_else(from_disk, Ok);
+        bytes.map_err(|e| {
+            let message = format!("cannot read {name}: {e}");
+            self.source.error(
+                &node.span,
+                message,
+                "check the name, and that the file may be read",
+            )
+        })
+    }
+
+    /// Makes a file beside the scene file, or finds an equal one that was made before; its name.
+    pub fn make(&mut self, wanted: &str, extension: &str, bytes: Vec<u8>) -> String {
+        if let Some((name, _)) = self.made.iter().find(|(_, b)| **b == bytes) {
+            return name.clone();
+        }
+        let base = format!("{}_{}", self.stem, plain(wanted));
+        let numbered = (2..).map(|i| format!("{base}_{i}.{extension}"));
+        let mut names = std::iter::once(format!("{base}.{extension}")).chain(numbered);
+        let name = names.find(|n| !self.made.contains_key(n)).unwrap_or_default();
+        self.made.insert(name.clone(), bytes);
+        name
     }
 
     /// A whole number that a scene file can hold.

@@ -28,6 +28,7 @@ mod folders;
 pub mod import;
 mod import_devices;
 mod import_emitters;
+mod import_generated;
 mod import_instances;
 mod import_layered;
 mod import_materials;

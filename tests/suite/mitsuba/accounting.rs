@@ -27,6 +27,9 @@ const WHOLE: &str = r#"<scene version="3.0.0">
 <shape type="disk"><transform name="to_world"><translate z="-2"/></transform><bsdf type="diffuse"><spectrum type="uniform" name="reflectance"><float name="value" value="0.3"/></spectrum></bsdf></shape>
 <shape type="cube"><transform name="to_world"><translate x="-4"/></transform><emitter type="area"><rgb name="radiance" value="2"/></emitter></shape>
 <shape type="obj"><string name="filename" value="tent.obj"/><transform name="to_world"><translate y="3"/></transform><ref id="mixed"/></shape>
+<shape type="bsplinecurve"><string name="filename" value="curve.txt"/></shape>
+<shape type="linearcurve"><string name="filename" value="curve.txt"/></shape>
+<shape type="sdfgrid"><string name="filename" value="plane.vol"/></shape>
 <shape type="merge"><shape type="sphere"><point name="center" x="9" y="0" z="0"/></shape></shape>
 <shape type="shapegroup" id="group"><shape type="sphere"><point name="center" x="0" y="9" z="0"/></shape></shape>
 <shape type="instance"><ref id="group"/></shape>
@@ -37,6 +40,32 @@ const WHOLE: &str = r#"<scene version="3.0.0">
 <emitter type="projector"></emitter>
 </scene>
 "#;
+
+/// The files that the scene names.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(
+        folder.path().join("tent.obj"),
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    )
+    .unwrap();
+    std::fs::write(
+        folder.path().join("curve.txt"),
+        "9 0 9 1\n9 1 9 1\n9 2 9 1\n9 3 9 1\n",
+    )
+    .unwrap();
+    let mut plane = b"VOL\x03".to_vec();
+    [1_i32, 2, 2, 2, 1]
+        .iter()
+        .for_each(|v| plane.extend(v.to_le_bytes()));
+    [0.0_f32; 6].iter().for_each(|v| plane.extend(v.to_le_bytes()));
+    [[-1.0_f32; 4], [1.0; 4]]
+        .concat()
+        .iter()
+        .for_each(|v| plane.extend(v.to_le_bytes()));
+    std::fs::write(folder.path().join("plane.vol"), plane).unwrap();
+    folder
+}
 
 /// Items that no element has.
 const ITEMS: [&str; 14] = [
@@ -58,12 +87,7 @@ const ITEMS: [&str; 14] = [
 
 #[test]
 fn items_that_mean_nothing_are_noted_or_refused_everywhere() {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(
-        folder.path().join("tent.obj"),
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-    )
-    .unwrap();
+    let folder = folder();
     let whole = imported(folder.path(), WHOLE).unwrap();
     let tags = [
         "<scene",
@@ -110,12 +134,7 @@ fn items_that_mean_nothing_are_noted_or_refused_everywhere() {
 /// Items that elements have, whose value changes the image: each changes the scene, is noted or is refused.
 #[test]
 fn known_items_are_never_silent() {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(
-        folder.path().join("tent.obj"),
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-    )
-    .unwrap();
+    let folder = folder();
     let whole = imported(folder.path(), WHOLE).unwrap();
     for (element, item) in [
         (

@@ -109,7 +109,12 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         12,
         "nothing has the id `golf`",
     ),
-    ("type=\"sphere\"", "type=\"sdfgrid\"", 12, "no shape `sdfgrid`"),
+    (
+        "type=\"sphere\"",
+        "type=\"ellipsoids\"",
+        12,
+        "no shape `ellipsoids`",
+    ),
     (
         "name=\"radius\"",
         "name=\"radios\"",

@@ -18,6 +18,7 @@ use sunstone::transport::scene::Scene;
 
 mod accounting;
 mod export;
+mod generated;
 mod import;
 mod instances;
 mod there_and_back;

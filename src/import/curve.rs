@@ -1,0 +1,366 @@
+//! Curves with a radius at each point (Mitsuba 3's `bsplinecurve` and `linearcurve`) as triangle meshes.
+//!
+//! A tube is swept along a uniform cubic B-spline, or round cones join spheres at the points. Texture coordinates are
+//! Mitsuba's: u around the tube from a frame guided by the z axis, v along all segments of the file.
+
+use super::error::{ImportError, ImportProblem};
+use super::text;
+use glam::{DAffine3, DQuat, DVec3, DVec4, Vec2};
+use std::f64::consts::{FRAC_PI_2, TAU};
+use transport::geometry::mesh::Mesh;
+
+/// How points become a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A uniform cubic B-spline, with open ends.
+    BSpline,
+    /// Cones that touch a sphere at each point.
+    Linear,
+}
+
+/// The mesh of the curves of a file.
+#[derive(Clone, Debug)]
+pub struct Tubes {
+    /// Triangles that face outward, with normals and Mitsuba's texture coordinates.
+    pub mesh: Mesh,
+    /// Corners of a cross-section. Its circumference is the circle's.
+    pub sides: u32,
+    /// Bound on the distance between the mesh and the curves' surface, metres.
+    pub deviation: f64,
+}
+
+/// Greatest number of triangles.
+const MOST: usize = 4_000_000;
+/// Corners of a cross-section, the first that keeps to [`MOST`].
+const SIDES: [u32; 3] = [24, 12, 6];
+/// Greatest number of pieces of a segment.
+const PIECES: f64 = 64.0;
+/// Distance of a chord from its curve over the radius that calls for another piece, and turning of the tangent.
+const CHORD: f64 = 0.01;
+const TURN: f64 = TAU / 36.0;
+const FIX: &str = "list x, y, z and radius of one point a line, and an empty line between curves";
+
+/// Reads curves: a point a line (x, y, z, radius), empty lines between curves. `place` moves points and leaves radii.
+///
+/// # Errors
+/// [`ImportError`], with the line, if a number is missing, not finite or a negative radius, a curve has too few points or
+/// no extent, all radii are 0, or more than 4 million triangles would be needed.
+pub fn parse_curves(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Tubes, ImportError> {
+    let curves = points(bytes, kind, place)?;
+    let least = if kind == Kind::BSpline { 3 } else { 1 };
+    let segments: usize = curves.iter().map(|c| c.len() - least).sum();
+    for sides in SIDES {
+        let mut sweep = Sweep::new(sides, segments);
+        let mut before = 0;
+        for curve in &curves {
+            match kind {
+                Kind::BSpline => sweep.spline(curve, before)?,
+                Kind::Linear => sweep.cones(curve, before),
+            }
+            before += curve.len() - least;
+            if sweep.mesh.indices.len() > MOST {
+                break;
+            }
+        }
+        if sweep.mesh.indices.len() <= MOST {
+            let Sweep { mesh, deviation, .. } = sweep;
+            mesh.validate().map_err(|cause| ImportProblem::Mesh {
+                name: String::new(),
+                cause,
+            })?;
+            return Ok(Tubes {
+                mesh,
+                sides,
+                deviation,
+            });
+        }
+    }
+    Err(ImportError::unsupported(
+        format!("the curves need more than {MOST} triangles"),
+        "split the file into several, or use fewer points",
+    ))
+}
+
+fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>, ImportError> {
+    let (mut curves, mut open): (Vec<Vec<DVec4>>, bool) = (vec![], false);
+    let text = text::decode(bytes);
+    for (number, line) in (1..).zip(text::lines(&text)) {
+        if line.trim().is_empty() {
+            open = false;
+            continue;
+        }
+        let wrong = |what: String| Err(ImportError::malformed(what, FIX).at_line(number));
+        let values: Option<Vec<f64>> = line.split_whitespace().map(|word| word.parse().ok()).collect();
+        let Some(&[x, y, z, radius]) = values.as_deref() else {
+            return wrong(format!("`{}` is not four numbers", line.trim()));
+        };
+        let p = place.transform_point3(DVec3::new(x, y, z));
+        if !p.as_vec3().is_finite() || !(radius as f32).is_finite() {
+            return wrong("a number of the point is not finite".into());
+        }
+        if radius < 0.0 {
+            return wrong(format!("the radius is {radius}, below 0"));
+        }
+        if !open {
+            curves.push(vec![]);
+            open = true;
+        }
+        curves.last_mut().expect("one is open").push(p.extend(radius));
+    }
+    let least = if kind == Kind::BSpline { 4 } else { 2 };
+    match curves.iter().position(|c| c.len() < least) {
+        Some(i) => Err(ImportError::malformed(
+            format!(
+                "curve {} has {} points, fewer than {least}",
+                i + 1,
+                curves[i].len()
+            ),
+            FIX,
+        )),
+        None if curves.is_empty() => Err(ImportProblem::EmptyFile.into()),
+        None => Ok(curves),
+    }
+}
+
+/// A cross-section. Where `e` points outward, the normal is along (q - w·e) e - s.
+#[derive(Clone, Copy)]
+struct Ring {
+    center: DVec3,
+    /// Of unit length.
+    tangent: DVec3,
+    radius: f64,
+    v: f64,
+    q: f64,
+    w: DVec3,
+    s: DVec3,
+}
+
+/// Mitsuba's axes across a tangent: u is 0 at the second, and 1/4 at the first.
+fn across(tangent: DVec3) -> [DVec3; 2] {
+    let rotated = (DVec3::Z - tangent * tangent.z).try_normalize();
+    let rotated = rotated.unwrap_or(DVec3::Y);
+    [rotated, rotated.cross(tangent)]
+}
+
+struct Sweep {
+    mesh: Mesh,
+    deviation: f64,
+    sides: u32,
+    segments: f64,
+    /// Radius of a corner over that of the circle of the same circumference.
+    corner: f64,
+}
+
+impl Sweep {
+    fn new(sides: u32, segments: usize) -> Self {
+        let half = TAU / 2.0 / f64::from(sides);
+        Self {
+            mesh: Mesh::default(),
+            deviation: 0.0,
+            sides,
+            segments: segments as f64,
+            corner: half / half.sin(),
+        }
+    }
+
+    /// Adds the corners of a ring, begun `shift` corners later.
+    fn ring(&mut self, ring: &Ring, shift: i64) -> u32 {
+        let first = self.mesh.positions.len() as u32;
+        let [rotated, radial] = across(ring.tangent);
+        for k in 0..=i64::from(self.sides) {
+            let u = (k + shift) as f64 / f64::from(self.sides);
+            // The seam's corners are the same to the last bit.
+            let turn = (k + shift).rem_euclid(i64::from(self.sides)) as f64 / f64::from(self.sides) * TAU;
+            let e = radial * turn.cos() + rotated * turn.sin();
+            let normal = (e * (ring.q - ring.w.dot(e)).max(1e-3 * ring.q) - ring.s).normalize_or(e);
+            self.mesh
+                .positions
+                .push((ring.center + e * (ring.radius * self.corner)).as_vec3());
+            self.mesh.normals.push(normal.as_vec3());
+            self.mesh.uvs.push(Vec2::new(u as f32, ring.v as f32));
+        }
+        first
+    }
+
+    /// Joins rings. Triangles all of whose normals are `hidden` are left out.
+    fn join(&mut self, rings: &[Ring], hidden: impl Fn(DVec3) -> bool) {
+        let Some(first) = rings.first() else { return };
+        let mut near = self.ring(first, 0);
+        for pair in rings.windows(2) {
+            let [a, b] = [pair[0], pair[1]];
+            // How far Mitsuba's frame turns about the tangent, in corners.
+            let carried = DQuat::from_rotation_arc(a.tangent, b.tangent) * across(a.tangent)[1];
+            let [rotated, radial] = across(b.tangent);
+            let turn = carried.dot(rotated).atan2(carried.dot(radial));
+            let shift = (turn / TAU * f64::from(self.sides)).round() as i64;
+            let far = self.ring(&b, shift);
+            for k in 0..self.sides {
+                let [p, q, r, s] = [near + k, near + k + 1, far + k + 1, far + k];
+                for corners in [[p, q, r], [p, r, s]] {
+                    let [x, y, z] = corners.map(|i| self.mesh.positions[i as usize]);
+                    let flat = (y - x).as_dvec3().cross((z - x).as_dvec3()) == DVec3::ZERO;
+                    let unseen = || {
+                        corners
+                            .iter()
+                            .all(|i| hidden(self.mesh.normals[*i as usize].as_dvec3()))
+                    };
+                    if !flat && !unseen() {
+                        self.mesh.indices.push(corners);
+                    }
+                }
+            }
+            near = if shift == 0 { far } else { self.ring(&b, 0) };
+            let thickest = a.radius.max(b.radius);
+            let sagitta = 1.0 - self.corner * (TAU / 2.0 / f64::from(self.sides)).cos();
+            self.deviation = self.deviation.max(thickest * sagitta);
+        }
+    }
+
+    fn spline(&mut self, curve: &[DVec4], before: usize) -> Result<(), ImportError> {
+        let mut rings = vec![];
+        let mut bend: f64 = 0.0;
+        for (i, p) in curve.windows(4).enumerate() {
+            let p = [p[0], p[1], p[2], p[3]];
+            let at = |v: f64| position(&p, v);
+            let chord = |v: f64| at(0.0).lerp(at(1.0), v);
+            let (mut off, mut turned, mut thickest): (f64, f64, f64) = (0.0, 0.0, 0.0);
+            for k in 0..8 {
+                let v = f64::from(k) / 8.0;
+                let [a, b] = [v, v + 0.125].map(|v| derivatives(&p, v)[0].truncate());
+                turned += if a == DVec3::ZERO || b == DVec3::ZERO {
+                    0.0
+                } else {
+                    a.angle_between(b)
+                };
+                let axis = (at(1.0) - at(0.0)).truncate().normalize_or_zero();
+                let from = at(v) - chord(v);
+                off = off.max(from.truncate().reject_from_normalized(axis).length() + from.w.abs());
+                thickest = thickest.max(at(v).w);
+            }
+            // A chord of one piece of n is n² times as near.
+            let wanted = (off / (CHORD * thickest.max(1e-3 * off)))
+                .sqrt()
+                .max(turned / TURN);
+            let pieces = wanted.ceil().clamp(1.0, PIECES);
+            bend = bend.max(off / (pieces * pieces));
+            let from = u32::from(i > 0);
+            for k in from..=pieces as u32 {
+                let v = f64::from(k) / pieces;
+                let [d, dd] = derivatives(&p, v);
+                let (velocity, here) = (d.truncate(), at(v));
+                rings.push(Ring {
+                    center: here.truncate(),
+                    tangent: velocity.normalize_or_zero(),
+                    radius: here.w,
+                    v: ((before + i) as f64 + v) / self.segments,
+                    q: velocity.length_squared(),
+                    w: dd.truncate() * here.w,
+                    s: velocity * d.w,
+                });
+            }
+        }
+        // Where a curve stands still its neighbours say where it goes.
+        let mut last = rings.iter().map(|r| r.tangent).find(|t| *t != DVec3::ZERO);
+        for ring in &mut rings {
+            if ring.tangent == DVec3::ZERO {
+                let Some(tangent) = last else {
+                    let what = "all points of a curve are the same";
+                    return Err(ImportError::malformed(
+                        what,
+                        "remove the curve, or correct its points",
+                    ));
+                };
+                (ring.tangent, ring.q, ring.w, ring.s) = (tangent, 1.0, DVec3::ZERO, DVec3::ZERO);
+            }
+            last = Some(ring.tangent);
+        }
+        self.join(&rings, |_| false);
+        self.deviation = self.deviation.max(bend);
+        Ok(())
+    }
+
+    fn cones(&mut self, curve: &[DVec4], before: usize) {
+        let within = |a: &DVec4, b: &DVec4| a.truncate().distance(b.truncate()) <= b.w - a.w;
+        // Spheres, and v there. One within its neighbour is not seen.
+        let mut spheres: Vec<(DVec4, f64)> = vec![];
+        for (i, p) in curve.iter().enumerate() {
+            while spheres.last().is_some_and(|(last, _)| within(last, p)) {
+                spheres.pop();
+            }
+            if !spheres.last().is_some_and(|(last, _)| within(p, last)) {
+                spheres.push((*p, (before + i) as f64 / self.segments));
+            }
+        }
+        // Where a cone touches its spheres: its direction, and the angle by which normals lean toward it.
+        let touching = |p: &[(DVec4, f64)]| {
+            let along = (p[1].0 - p[0].0).truncate();
+            (along.normalize(), ((p[0].0.w - p[1].0.w) / along.length()).asin())
+        };
+        let cones: Vec<(DVec3, f64)> = spheres.windows(2).map(touching).collect();
+        let ring = |(p, v): (DVec4, f64), tangent: DVec3, latitude: f64| {
+            let (sin, cos) = latitude.sin_cos();
+            let pole = latitude.abs() == FRAC_PI_2;
+            Ring {
+                center: p.truncate() + tangent * (p.w * sin),
+                tangent,
+                radius: if pole { 0.0 } else { p.w * cos },
+                v,
+                q: cos,
+                w: DVec3::ZERO,
+                s: tangent * -sin,
+            }
+        };
+        for (i, &sphere) in spheres.iter().enumerate() {
+            let incoming = i.checked_sub(1).map(|i| cones[i]);
+            let outgoing = cones.get(i).copied();
+            // What a cone covers of the sphere is left out.
+            let (tangent, [from, to]) = match (incoming, outgoing) {
+                (Some((t, latitude)), _) => (t, [latitude, FRAC_PI_2]),
+                (None, Some((t, latitude))) => (t, [-FRAC_PI_2, latitude]),
+                (None, None) => (DVec3::X, [-FRAC_PI_2, FRAC_PI_2]),
+            };
+            let steps = ((to - from) / TAU * f64::from(self.sides)).ceil().max(1.0) as u32;
+            let latitude = |k: u32| {
+                if k == steps {
+                    to
+                } else {
+                    from + (to - from) * f64::from(k) / f64::from(steps)
+                }
+            };
+            let rings: Vec<Ring> = (0..=steps).map(|k| ring(sphere, tangent, latitude(k))).collect();
+            let joint = incoming.and(outgoing);
+            let sagitta = (TAU / 2.0 / f64::from(self.sides)).sin().powi(2);
+            self.deviation = self.deviation.max(sphere.0.w * sagitta);
+            self.join(&rings, |n| {
+                joint.is_some_and(|(t, latitude)| n.dot(t) >= latitude.sin() - 1e-6)
+            });
+            if let Some((t, latitude)) = outgoing {
+                self.join(
+                    &[ring(sphere, t, latitude), ring(spheres[i + 1], t, latitude)],
+                    |_| false,
+                );
+            }
+        }
+    }
+}
+
+/// The B-spline's point at v in 0..1 of a segment.
+fn position(p: &[DVec4; 4], v: f64) -> DVec4 {
+    let (v2, v3) = (v * v, v * v * v);
+    (p[0] * (1.0 - 3.0 * v + 3.0 * v2 - v3)
+        + p[1] * (4.0 - 6.0 * v2 + 3.0 * v3)
+        + p[2] * (1.0 + 3.0 * v + 3.0 * v2 - 3.0 * v3)
+        + p[3] * v3)
+        / 6.0
+}
+
+/// Its first and second derivative.
+fn derivatives(p: &[DVec4; 4], v: f64) -> [DVec4; 2] {
+    let v2 = v * v;
+    let first = p[0] * (2.0 * v - 1.0 - v2)
+        + p[1] * (3.0 * v2 - 4.0 * v)
+        + p[2] * (1.0 + 2.0 * v - 3.0 * v2)
+        + p[3] * v2;
+    let second = p[0] * (1.0 - v) + p[1] * (3.0 * v - 2.0) + p[2] * (1.0 - 3.0 * v) + p[3] * v;
+    [first / 2.0, second]
+}

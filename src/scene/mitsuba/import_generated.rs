@@ -1,0 +1,108 @@
+//! Mitsuba's shapes that become meshes of our own making, in PLY files beside the scene file.
+
+use super::importer::Importer;
+use super::tree::Node;
+use base::locate::{InputError, Located};
+use glam::DAffine3;
+use import::curve::{Kind, parse_curves};
+use import::sdf::{Normals, surface};
+use import::vol::parse_vol;
+use import::write_ply;
+use syntax::shape::MeshFile;
+use transport::geometry::mesh::Mesh;
+
+/// The shapes.
+pub(super) const KINDS: [&str; 3] = ["bsplinecurve", "linearcurve", "sdfgrid"];
+
+/// Name and bytes of the file of a shape, which neither shines nor is turned inside out.
+fn file<'a>(importer: &Importer, node: &'a Node) -> Result<(&'a str, Vec<u8>), InputError> {
+    let source = importer.source;
+    if node.boolean(source, "flip_normals")?.unwrap_or(false) {
+        let message = format!("flip_normals does nothing to a {} in Mitsuba", node.kind);
+        return importer.error(&node.span, message, "take it away");
+    }
+    for child in node.children() {
+        let inner = importer.peek(child)?;
+        if inner.tag == "emitter" || inner.tag == "medium" {
+            let message = format!("sunstone gives no {} to a {}", inner.tag, node.kind);
+            return importer.error(
+                child.span(),
+                message,
+                "give it to another shape, or convert this one to PLY",
+            );
+        }
+    }
+    match node.text(source, "filename")? {
+        Some(name) => Ok((name, importer.read(node, name)?)),
+        None => importer.error(
+            &node.span,
+            format!("the {} has no filename", node.kind),
+            "add <string name=\"filename\">",
+        ),
+    }
+}
+
+/// The object's shape, of a mesh that becomes a file.
+fn made(importer: &mut Importer, node: &Node, mesh: &Mesh) -> MeshFile {
+    let wanted = node.id.as_deref().unwrap_or(&node.kind);
+    let name = importer.make(wanted, "ply", write_ply::write(mesh));
+    MeshFile {
+        file: Located::at(node.span.clone(), name),
+        index: 0,
+        flat: false,
+        smooth: false,
+        materials: false,
+    }
+}
+
+/// `bsplinecurve` and `linearcurve`: the tubes' surface in the shape's parent's coordinates, as `place` moves points and not radii.
+pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> Result<MeshFile, InputError> {
+    let (name, bytes) = file(importer, node)?;
+    let kind = if node.kind == "linearcurve" {
+        Kind::Linear
+    } else {
+        Kind::BSpline
+    };
+    let tubes = parse_curves(&bytes, kind, place).map_err(|mut e| {
+        e.file = Some(importer.path(name));
+        let help = "correct the file";
+        importer.source.error(&node.span, e.to_string(), help)
+    })?;
+    importer.note(format!(
+        "{}: {name} becomes a mesh of {} triangles ({} around a tube), at most {:.2e} m from Mitsuba's surface",
+        node.kind,
+        tubes.mesh.indices.len(),
+        tubes.sides,
+        tubes.deviation
+    ));
+    importer.note(
+        "curves: light that enters a tube meets its inside in sunstone; in Mitsuba it passes, for curves are seen from outside alone",
+    );
+    Ok(made(importer, node, &tubes.mesh))
+}
+
+/// `sdfgrid`: the surface where its distances are zero.
+pub(super) fn sdf_grid(importer: &mut Importer, node: &Node) -> Result<MeshFile, InputError> {
+    let (name, bytes) = file(importer, node)?;
+    let normals = match node.text(importer.source, "normals")? {
+        None | Some("smooth") => Normals::Smooth,
+        Some("analytic") => Normals::Analytic,
+        Some(other) => {
+            let message = format!("the normals of the sdfgrid are `{other}`");
+            return importer.error(&node.span, message, "use smooth or analytic");
+        }
+    };
+    let found = parse_vol(&bytes).and_then(|vol| surface(&vol, normals));
+    let found = found.map_err(|mut e| {
+        e.file = Some(importer.path(name));
+        importer
+            .source
+            .error(&node.span, e.to_string(), "correct the file")
+    })?;
+    importer.note(format!(
+        "sdfgrid: {name} becomes a mesh of {} triangles, at most {:.3} sides of a cell from Mitsuba's surface",
+        found.mesh.indices.len(),
+        found.deviation
+    ));
+    Ok(made(importer, node, &found.mesh))
+}
