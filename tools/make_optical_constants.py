@@ -29,6 +29,7 @@ SOURCES = {
     "Ti": ("main", "Ti", "Johnson", "Johnson & Christy 1974"),
     "W": ("main", "W", "Weaver", "Weaver Olson & Lynch 1975"),
     "brass": ("other", "Cu-Zn", "Querry-Cu70Zn30", "Querry 1985"),
+    "a-C": ("main", "C", "Arakawa", "Arakawa et al. 1977"),
     "N-BK7": ("specs", "SCHOTT-optical", "N-BK7", "SCHOTT 2017"),
     "SiO2": ("main", "SiO2", "Malitson", "Malitson 1965"),
     "SiO": ("main", "SiO", "Hass", "Hass & Salzberg 1954"),

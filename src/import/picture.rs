@@ -26,6 +26,10 @@ pub enum Channels {
     LinearColours,
     /// Numbers.
     Numbers,
+    /// The luminance of colours, for numbers.
+    Luminance,
+    /// The same of linear colours.
+    LinearLuminance,
 }
 
 /// A value of a picture, decoded from sRGB (IEC 61966-2-1) if it is `encoded`.
@@ -146,7 +150,7 @@ fn png_gamma(bytes: &[u8]) -> Option<f64> {
 
 /// Appends the texels of an image, top row first: colours as red, green or blue for each wavelength, numbers as they are.
 pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out: &mut Vec<[f32; 4]>) {
-    let encoded = image.encoded && channels != Channels::LinearColours;
+    let encoded = image.encoded && !matches!(channels, Channels::LinearColours | Channels::LinearLuminance);
     let channel = |nm: f64| match nm {
         nm if nm < 500.0 => 2,
         nm if nm < 590.0 => 1,
@@ -157,22 +161,28 @@ pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out
             return [p[0], p[1], p[2], 0.0];
         }
         let rgb = image.to_rgb.map_or(*p, |m| primaries::times(&m, *p));
+        if matches!(channels, Channels::Luminance | Channels::LinearLuminance) {
+            let number = luminance(rgb.map(|v| linear(v, encoded)));
+            return [number, number, number, 0.0];
+        }
         wavelengths.map(|nm| linear(rgb[channel(nm)], encoded)).to_array()
     }));
+}
+
+/// Luminance of a colour in sRGB's primaries (Rec. ITU-R BT.709).
+fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    // A grey pixel keeps its value to the last bit.
+    if r == g && g == b {
+        r
+    } else {
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    }
 }
 
 /// Brightness of every pixel, as it is encoded, top row first.
 #[must_use]
 pub fn weights(image: &Pixels) -> Vec<f32> {
-    let brightness = |p: &[f32; 3]| {
-        let [r, g, b] = image.to_rgb.map_or(*p, |m| primaries::times(&m, *p));
-        // A grey pixel keeps its value to the last bit.
-        if r == g && g == b {
-            r
-        } else {
-            0.2126 * r + 0.7152 * g + 0.0722 * b
-        }
-    };
+    let brightness = |p: &[f32; 3]| luminance(image.to_rgb.map_or(*p, |m| primaries::times(&m, *p)));
     image.values.iter().map(brightness).collect()
 }
 

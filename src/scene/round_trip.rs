@@ -171,6 +171,7 @@ impl Choices<'_> {
             wrap: [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp][self.below(3) as usize],
             filter: [Filter::Bilinear, Filter::Nearest][self.below(2) as usize],
             raw: self.below(2) == 0,
+            luminance: self.below(2) == 0,
             layer: self.some(Self::text),
         }
     }

@@ -55,6 +55,9 @@ pub struct ImageAlbedo {
     /// Its colours are linear, not sRGB-encoded.
     #[serde(default, skip_serializing_if = "is_default")]
     pub raw: bool,
+    /// As a number, it is the luminance of its colours, decoded as colours are; otherwise its first channel as it is.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub luminance: bool,
     /// Layer of an OpenEXR file, such as `ViewLayer.Combined`; absent: the one without a name, or the only one of colours.
     pub layer: Option<String>,
 }
@@ -115,6 +118,7 @@ impl ImageAlbedo {
             wrap: Wrap::default(),
             filter: Filter::default(),
             raw: false,
+            luminance: false,
             layer: None,
         }
     }
@@ -130,6 +134,7 @@ struct AlbedoMap {
     wrap: Option<Wrap>,
     filter: Option<Filter>,
     raw: Option<bool>,
+    luminance: Option<bool>,
     layer: Option<String>,
     checkerboard: Option<[SpectrumFile; 2]>,
     nm: Option<Vec<f64>>,
@@ -146,6 +151,7 @@ impl AlbedoMap {
                 wrap,
                 filter,
                 raw,
+                luminance,
                 layer,
                 checkerboard: None,
                 nm: None,
@@ -157,6 +163,7 @@ impl AlbedoMap {
                 wrap: wrap.unwrap_or_default(),
                 filter: filter.unwrap_or_default(),
                 raw: raw.unwrap_or_default(),
+                luminance: luminance.unwrap_or_default(),
                 layer,
             })),
             Self {
@@ -167,6 +174,7 @@ impl AlbedoMap {
                 wrap: None,
                 filter: None,
                 raw: None,
+                luminance: None,
                 layer: None,
                 nm: None,
                 values: None,
@@ -180,6 +188,7 @@ impl AlbedoMap {
                 wrap: None,
                 filter: None,
                 raw: None,
+                luminance: None,
                 layer: None,
                 checkerboard: None,
             } => Ok(AlbedoFile::Spectrum(SpectrumFile::Table(SpectrumTable {
@@ -187,7 +196,7 @@ impl AlbedoMap {
                 values,
             }))),
             _ => Err(E::custom(
-                "a texture is { image = \"file.png\", scale, uv, wrap, filter, raw, layer }, { checkerboard = [0.4, 0.2], uv } or { nm = [..], values = [..] }",
+                "a texture is { image = \"file.png\", scale, uv, wrap, filter, raw, luminance, layer }, { checkerboard = [0.4, 0.2], uv } or { nm = [..], values = [..] }",
             )),
         }
     }

@@ -412,6 +412,7 @@ impl<'a> Table<'a> {
             filter: picture.filter,
             layer: None,
             raw,
+            luminance: false,
         }
     }
 

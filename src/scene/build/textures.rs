@@ -130,7 +130,12 @@ pub(super) fn scalar(
         ScalarFile::Number(v) => (ctx.within(*v, span, what, &range)?, None),
         ScalarFile::Image(i) => {
             let scale = ctx.within(i.scale, span, what, &range)?;
-            (scale, Some(image(ctx, images, textures, i, Channels::Numbers)?))
+            let channels = match (i.luminance, i.raw) {
+                (false, _) => Channels::Numbers,
+                (true, false) => Channels::Luminance,
+                (true, true) => Channels::LinearLuminance,
+            };
+            (scale, Some(image(ctx, images, textures, i, channels)?))
         }
         ScalarFile::Checkerboard(board) => {
             let mut values = [Spectral::ZERO; 2];
@@ -244,6 +249,13 @@ fn image(
     channels: Channels,
 ) -> Result<u32, InputError> {
     let name = &file.image;
+    if file.luminance && matches!(channels, Channels::Colours | Channels::LinearColours) {
+        return Err(ctx.error(
+            name.span(),
+            "`luminance` is of images of numbers, and this one is of colours",
+            "leave `luminance` out",
+        ));
+    }
     let uv = uv_map(ctx, file.uv.as_ref(), name.span())?;
     let layer = file.layer.as_deref();
     let key = (ctx.path(name), file.layer.clone(), channels);
@@ -275,7 +287,7 @@ fn read(
     let first = textures.texels.len();
     picture::texels(&image, channels, &ctx.wavelengths, &mut textures.texels);
     let lanes = match channels {
-        Channels::Numbers => 3,
+        Channels::Numbers | Channels::Luminance | Channels::LinearLuminance => 3,
         _ => ctx.wavelengths.count(),
     };
     let least = match channels {

@@ -190,6 +190,53 @@ fn real_numbers_of_images_are_linear() {
     }
 }
 
+/// A number of an image is its first channel as it is, or the luminance of its colours (Rec. 709), decoded unless raw.
+#[test]
+fn numbers_of_images_are_channels_or_luminances() {
+    let bytes = picture(
+        image::RgbImage::from_pixel(2, 2, image::Rgb([255, 128, 0])),
+        image::ImageFormat::Png,
+    );
+    let weight = |raw, luminance| {
+        let image = ImageAlbedo {
+            raw,
+            luminance,
+            ..ImageAlbedo::new("picture")
+        };
+        let both = Material::Blend(syntax::material::BlendFile {
+            a: "dark".to_owned().into(),
+            b: "light".to_owned().into(),
+            weight: syntax::texture::ScalarFile::from(image).into(),
+        });
+        let scene = SceneBuilder::new()
+            .camera(
+                Camera::look_at([0.0, 0.0, 4.0], [0.0; 3])
+                    .fov_x_deg(40.0)
+                    .resolution(4, 4),
+            )
+            .emitter(Emitter::environment(1.0))
+            .file_in_memory("picture", bytes.clone())
+            .material("dark", Material::diffuse(0.2))
+            .material("light", Material::diffuse(0.8))
+            .material("both", both)
+            .object(Object::sphere([0.0; 3], 0.5).material("both"))
+            .build()
+            .expect("a scene");
+        scene.materials.textures.texels[0][0]
+    };
+    let code = 128.0 / 255.0_f32;
+    let green = ((code + 0.055) / 1.055).powf(2.4);
+    for (raw, luminance, expected) in [
+        (false, false, 1.0),
+        (true, false, 1.0),
+        (false, true, 0.2126 + 0.7152 * green),
+        (true, true, 0.2126 + 0.7152 * code),
+    ] {
+        let found = weight(raw, luminance);
+        assert!((found - expected).abs() < 1e-5, "{found}, not {expected}");
+    }
+}
+
 #[test]
 fn a_scene_knows_its_files() {
     let code = in_code().build().expect("a scene");

@@ -323,7 +323,14 @@ impl MaterialReader {
                     );
                 };
                 let texture = importer.resolve(child)?;
-                let image = bitmap(importer, texture, true, uv)?;
+                let image = bitmap(importer, texture, false, uv)?;
+                if !image.raw {
+                    return importer.error(
+                        &texture.span,
+                        "sunstone reads the numbers of normal maps as they are",
+                        "add <boolean name=\"raw\" value=\"true\"/>",
+                    );
+                }
                 for name in ["flip_invalid_normals", "use_shadowing_function"] {
                     if node.boolean(source, name)?.unwrap_or(true) {
                         importer.note(format!("normal maps have no {name} in sunstone"));
@@ -432,7 +439,7 @@ fn at<T>(node: &Node, value: T) -> Located<T> {
 }
 
 fn plastic<'a>(
-    importer: &Importer<'a>,
+    importer: &mut Importer<'a>,
     node: &'a Node,
     uv: &mut Coordinates,
 ) -> Result<PlasticFile, InputError> {

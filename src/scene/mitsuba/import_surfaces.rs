@@ -9,6 +9,9 @@ use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::constants;
 use transport::material::texture::{Filter, Wrap};
 
+/// Least roughness of rough surfaces, which stands for a smooth coat.
+pub(super) const SMOOTH: f64 = 0.001;
+
 /// How a shape counts texture coordinates, and whether the material that is being read cares.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coordinates {
@@ -178,7 +181,7 @@ pub(super) struct Facets {
 
 /// The facets of something rough; Mitsuba masks them separably.
 pub(super) fn facets<'a>(
-    importer: &Importer<'a>,
+    importer: &mut Importer<'a>,
     node: &'a Node,
     uv: &mut Coordinates,
 ) -> Result<Facets, InputError> {
@@ -198,22 +201,82 @@ pub(super) fn facets<'a>(
             );
         }
     };
-    let alpha = match (node.float(source, "alpha_u")?, node.float(source, "alpha_v")?) {
-        (None, None) => scalar(importer, node, "alpha", Some(0.1), uv)?,
-        (Some(u), Some(v)) if u == v => Located::at(node.span.clone(), u.into()),
+    let has = |name: &str| node.named(name).is_some() || node.get(name).is_some();
+    let mut number = |importer: &Importer<'a>, name, missing| {
+        let read = scalar(importer, node, name, missing, uv)?;
+        Ok::<_, InputError>((*read).clone())
+    };
+    let mut alpha = match (has("alpha_u"), has("alpha_v")) {
+        (false, false) => number(importer, "alpha", Some(0.1))?,
+        (true, true) => {
+            let [u, v] = ["alpha_u", "alpha_v"].map(|name| number(importer, name, None));
+            round(importer, node, u?, v?)?
+        }
         _ => {
             return importer.error(
                 &node.span,
-                "sunstone's rough surfaces are isotropic",
-                "give one alpha",
+                "alpha_u and alpha_v come together",
+                "give both, or alpha",
             );
         }
     };
+    if numbers(&mut alpha).into_iter().any(|v| *v < SMOOTH) {
+        importer.note(format!("an alpha below {SMOOTH} becomes {SMOOTH}"));
+        numbers(&mut alpha).into_iter().for_each(|v| *v = v.max(SMOOTH));
+    }
+    let alpha = Located::at(node.span.clone(), alpha);
     Ok(Facets {
         alpha,
         distribution,
         masking: Masking::Separable,
     })
+}
+
+/// The numbers of something that is not an image.
+fn numbers(s: &mut ScalarFile) -> Vec<&mut f64> {
+    match s {
+        ScalarFile::Number(v) => vec![v],
+        ScalarFile::Image(_) => vec![],
+        ScalarFile::Checkerboard(board) => {
+            let squares = board.checkerboard.iter_mut().filter_map(|s| match s {
+                SpectrumFile::Scalar(v) => Some(v),
+                _ => None,
+            });
+            squares.collect()
+        }
+    }
+}
+
+/// The roughness of facets without a direction that is nearest to two along texture coordinates u and v.
+fn round(
+    importer: &mut Importer,
+    node: &Node,
+    mut u: ScalarFile,
+    mut v: ScalarFile,
+) -> Result<ScalarFile, InputError> {
+    if u == v {
+        return Ok(u);
+    }
+    let alike = match (&u, &v) {
+        (ScalarFile::Number(_), ScalarFile::Number(_)) => true,
+        (ScalarFile::Checkerboard(a), ScalarFile::Checkerboard(b)) => a.uv == b.uv,
+        _ => false,
+    };
+    if !alike {
+        return importer.error(
+            &node.span,
+            "alpha_u and alpha_v are different textures, and sunstone's rough surfaces are isotropic",
+            "give one alpha",
+        );
+    }
+    for (u, v) in numbers(&mut u).into_iter().zip(numbers(&mut v)) {
+        *u = (*u * *v).sqrt();
+    }
+    importer.note(
+        "alpha_u and alpha_v become one alpha, the root of their product: highlights are round; over all directions, where one is six \
+         times the other, up to 7 % brighter (beckmann) or 9 % (ggx), and 6 % darker at 80°; where it is ten times, up to 9 % and 19 %",
+    );
+    Ok(u)
 }
 
 /// What changes from place to place on a surface.
@@ -347,11 +410,11 @@ pub(super) fn albedo<'a>(
     Ok(Located::at(spectrum.span(), (*spectrum).clone().into()))
 }
 
-/// An image; `raw`: of numbers, not of colours.
+/// An image; `number`: of numbers, which Mitsuba takes from the luminance of its colours.
 pub(super) fn bitmap(
     importer: &Importer,
     node: &Node,
-    raw: bool,
+    number: bool,
     uv: &mut Coordinates,
 ) -> Result<ImageAlbedo, InputError> {
     let source = importer.source;
@@ -369,14 +432,7 @@ pub(super) fn bitmap(
             "add <string name=\"filename\">",
         );
     };
-    let linear = node.boolean(source, "raw")?.unwrap_or(false);
-    if raw && !linear {
-        return importer.error(
-            &node.span,
-            "sunstone reads numbers in images as they are",
-            "add <boolean name=\"raw\" value=\"true\"/>",
-        );
-    }
+    let raw = node.boolean(source, "raw")?.unwrap_or(false);
     let chosen = |key: &str| Ok::<_, InputError>(node.text(source, key)?.unwrap_or_default().to_owned());
     let unknown = |key: &str, value: &str, known: &str| {
         importer.error(
@@ -406,7 +462,8 @@ pub(super) fn bitmap(
         uv: shortest(rows, wrap == Wrap::Repeat),
         wrap,
         filter,
-        raw: linear && !raw,
+        raw,
+        luminance: number,
         layer: None,
     })
 }

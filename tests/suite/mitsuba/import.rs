@@ -527,6 +527,67 @@ fn transient_films_become_time_bins() {
 }
 
 /// Defaults are Mitsuba's: endless paths, black lamps, grey shapes.
+/// Facets have one roughness, the root of those along u and v, and one that is not 0; numbers in images are luminances.
+#[test]
+fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
+    let folder = tempfile::tempdir().unwrap();
+    let squares = |name: &str, a: f64, b: f64| {
+        format!(
+            r#"<texture type="checkerboard" name="{name}"><float name="color0" value="{a}"/><float name="color1" value="{b}"/></texture>"#
+        )
+    };
+    let number = |name: &str, v: f64| format!(r#"<float name="{name}" value="{v}"/>"#);
+    let rough = |inside: String| {
+        let bsdf = format!(
+            r#"<bsdf type="roughconductor" id="gold"><string name="material" value="a-C"/>{inside}</bsdf>"#
+        );
+        let (before, after) = HAND.split_once(r#"<bsdf type="conductor" id="gold">"#).unwrap();
+        let (_, after) = after.split_once("</bsdf>").unwrap();
+        imported(folder.path(), &format!("{before}{bsdf}{after}"))
+    };
+    for (inside, alpha, note) in [
+        (
+            number("alpha_u", 0.25) + &number("alpha_v", 1.0),
+            "alpha = 0.5",
+            "alpha_u and alpha_v",
+        ),
+        (number("alpha", 0.0), "alpha = 0.001", "an alpha below 0.001"),
+        (
+            squares("alpha_u", 0.25, 0.0625) + &squares("alpha_v", 1.0, 0.25),
+            // Mitsuba exchanges the squares where a number is asked for.
+            "checkerboard = [0.125, 0.5]",
+            "alpha_u and alpha_v",
+        ),
+    ] {
+        let import = rough(inside).unwrap();
+        assert!(import.toml.contains(alpha), "{}", import.toml);
+        assert!(
+            import.notes.iter().any(|n| n.contains(note)),
+            "{:?}",
+            import.notes
+        );
+    }
+    let mixed = rough(number("alpha_u", 0.1) + &squares("alpha_v", 0.4, 0.9));
+    assert!(mixed.unwrap_err().to_string().contains("different textures"));
+
+    std::fs::write(folder.path().join("w.pgm"), b"P5 1 1 255\n\x80").unwrap();
+    for (raw, keys) in [
+        ("", "luminance = true"),
+        (r#"<boolean name="raw" value="true"/>"#, "raw = true"),
+    ] {
+        let weight = format!(
+            r#"<bsdf type="blendbsdf" id="gold"><texture type="bitmap" name="weight"><string name="filename" value="w.pgm"/>{raw}</texture>
+            <bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>"#
+        );
+        let (before, after) = HAND.split_once(r#"<bsdf type="conductor" id="gold">"#).unwrap();
+        let (_, after) = after.split_once("</bsdf>").unwrap();
+        let toml = imported(folder.path(), &format!("{before}{weight}{after}"))
+            .unwrap()
+            .toml;
+        assert!(toml.contains(keys) && toml.contains("luminance = true"), "{toml}");
+    }
+}
+
 #[test]
 fn defaults_are_those_of_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
