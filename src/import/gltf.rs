@@ -60,7 +60,12 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
         }
     }
     // A scene without nodes is an empty one (section 3.5.1).
-    for scene in document["scenes"].as_array_mut().into_iter().flatten() {
+    for scene in document
+        .get_mut("scenes")
+        .and_then(Value::as_array_mut)
+        .into_iter()
+        .flatten()
+    {
         if let Some(scene) = scene.as_object_mut() {
             scene.entry("nodes").or_insert_with(|| Value::Array(vec![]));
         }

@@ -215,6 +215,18 @@ fn gpu_instances() {
 }
 
 #[test]
+fn scenes_may_be_missing_or_empty() {
+    let mut missing = document();
+    missing.as_object_mut().unwrap().remove("scenes");
+    let parts = parse_gltf(&glb(&missing, &bin()), None).unwrap().parts;
+    assert_eq!(
+        parts.len(),
+        changed("/asset/version", json!("2.0")).unwrap().parts.len()
+    );
+    fails("/scenes", json!([{}]), "no triangles");
+}
+
+#[test]
 fn sparse_accessors() {
     let sparse = json!({"count": 1, "indices": {"bufferView": 0, "byteOffset": 113, "componentType": 5121},
         "values": {"bufferView": 0, "byteOffset": 148}});
