@@ -208,6 +208,11 @@ fn emitters(scene: &Scene) -> Vec<String> {
                 Profile::Even => "point".to_owned(),
                 Profile::Spot { cutoff, .. } => format!("spot of {:.1}° half angle", cutoff.to_degrees()),
                 Profile::Table(_) => "luminaire".to_owned(),
+                Profile::Frustum(_) => "projector of an image".to_owned(),
+            };
+            let what = match &p.slide {
+                Some(_) if matches!(p.profile, Profile::Spot { .. }) => format!("{what} through an image"),
+                _ => what,
             };
             format!(
                 "{what} at {}, up to {} W/(sr nm)",

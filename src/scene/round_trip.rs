@@ -328,6 +328,8 @@ impl Choices<'_> {
                 horizontal: self.three(),
             }),
             1 => EmitterFile::Spot(SpotFile {
+                image: None,
+                up: None,
                 position: self.three(),
                 direction: self.three(),
                 intensity: self.spectrum().into(),

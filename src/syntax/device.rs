@@ -2,6 +2,7 @@
 
 use super::defaults::{self, is_default};
 use super::emitter::{BeamFile, DirectionalFile, EnvironmentFile, IesFile, SpotFile};
+use super::texture::ImageAlbedo;
 use super::values::SpectrumFile;
 use base::locate::Located;
 use schemars::JsonSchema;
@@ -208,6 +209,8 @@ pub enum EmitterFile {
     Spot(SpotFile),
     /// Shines as a luminaire was measured to.
     Ies(IesFile),
+    /// Projects an image.
+    Slide(Box<SlideFile>),
     /// Light with one direction, everywhere.
     Directional(DirectionalFile),
     /// A collimated beam.
@@ -227,6 +230,20 @@ pub struct PointFile {
     /// Horizontal of the emitted Stokes vectors: this axis projected perpendicular to the ray.
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
+}
+
+/// A projector of an image that is light of the scene alone: T has no s' of it, as it has of `[projector]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SlideFile {
+    /// The image, over the whole field of view, which has its shape.
+    pub image: Located<ImageAlbedo>,
+    /// Irradiance at 1 m on the axis where the image is 1, W/(m² nm).
+    pub irradiance: Located<SpectrumFile>,
+    /// Horizontal field of view, degrees.
+    pub fov_x_deg: Located<f64>,
+    /// Where it stands. The image's right, projected perpendicular to the ray, is the horizontal of its Stokes vectors.
+    pub pose: Located<PoseFile>,
 }
 
 /// That which no file says.

@@ -75,6 +75,13 @@ pub struct SpotFile {
     pub cutoff_deg: Located<f64>,
     /// Half angle of full intensity, degrees; absent: three quarters of `cutoff_deg`.
     pub beam_deg: Option<Located<f64>>,
+    /// An image that it projects, which multiplies the intensity: over the square in which the cone of `cutoff_deg`, below 90,
+    /// just fits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<Located<ImageAlbedo>>,
+    /// With an image: projects onto the image's up; absent: +y.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<[f64; 3]>,
     /// As for points.
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],

@@ -1,10 +1,10 @@
 //! Chi-squared of the routines that draw light against their densities.
 
-use glam::{Mat3A, Quat, Vec3A};
+use glam::{Mat3A, Quat, Vec2, Vec3A};
 use std::f32::consts::{PI, TAU};
 use sunstone::optics::sampling::stream::Stream;
 use sunstone::transport::light::filter::Polarized;
-use sunstone::transport::light::profile::Profile;
+use sunstone::transport::light::profile::{Frustum, Profile};
 use sunstone::transport::light::sky::{Rows, Sky};
 
 const ROWS: usize = 16;
@@ -167,6 +167,29 @@ fn chi2_spot() {
         cutoff: PI / 3.0,
     };
     agree(|u| spot.sample(u), |d| spot.density(d), "spot");
+}
+
+/// A wide one aslant.
+fn frustum() -> Profile {
+    let z = Vec3A::new(0.2, -0.6, 1.0).normalize();
+    let x = z.cross(Vec3A::X).normalize();
+    Profile::Frustum(Frustum {
+        to_local: Mat3A::from_cols(x, z.cross(x), z).transpose(),
+        half: Vec2::new(0.9, 0.5),
+    })
+}
+
+#[test]
+fn chi2_frustum() {
+    let frustum = frustum();
+    agree(|u| frustum.sample(u), |d| frustum.density(d), "frustum");
+}
+
+/// The integral of 1/cos³ over its directions is the rectangle's area at 1 m.
+#[test]
+fn a_frustum_has_its_solid_angle() {
+    let got = frustum().solid_angle();
+    assert!((got / (4.0 * 0.9 * 0.5) - 1.0).abs() < 1e-5, "{got}");
 }
 
 /// Intensity over the greatest, all around, in closed form: 2π (1 - cos b) + ∫ falling part.

@@ -42,6 +42,7 @@ mod selected;
 mod sheets;
 mod shipped;
 mod slab;
+mod slides;
 mod specular;
 mod stand_ins;
 mod standard_errors;

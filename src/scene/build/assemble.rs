@@ -146,7 +146,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
         .map(|p| projector(ctx, p, p.span(), &camera))
         .transpose()?;
     let lights::Emitters {
-        points,
+        mut points,
         environment,
         mut lights,
     } = lights::emitters(ctx, &file.emitters)?;
@@ -161,7 +161,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
         ));
     }
     named(ctx, file)?;
-    if projector.is_none() && points.is_empty() && environment.is_none() && lights.is_empty() && !shines {
+    if projector.is_none() && file.emitters.is_empty() && !shines {
         return Err(ctx.error(
             file.camera.span(),
             "the scene has no light",
@@ -173,6 +173,13 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
         names,
         mut images,
     } = materials::build(ctx, &file.materials)?;
+    lights::slides(
+        ctx,
+        &mut images,
+        &mut materials.textures,
+        &file.emitters,
+        &mut points,
+    )?;
     let (media, media_names, _) = media::build(ctx, &file.media)?;
     let mut surfaces = Surfaces::new(&mut materials, &mut images, &names, &media_names);
     surfaces.objects(ctx, &file.objects, None)?;

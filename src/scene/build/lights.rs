@@ -2,23 +2,25 @@
 
 use super::context::{Context, HUGE};
 use super::devices::vector;
+use super::pose::pose;
 use super::shapes::{Solid, transform};
 use super::textures::{self, Images};
 use crate::ies;
 use base::locate::{InputError, Located};
-use glam::{Mat3A, Vec3A};
+use glam::{Mat3A, Vec2, Vec3A};
 use import::picture;
 use optics::polarization::elements;
 use optics::polarization::mueller::Mueller;
 use std::ops::Range;
-use syntax::device::EmitterFile;
+use syntax::device::{EmitterFile, SlideFile};
 use syntax::emitter::{BeamFile, DirectionalFile, EmissionFile, EnvironmentFile, IesFile, Rows, SpotFile};
-use transport::device::emitter::{Environment, PointEmitter};
+use syntax::texture::ImageAlbedo;
+use transport::device::emitter::{Environment, PointEmitter, Slide};
 use transport::light::Lights;
 use transport::light::area::AreaLight;
 use transport::light::distant::{Across, Distant};
 use transport::light::filter::Polarized;
-use transport::light::profile::{Profile, Table};
+use transport::light::profile::{Frustum, Profile, Table};
 use transport::light::sky::Sky;
 use transport::material::texture::{Spectrum, Textures};
 
@@ -41,10 +43,12 @@ pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Resu
                 position: vector(ctx, p.position, at.clone(), "position")?,
                 intensity: ctx.located(&p.intensity, "intensity", 0.0..=HUGE)?,
                 profile: Profile::Even,
+                slide: None,
                 axis: direction(ctx, p.horizontal, at, "horizontal")?,
             }),
             EmitterFile::Spot(s) => all.points.push(spot(ctx, s, at)?),
             EmitterFile::Ies(i) => all.points.push(luminaire(ctx, i, at)?),
+            EmitterFile::Slide(_) => {}
             EmitterFile::Directional(d) => all.lights.distant.push(directional(ctx, d, at)?),
             EmitterFile::Beam(b) => all.lights.distant.push(beam(ctx, b, at)?),
             EmitterFile::Environment(_) if all.environment.is_some() || all.lights.sky.is_some() => {
@@ -57,6 +61,102 @@ pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Resu
         }
     }
     Ok(all)
+}
+
+/// Gives spots their images, and adds the projectors of images after all other points; [`emitters`] has made the spots.
+pub(crate) fn slides(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    list: &[Located<EmitterFile>],
+    points: &mut Vec<PointEmitter>,
+) -> Result<(), InputError> {
+    let mut number = 0;
+    for e in list {
+        match &**e {
+            EmitterFile::Spot(s) => {
+                points[number].slide = spot_slide(ctx, images, textures, s, e.span())?;
+                number += 1;
+            }
+            EmitterFile::Point(_) | EmitterFile::Ies(_) => number += 1,
+            _ => {}
+        }
+    }
+    for e in list {
+        if let EmitterFile::Slide(s) = &**e {
+            points.push(slide(ctx, images, textures, s)?);
+        }
+    }
+    Ok(())
+}
+
+/// The image of a spot.
+fn spot_slide(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    s: &SpotFile,
+    at: Range<usize>,
+) -> Result<Option<Slide>, InputError> {
+    let Some(image) = &s.image else {
+        return match s.up {
+            None => Ok(None),
+            Some(_) => Err(ctx.error(at, "the spot has `up` without an image", "take it away")),
+        };
+    };
+    let cutoff = ctx.number(&s.cutoff_deg, "cutoff_deg of a spot with an image", 0.01..=89.9)?;
+    let z = direction(ctx, s.direction, at.clone(), "direction")?;
+    let up = vector(ctx, s.up.unwrap_or([0.0, 1.0, 0.0]), at.clone(), "up")?;
+    let Some(x) = z.cross(up).try_normalize() else {
+        return Err(ctx.error(
+            at,
+            "`up` runs along direction",
+            "give the image's up, across direction",
+        ));
+    };
+    let half = Vec2::splat(cutoff.to_radians().tan() as f32);
+    Ok(Some(Slide {
+        frustum: Frustum {
+            to_local: Mat3A::from_cols(x, z.cross(x), z).transpose(),
+            half,
+        },
+        texture: projected(ctx, images, textures, image)?,
+    }))
+}
+
+fn slide(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    s: &SlideFile,
+) -> Result<PointEmitter, InputError> {
+    let (position, axes) = pose(ctx, &s.pose)?;
+    let texture = projected(ctx, images, textures, &s.image)?;
+    let fov = ctx.number(&s.fov_x_deg, "fov_x_deg", 0.01..=179.0)?;
+    let x = (fov.to_radians() / 2.0).tan() as f32;
+    let image = &textures.images[texture as usize];
+    let frustum = Frustum {
+        to_local: axes.transpose(),
+        half: Vec2::new(x, x * image.height as f32 / image.width as f32),
+    };
+    Ok(PointEmitter {
+        position,
+        intensity: ctx.located(&s.irradiance, "irradiance", 0.0..=HUGE)?,
+        profile: Profile::Frustum(frustum),
+        slide: Some(Slide { frustum, texture }),
+        axis: axes.x_axis,
+    })
+}
+
+/// The image of what projects it.
+fn projected(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    image: &Located<ImageAlbedo>,
+) -> Result<u32, InputError> {
+    ctx.within(image.scale, image.span(), "scale", &(1.0..=1.0))?;
+    textures::radiances(ctx, images, textures, image)
 }
 
 /// A unit vector.
@@ -117,6 +217,7 @@ fn spot(ctx: &Context, s: &SpotFile, at: Range<usize>) -> Result<PointEmitter, I
             beam: beam.to_radians() as f32,
             cutoff: cutoff.to_radians() as f32,
         },
+        slide: None,
         axis: direction(ctx, s.horizontal, at, "horizontal")?,
     })
 }
@@ -149,6 +250,7 @@ fn luminaire(ctx: &mut Context, i: &IesFile, at: Range<usize>) -> Result<PointEm
             horizontal: profile.horizontal,
             values: profile.values,
         })),
+        slide: None,
         axis: direction(ctx, i.horizontal, at, "horizontal")?,
     })
 }
@@ -267,10 +369,7 @@ pub(crate) fn area(
 ) -> Result<AreaLight, InputError> {
     let value = ctx.located(&file.radiance, "radiance", 0.0..=HUGE)?;
     let texture = match &file.image {
-        Some(image) => {
-            ctx.within(image.scale, image.span(), "scale", &(1.0..=1.0))?;
-            Some(textures::radiances(ctx, images, textures, image)?)
-        }
+        Some(image) => Some(projected(ctx, images, textures, image)?),
         None => None,
     };
     let polarized = polarized(

@@ -99,7 +99,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
         .map(|p| Ok((projector(ctx, p, p.span(), &camera)?, p.span())))
         .transpose()?;
     slices::build(ctx, file, &camera, projector.as_ref().map(|(p, _)| p))?;
-    let emitters = lights::emitters(ctx, &file.emitters)?;
+    let mut emitters = lights::emitters(ctx, &file.emitters)?;
     let materials::Built {
         table: mut materials,
         names,
@@ -107,6 +107,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     } = materials::build(ctx, &file.materials)?;
     let mut out = Output::default();
     let textures = &mut materials.textures;
+    lights::slides(ctx, &mut images, textures, &file.emitters, &mut emitters.points)?;
     let shapes = all_placed(ctx, &file.objects, &names, textures, &mut images)?;
     let mut groups = vec![];
     for (name, group) in &file.groups {
@@ -185,7 +186,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
         scene.push(projector_element(ctx, p, span.clone(), &mut out)?);
     }
     let mut writer = EmitterWriter { ctx, out: &mut out };
-    for emitter in writer.all(file, &emitters)? {
+    for emitter in writer.all(file, &emitters, &materials.textures)? {
         scene.push(emitter);
     }
     Ok(Export {
@@ -253,7 +254,7 @@ fn integrator(settings: &Settings) -> Element {
 }
 
 /// Device axes to the world, in Mitsuba's order: left, up, forward.
-fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
+pub(super) fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
     let [right, down, forward] = [axes.x_axis, axes.y_axis, axes.z_axis].map(glam::Vec3A::as_dvec3);
     DAffine3::from_mat3_translation(DMat3::from_cols(-right, -down, forward), origin.as_dvec3())
 }

@@ -3,6 +3,7 @@
 //! Mitsuba's light is unpolarized and has no profile but a cone's. Images of light are exported at one wavelength, as numbers:
 //! its spectral variants would make spectra of their colours.
 
+use super::export::device;
 use super::export_output::{Output, bitmap, spectrum};
 use super::files::Contents;
 use super::xml::{Element, single};
@@ -12,10 +13,11 @@ use base::locate::InputError;
 use glam::{DAffine3, DMat3, Vec3A};
 use image::{DynamicImage, ImageBuffer, Rgb};
 use import::picture;
+use std::f64::consts::PI;
 use std::ops::Range;
 use syntax::device::EmitterFile;
 use syntax::scene::SceneFile;
-use transport::device::emitter::PointEmitter;
+use transport::device::emitter::{PointEmitter, Slide};
 use transport::light::area::AreaLight;
 use transport::light::distant::{Across, Distant};
 use transport::light::filter::Polarized;
@@ -31,7 +33,12 @@ pub(super) struct EmitterWriter<'a> {
 
 impl EmitterWriter<'_> {
     /// `[[emitters]]`.
-    pub fn all(&mut self, file: &SceneFile, all: &Emitters) -> Result<Vec<Element>, InputError> {
+    pub fn all(
+        &mut self,
+        file: &SceneFile,
+        all: &Emitters,
+        textures: &Textures,
+    ) -> Result<Vec<Element>, InputError> {
         let mut done = vec![];
         let places = |is: fn(&EmitterFile) -> bool| {
             let these = file.emitters.iter().filter(move |e| is(e));
@@ -43,8 +50,9 @@ impl EmitterWriter<'_> {
                 EmitterFile::Point(_) | EmitterFile::Spot(_) | EmitterFile::Ies(_)
             )
         };
-        for (point, at) in all.points.iter().zip(places(is_point)) {
-            done.push(self.point(point, at)?);
+        let slides = places(|e| matches!(e, EmitterFile::Slide(_)));
+        for (point, at) in all.points.iter().zip(places(is_point).chain(slides)) {
+            done.push(self.point(point, textures, at)?);
         }
         let is_distant = |e: &EmitterFile| matches!(e, EmitterFile::Directional(_) | EmitterFile::Beam(_));
         for (distant, at) in all.lights.distant.iter().zip(places(is_distant)) {
@@ -76,24 +84,47 @@ impl EmitterWriter<'_> {
         Ok(())
     }
 
-    fn point(&self, point: &PointEmitter, at: Range<usize>) -> Result<Element, InputError> {
+    fn point(
+        &mut self,
+        point: &PointEmitter,
+        textures: &Textures,
+        at: Range<usize>,
+    ) -> Result<Element, InputError> {
         let intensity = spectrum(&self.ctx.wavelengths, "intensity", point.intensity);
         Ok(match &point.profile {
             Profile::Even => Element::plugin("emitter", "point")
                 .child(vector("point", "position", point.position))
                 .child(intensity),
             Profile::Spot { axis, beam, cutoff } => {
-                let frame = optics::polarization::frame::basis(*axis);
+                let frame = match &point.slide {
+                    None => optics::polarization::frame::basis(*axis),
+                    Some(slide) => slide.frustum.to_local.transpose(),
+                };
                 let columns = [frame.x_axis, frame.y_axis, frame.z_axis].map(glam::Vec3A::as_dvec3);
                 let place = DAffine3::from_mat3_translation(
                     DMat3::from_cols(columns[0], columns[1], columns[2]),
                     point.position.as_dvec3(),
                 );
-                Element::plugin("emitter", "spot")
+                let spot = Element::plugin("emitter", "spot")
                     .float("cutoff_angle", f64::from(cutoff.to_degrees()))
                     .float("beam_width", f64::from(beam.to_degrees()))
                     .transform("to_world", &place)
-                    .child(intensity)
+                    .child(intensity);
+                match &point.slide {
+                    Some(slide) => spot.child(self.slide("texture", slide, textures, at)?),
+                    None => spot,
+                }
+            }
+            Profile::Frustum(frustum) => {
+                let Some(slide) = &point.slide else {
+                    unreachable!("a frustum has an image: it is made of slides alone")
+                };
+                Element::plugin("emitter", "projector")
+                    .float("fov", 2.0 * f64::from(frustum.half.x).atan().to_degrees())
+                    .string("fov_axis", "x")
+                    .float("scale", f64::from(point.intensity.to_array()[0]) / PI)
+                    .transform("to_world", &device(point.position, frustum.to_local.transpose()))
+                    .child(self.slide("irradiance", slide, textures, at)?)
             }
             Profile::Table(_) => {
                 return self.cannot(at, "a luminaire's profile", "use a point or a spot");
@@ -164,13 +195,38 @@ impl EmitterWriter<'_> {
         let Some(texture) = light.radiance.texture else {
             return Ok(open.child(spectrum(&self.ctx.wavelengths, "radiance", light.radiance.value)));
         };
-        self.at_one_wavelength(at.clone(), "an image of light")?;
         let image = textures.images[texture as usize];
-        let (first, count) = (image.first as usize, (image.width * image.height) as usize);
         let scale = light.radiance.value.to_array()[0];
+        Ok(open.child(self.image("radiance", textures, image, scale, at)?))
+    }
+
+    /// What a point emitter projects. Mitsuba's coordinates of it run down.
+    fn slide(
+        &mut self,
+        name: &str,
+        slide: &Slide,
+        textures: &Textures,
+        at: Range<usize>,
+    ) -> Result<Element, InputError> {
+        let image = textures.images[slide.texture as usize];
+        let uv = image.uv.map(|[a, b, c]| [a, -b, b + c]);
+        self.image(name, textures, Image { uv, ..image }, 1.0, at)
+    }
+
+    /// An image of light as a texture, its texels times `scale`.
+    fn image(
+        &mut self,
+        name: &str,
+        textures: &Textures,
+        image: Image,
+        scale: f32,
+        at: Range<usize>,
+    ) -> Result<Element, InputError> {
+        self.at_one_wavelength(at.clone(), "an image of light")?;
+        let (first, count) = (image.first as usize, (image.width * image.height) as usize);
         let values = textures.texels[first..first + count].iter().map(|t| t[0] * scale);
         let file = self.exr("light.exr", [image.width, image.height], values, at)?;
-        Ok(open.child(bitmap("radiance", &file, true, &Image { first: 0, ..image })))
+        Ok(bitmap(name, &file, true, &Image { first: 0, ..image }))
     }
 
     fn at_one_wavelength(&self, at: Range<usize>, what: &str) -> Result<(), InputError> {

@@ -10,8 +10,9 @@ use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3};
 use import::picture;
 use std::f64::consts::PI;
-use syntax::device::{EmitterFile, ProjectorFile};
+use syntax::device::{EmitterFile, ProjectorFile, SlideFile};
 use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, Rows, SpotFile};
+use syntax::texture::ImageAlbedo;
 use syntax::values::SpectrumFile;
 
 /// The emitters of a scene.
@@ -66,13 +67,16 @@ pub(super) fn add<'a>(
             node.finish(source, &["to_world"]);
             environment
         }
-        "projector" if file.projector.is_some() => {
-            return importer.error(&node.span, "a second projector", "keep one");
-        }
-        "projector" => {
-            file.projector = Some(Located::at(node.span.clone(), projector(importer, node)?));
-            return Ok(());
-        }
+        "projector" => match projector(importer, node)? {
+            Projected::Slide(slide) => EmitterFile::Slide(Box::new(slide)),
+            Projected::Patterns(_) if file.projector.is_some() => {
+                return importer.error(&node.span, "a second projector without an image", "keep one");
+            }
+            Projected::Patterns(projector) => {
+                file.projector = Some(Located::at(node.span.clone(), projector));
+                return Ok(());
+            }
+        },
         other => {
             return importer.error(
                 &node.span,
@@ -88,14 +92,17 @@ pub(super) fn add<'a>(
 /// Looks along its +z.
 fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
-    if let Some(child) = node.named("texture") {
+    let image = projected(importer, node, "texture")?;
+    let place = node.transform(source, "to_world")?.unwrap_or_default();
+    if image.is_some() && place.matrix3.determinant() < 0.0 {
         return importer.error(
-            child.span(),
-            "sunstone has no spots with a texture",
-            "take it away",
+            &node.span,
+            "the to_world of a spot with a texture mirrors",
+            "use lookat, rotate and translate alone",
         );
     }
-    let place = node.transform(source, "to_world")?.unwrap_or_default();
+    // Mitsuba's image rises with +y of the spot and runs to the right with its +x, as one that is turned over.
+    let up = image.as_ref().map(|_| (-place.matrix3.y_axis).to_array());
     let cutoff = node.float(source, "cutoff_angle")?.unwrap_or(20.0);
     let beam = node.float(source, "beam_width")?.unwrap_or(0.75 * cutoff);
     let spot = SpotFile {
@@ -104,6 +111,8 @@ fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, 
         intensity: importer.spectrum_or(node, "intensity", 1.0)?,
         cutoff_deg: Located::at(node.span.clone(), cutoff),
         beam_deg: Some(Located::at(node.span.clone(), beam)),
+        image,
+        up,
         horizontal: [1.0, 0.0, 0.0],
     };
     sampling_weight(importer, node)?;
@@ -225,22 +234,57 @@ fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), Inpu
     Ok(())
 }
 
+/// The image that an emitter projects, if there is one; Mitsuba's coordinates of it run down.
+fn projected<'a>(
+    importer: &Importer<'a>,
+    node: &'a Node,
+    name: &str,
+) -> Result<Option<Located<ImageAlbedo>>, InputError> {
+    let mut uv = Coordinates {
+        turned: true,
+        images: false,
+    };
+    let image = image_of(importer, node, name, &mut uv)?;
+    Ok(image.map(|image| Located::at(node.span.clone(), image)))
+}
+
+/// What a projector of Mitsuba becomes.
+enum Projected {
+    /// The device whose pixels T resolves.
+    Patterns(ProjectorFile),
+    /// Light of the scene, with an image.
+    Slide(SlideFile),
+}
+
 /// Mitsuba's projector gives π times its `scale` × `irradiance` on the plane at 1 m.
-fn projector<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<ProjectorFile, InputError> {
+fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projected, InputError> {
     let factor = PI * node.float(importer.source, "scale")?.unwrap_or(1.0);
     let given = importer.document.parameters.get(PROJECTOR_RESOLUTION);
     let given = given.and_then(|t| match numbers(t).as_deref() {
         Some(&[w, h]) => Some([w, h]),
         _ => None,
     });
-    let texture = node.named("irradiance");
-    let texture = texture
-        .map(|t| importer.resolve(t))
-        .transpose()?
-        .filter(|t| t.tag == "texture");
+    let at = |v: f64| Located::at(node.span.clone(), v);
     let one = || Located::at(node.span.clone(), SpectrumFile::Scalar(1.0));
-    let (size, irradiance) = if let Some(texture) = texture {
-        (white(importer, texture)?, one())
+    let image = projected(importer, node, "irradiance")?;
+    let (size, irradiance) = if let Some(image) = &image {
+        let (size, white) = decoded(importer, node, "irradiance")?;
+        if !white {
+            importer.note(
+                "a projector's image that is not white makes it light of the scene (`slide`), whose pixels T does not resolve: patterns are \
+                 chosen in `sunstone probe`",
+            );
+            let fov = field_of_view(importer, node, f64::from(size[0]) / f64::from(size[1]))?;
+            let pose = Located::at(node.span.clone(), pose(importer, node)?);
+            node.finish(importer.source, &[]);
+            return Ok(Projected::Slide(SlideFile {
+                image: image.clone(),
+                irradiance: Located::at(node.span.clone(), scaled(&SpectrumFile::Scalar(1.0), factor)),
+                fov_x_deg: at(fov),
+                pose,
+            }));
+        }
+        (size, one())
     } else {
         let [w, h] = given.unwrap_or([256.0; 2]);
         // The film's largest size is the projector's too.
@@ -258,7 +302,7 @@ fn projector<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<ProjectorFil
     node.finish(importer.source, &[]);
     let mut projector = ProjectorFile::new(device(node, pose, size, fov));
     projector.irradiance = Located::at(irradiance.span(), scaled(&irradiance, factor));
-    Ok(projector)
+    Ok(Projected::Patterns(projector))
 }
 
 /// A spectrum, each value multiplied.
@@ -274,33 +318,24 @@ fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
     out
 }
 
-/// Size of a projector's image, which must be white: patterns are chosen in probing.
-fn white(importer: &Importer, node: &Node) -> Result<[u32; 2], InputError> {
-    let source = importer.source;
-    let name = node.text(source, "filename")?.unwrap_or_default();
+/// Size of a projector's image, and whether it is white all over.
+fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([u32; 2], bool), InputError> {
+    let file = node
+        .named(name)
+        .map(|child| importer.resolve(child))
+        .transpose()?;
+    let file = file
+        .map(|texture| texture.text(importer.source, "filename"))
+        .transpose()?;
+    let name = file.flatten().unwrap_or_default();
     let refused = |what: String| {
-        source.error(
-            &node.span,
-            what,
-            "give a white PNG of the projector's size; patterns belong to `sunstone probe`",
-        )
+        let mend = "give an image file that can be read";
+        importer.source.error(&node.span, what, mend)
     };
-    if node.kind != "bitmap" {
-        return Err(refused(format!(
-            "a projector's image cannot be a texture `{}`",
-            node.kind
-        )));
-    }
     let path = importer.path(name);
     let bytes = base::input::read(&path).map_err(|e| refused(format!("cannot read {name}: {e}")))?;
-    let image = picture::decode(name, &bytes, None)
+    let decoded = picture::decode(name, &bytes, None)
         .map_err(|e| refused(format!("cannot decode {name}: {}", e.message)))?;
-    if image.values.iter().any(|p| *p != [1.0; 3]) {
-        return Err(refused(format!("{name} is not white")));
-    }
-    node.finish(
-        source,
-        &["raw", "format", "to_uv", "filter_type", "wrap_mode", "accel"],
-    );
-    Ok([image.width as u32, image.height as u32])
+    let white = decoded.values.iter().all(|p| *p == [1.0; 3]);
+    Ok(([decoded.width as u32, decoded.height as u32], white))
 }

@@ -1,6 +1,6 @@
-//! How much a point emitter sends in which direction, over its greatest intensity.
+//! How much a point emitter sends in which direction, over its greatest intensity (of a frustum: over that on its axis).
 
-use glam::{Mat3A, Vec3A};
+use glam::{Mat3A, Vec2, Vec3A};
 use optics::sampling::warp;
 use std::f32::consts::{PI, TAU};
 
@@ -21,6 +21,42 @@ pub enum Profile {
     },
     /// A measured table.
     Table(Box<Table>),
+    /// A projector's pyramid of light: the same irradiance all over a rectangle before the point.
+    Frustum(Frustum),
+}
+
+/// The directions from a point through a rectangle before it, in which an image stands.
+#[derive(Clone, Copy, Debug)]
+pub struct Frustum {
+    /// World to device axes: right, down, forward.
+    pub to_local: Mat3A,
+    /// Half width and half height of the rectangle where it is 1 m away.
+    pub half: Vec2,
+}
+
+impl Frustum {
+    /// Where a direction passes the plane of the rectangle: (0, 0) is its lower left corner, (1, 1) its upper right one; `None`
+    /// behind it.
+    #[inline]
+    #[must_use]
+    pub fn uv(&self, dir: Vec3A) -> Option<Vec2> {
+        let d = self.to_local * dir;
+        (d.z > 0.0).then(|| 0.5 + 0.5 * Vec2::new(d.x, -d.y) / (d.z * self.half))
+    }
+
+    /// Cosine between the axis and a direction through the rectangle.
+    #[inline]
+    fn cosine(&self, dir: Vec3A) -> Option<f32> {
+        let uv = self.uv(dir)?;
+        let inside = uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
+        inside.then(|| (self.to_local * dir).z)
+    }
+
+    /// Cosine between the axis and the rectangle's corners.
+    #[must_use]
+    pub fn corner(&self) -> f32 {
+        (1.0 + self.half.length_squared()).sqrt().recip()
+    }
 }
 
 /// A luminaire's intensities over its greatest one (IES LM-63), linear between entries.
@@ -79,7 +115,7 @@ impl Table {
 }
 
 impl Profile {
-    /// Intensity along the unit direction `dir` over the greatest.
+    /// Intensity along the unit direction `dir` over the greatest, or of a frustum over that on its axis.
     #[inline]
     #[must_use]
     pub fn value(&self, dir: Vec3A) -> f32 {
@@ -96,6 +132,7 @@ impl Profile {
                 }
             }
             Self::Table(table) => table.value(dir),
+            Self::Frustum(frustum) => frustum.cosine(dir).map_or(0.0, |cos| cos.powi(-3)),
         }
     }
 
@@ -106,6 +143,10 @@ impl Profile {
         match self {
             Self::Even | Self::Table(_) => warp::sphere(u),
             Self::Spot { axis, cutoff, .. } => cone(*axis, cutoff.cos(), u),
+            Self::Frustum(frustum) => {
+                let at = (2.0 * Vec2::from_array(u) - 1.0) * frustum.half;
+                frustum.to_local.transpose() * at.extend(1.0).to_vec3a().normalize()
+            }
         }
     }
 
@@ -123,6 +164,7 @@ impl Profile {
                     0.0
                 }
             }
+            Self::Frustum(Frustum { half, .. }) => self.value(dir) / (4.0 * half.x * half.y),
         }
     }
 

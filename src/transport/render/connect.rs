@@ -183,7 +183,7 @@ fn connect_point(
         wi,
         position: point.position,
         distance,
-        irradiance: point.intensity * Spectral::splat(share),
+        irradiance: point.share(&scene.materials.textures, -wi, share),
         polarized: Polarized {
             axis: point.axis,
             filter: None,

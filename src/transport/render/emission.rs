@@ -190,8 +190,8 @@ impl Emission {
         match (self.sources[source].0, &ends.projector) {
             (Source::Point(i), _) => {
                 let point = &scene.points[i];
-                let share = Spectral::splat(point.profile.value(dir));
-                (point.intensity * share, point.axis)
+                let share = point.profile.value(dir);
+                (point.share(&scene.materials.textures, dir, share), point.axis)
             }
             (Source::Projector, Some(p)) => {
                 let cos = dir.dot(p.pinhole.forward());

@@ -102,6 +102,7 @@ pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
             position: Vec3A::new(-1.0, 1.5, 2.0),
             intensity: Spectral::ONE,
             profile: Profile::Even,
+            slide: None,
             axis: Vec3A::X,
         }],
         environment: Some(Environment {
