@@ -192,7 +192,8 @@ impl<'a> Studio<'a> {
         let mut camera = (*file.camera).clone();
         let old = *camera.resolution;
         let [w, h] = old;
-        if camera.fov_x_deg.is_none() && camera.fov_y_deg.is_none() || w == 0 || h == 0 {
+        let widths = [&camera.fov_x_deg, &camera.fov_y_deg, &camera.orthographic_width];
+        if widths.iter().all(|v| v.is_none()) || w == 0 || h == 0 {
             return Err(self.lacks(
                 "the camera has no field of view to be rendered at another size".into(),
                 "give it fov_x_deg or fov_y_deg".into(),

@@ -22,6 +22,8 @@ _Numbers = npt.NDArray[np.float64]
 
 def _device(device: Mapping[str, Any], name: str) -> tuple[_Numbers, _Numbers, _Numbers, _Numbers]:
     """Axes as columns, centre, focal lengths, principal point."""
+    if "pixels_per_m" in device:
+        raise ValueError(f"the {name} is orthographic: it has no centre, and so no epipolar lines")
     if any(device.get("distortion", {}).values()):
         raise ValueError(
             f"the lens of the {name} distorts, and lines are not straight: "

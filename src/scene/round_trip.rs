@@ -282,6 +282,7 @@ impl Choices<'_> {
 
     fn camera(&mut self) -> PinholeFile {
         PinholeFile {
+            orthographic_width: self.some_number(),
             calibration: self.some(|c| c.text().into()),
             resolution: [self.whole(), self.whole()].into(),
             fov_x_deg: self.some_number(),

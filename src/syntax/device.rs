@@ -46,6 +46,10 @@ pub struct PinholeFile {
     pub fisheye: Option<Located<[f64; 4]>>,
     /// A lens of finite aperture instead of a pinhole.
     pub aperture: Option<Located<ApertureFile>>,
+    /// An orthographic camera in place of a pinhole: all rays run along the axis, from the plane of the pose, on which the image is so
+    /// many metres wide. Its paths are made from the camera alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orthographic_width: Option<Located<f64>>,
     /// Where it stands.
     #[serde(default, skip_serializing_if = "is_default")]
     pub pose: Located<PoseFile>,
@@ -293,6 +297,7 @@ impl PinholeFile {
             opencv: None,
             fisheye: None,
             aperture: None,
+            orthographic_width: None,
             pose: pose.into(),
         }
     }
@@ -316,6 +321,13 @@ impl PinholeFile {
     #[must_use]
     pub fn has_pose(&self) -> bool {
         *self.pose != PoseFile::default()
+    }
+
+    /// Makes it orthographic, its image so many metres wide.
+    #[must_use]
+    pub fn orthographic_width(mut self, metres: f64) -> Self {
+        self.orthographic_width = Some(metres.into());
+        self
     }
 
     /// Width and height in pixels.

@@ -117,6 +117,12 @@ fn points_meet(tables: &SceneTables) -> bool {
 pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
     let asked = tables.settings.integrator;
     let walks = tables.has_fillings() || tables.has_lenses();
+    if tables.camera.parallel {
+        return (
+            Integrator::Path,
+            "no light reaches the pinhole of an orthographic camera, which has none, so paths are made from the camera alone",
+        );
+    }
     match asked {
         Integrator::Caustics if walks => (
             Integrator::Bidirectional,

@@ -5,7 +5,7 @@ use crate::light::tree::LightTree;
 use crate::lit::choose;
 use crate::material::{Lanes, Materials};
 pub use crate::tables::{Integrator, SceneTables, Settings, Variant};
-use glam::Vec3A;
+use glam::{DVec2, Vec3A};
 use std::ops::{Deref, DerefMut};
 use tensor::axes::Extents;
 
@@ -115,7 +115,12 @@ impl Scene {
         };
         let [low, high] = self.geometry.bounds();
         let reach = |p: Vec3A| (p - low).abs().max((p - high).abs()).length();
-        self.far = 2.0 * reach(self.camera.origin).max((high - low).length()).max(1.0);
+        let corners = [
+            DVec2::ZERO,
+            DVec2::from_array(self.camera.resolution.map(f64::from)),
+        ];
+        let seen = corners.map(|corner| reach(self.camera.at(corner).origin));
+        self.far = 2.0 * seen[0].max(seen[1]).max((high - low).length()).max(1.0);
     }
 
     /// The lanes of all wavelengths.

@@ -32,6 +32,7 @@ mod mesh_files;
 mod microfacet;
 mod mirrors;
 mod optics;
+mod orthographic;
 mod projector_sheets;
 mod published_slabs;
 mod rough_crystals;

@@ -150,6 +150,13 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
         environment,
         mut lights,
     } = lights::emitters(ctx, &file.emitters)?;
+    if let (true, Integrator::Caustics | Integrator::Bidirectional) = (camera.parallel, settings.integrator) {
+        return Err(ctx.error(
+            file.camera.span(),
+            "an orthographic camera has no pinhole that paths from the light could be connected to",
+            "use integrator = \"path\", or give the camera a field of view",
+        ));
+    }
     let shines = file.objects.iter().any(|o| o.emission.is_some());
     // Only surfaces and the sky are seen themselves.
     let seen = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
@@ -196,13 +203,20 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
         )
     };
     if let (Some(at), Some(p)) = (slices.iter().position(uses_epipolar), &projector)
-        && Epipolar::new(&camera, &p.pinhole).is_none()
+        && (camera.parallel || Epipolar::new(&camera, &p.pinhole).is_none())
     {
-        return Err(ctx.error(
-            file.slices[at].span(),
-            "camera and projector share their centre, so there are no epipolar lines",
-            "move the projector, or use projector = \"coaxial\"",
-        ));
+        let (what, mend) = if camera.parallel {
+            (
+                "an orthographic camera has no centre, so there are no epipolar lines",
+                "give it a field of view, or take the slice away",
+            )
+        } else {
+            (
+                "camera and projector share their centre, so there are no epipolar lines",
+                "move the projector, or use projector = \"coaxial\"",
+            )
+        };
+        return Err(ctx.error(file.slices[at].span(), what, mend));
     }
     let name = file.name.clone().unwrap_or_else(|| default_name(&ctx.file));
     let scene = Scene::new(SceneTables {

@@ -128,6 +128,7 @@ fn overlaid(
     let lens = [
         given.fov_x_deg.is_some(),
         given.fov_y_deg.is_some(),
+        given.orthographic_width.is_some(),
         given.fx.is_some(),
         given.fy.is_some(),
         given.cx.is_some(),
@@ -163,6 +164,7 @@ fn overlaid(
     Ok(PinholeFile {
         calibration: None,
         resolution: here(key, &found.resolution),
+        orthographic_width: None,
         fov_x_deg: found.fov_x_deg.as_ref().map(|v| here(key, v)),
         fov_y_deg: found.fov_y_deg.as_ref().map(|v| here(key, v)),
         fx: found.fx.as_ref().map(|v| here(key, v)),

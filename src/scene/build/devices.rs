@@ -4,7 +4,7 @@ use super::context::{Context, HUGE};
 use super::lens::{distortion, intrinsics};
 use super::pose::pose;
 pub(crate) use super::pose::vector;
-use base::locate::InputError;
+use base::locate::{InputError, Located};
 use std::ops::Range;
 use syntax::device::{ApertureFile, PinholeFile, ProjectorFile};
 use transport::device::pinhole::{Lens, Pinhole};
@@ -36,9 +36,20 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     let (focal, principal) = intrinsics(ctx, p, span.clone())?;
     let lens = distortion(ctx, p)?;
     let (origin, axes) = pose(ctx, &p.pose)?;
+    if let (Some(width), Some(at)) = (
+        &p.orthographic_width,
+        lens.span.clone().or(p.aperture.as_ref().map(Located::span)),
+    ) {
+        return Err(ctx.error(
+            at,
+            format!("a camera with an orthographic_width ({} m) has no lens", **width),
+            "take distortion and aperture away, or the orthographic_width",
+        ));
+    }
     let at = lens.span.unwrap_or(span);
     let mut device = Pinhole::new([w, h], focal, principal, lens.distortion, origin, axes)
         .map_err(|e| ctx.error(at, e, lens.mend))?;
+    device.parallel = p.orthographic_width.is_some();
     if let Some(aperture) = &p.aperture {
         let ApertureFile { radius, focus } = **aperture;
         if !(0.0..1e3).contains(&radius) || !(1e-6..HUGE).contains(&focus) {
@@ -60,6 +71,13 @@ pub(crate) fn projector(
     camera: &Pinhole,
 ) -> Result<Projector, InputError> {
     let irradiance = ctx.located(&p.irradiance, "irradiance", 0.0..=HUGE)?;
+    if p.coaxial && camera.parallel {
+        return Err(ctx.error(
+            span,
+            "a coaxial projector shines through the camera's pinhole, and an orthographic camera has none",
+            "give the projector a pose and pixels of its own, or the camera a field of view",
+        ));
+    }
     if p.coaxial {
         let own = p.resolution.is_some()
             || p.pose.is_some()
@@ -118,6 +136,7 @@ pub(crate) fn pinhole_of(p: &ProjectorFile) -> PinholeFile {
         opencv: p.opencv.clone(),
         fisheye: p.fisheye.clone(),
         aperture: p.aperture.clone(),
+        orthographic_width: None,
         pose: p.pose.clone().unwrap_or_default(),
     }
 }

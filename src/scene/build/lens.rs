@@ -1,6 +1,6 @@
 //! Intrinsics and lens distortion of a scene file, in each of the ways in which they may be given.
 
-use super::context::Context;
+use super::context::{Context, HUGE};
 use base::locate::{InputError, Located};
 use glam::DVec2;
 use std::ops::Range;
@@ -40,13 +40,19 @@ pub(crate) fn intrinsics(
         }
     };
     let given = |f: &Located<f64>| positive(**f, f.span());
+    let across = |width: &Located<f64>| {
+        let width = ctx.number(width, "orthographic_width", 1e-6..=HUGE)?;
+        Ok(w / width)
+    };
     let matrix = p.opencv_matrix.as_ref();
-    let focal = match (&p.fov_x_deg, &p.fov_y_deg, &p.fx, &p.fy, matrix) {
-        (Some(fov), None, None, None, None) => DVec2::splat(from_fov(fov, w)?),
-        (None, Some(fov), None, None, None) => DVec2::splat(from_fov(fov, h)?),
-        (None, None, Some(fx), None, None) => DVec2::splat(given(fx)?),
-        (None, None, Some(fx), Some(fy), None) => DVec2::new(given(fx)?, given(fy)?),
-        (None, None, None, None, Some(m)) => {
+    let parallel = p.orthographic_width.as_ref();
+    let focal = match (&p.fov_x_deg, &p.fov_y_deg, &p.fx, &p.fy, matrix, parallel) {
+        (Some(fov), None, None, None, None, None) => DVec2::splat(from_fov(fov, w)?),
+        (None, Some(fov), None, None, None, None) => DVec2::splat(from_fov(fov, h)?),
+        (None, None, Some(fx), None, None, None) => DVec2::splat(given(fx)?),
+        (None, None, Some(fx), Some(fy), None, None) => DVec2::new(given(fx)?, given(fy)?),
+        (None, None, None, None, None, Some(width)) => DVec2::splat(across(width)?),
+        (None, None, None, None, Some(m), None) => {
             let [[fx, ..], [_, fy, _], _] = **m;
             DVec2::new(positive(fx, m.span())?, positive(fy, m.span())?)
         }
@@ -54,7 +60,8 @@ pub(crate) fn intrinsics(
             return Err(ctx.error(
                 span,
                 "the focal length is given in no way, or in more than one",
-                "give exactly one of fov_x_deg, fov_y_deg, opencv_matrix, or fx (with fy if pixels are not square)",
+                "give exactly one of fov_x_deg, fov_y_deg, opencv_matrix, or fx (with fy if pixels are not square); an orthographic camera \
+                 has an orthographic_width instead",
             ));
         }
     };

@@ -285,11 +285,29 @@ fn off_centre(p: &Pinhole) -> [f64; 2] {
 }
 
 fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Result<Element, InputError> {
-    let mut sensor = Element::plugin("sensor", "perspective")
-        .float("fov", field_of_view(ctx, camera, span, "camera")?)
-        .string("fov_axis", "x")
-        .float("near_clip", 1e-3);
     let [x, y] = off_centre(camera);
+    let mut sensor = if camera.parallel {
+        if [x, y] != [0.0; 2] {
+            return Err(ctx.error(
+                span,
+                "Mitsuba cannot express an orthographic camera with its principal point off the centre",
+                "take cx and cy away, and move the camera",
+            ));
+        }
+        Element::plugin("sensor", "orthographic")
+    } else {
+        Element::plugin("sensor", "perspective")
+            .float("fov", field_of_view(ctx, camera, span, "camera")?)
+            .string("fov_axis", "x")
+    }
+    .float("near_clip", 1e-3);
+    // Its image reaches from -1 to 1 across.
+    let half = if camera.parallel {
+        f64::from(camera.resolution[0]) / camera.focal.x / 2.0
+    } else {
+        1.0
+    };
+    let place = device(camera.origin, camera.axes) * DAffine3::from_scale(DVec3::new(half, half, 1.0));
     if [x, y] != [0.0; 2] {
         sensor = sensor
             .float("principal_point_offset_x", x)
@@ -301,10 +319,7 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
         .string("component_format", "float32")
         .child(Element::plugin("rfilter", "box"));
     let sampler = Element::plugin("sampler", "independent").integer("sample_count", spp);
-    Ok(sensor
-        .transform("to_world", &device(camera.origin, camera.axes))
-        .child(film)
-        .child(sampler))
+    Ok(sensor.transform("to_world", &place).child(film).child(sampler))
 }
 
 /// Mitsuba's `projector` gives π times the irradiance that its documentation states for the same number.

@@ -363,11 +363,11 @@ fn check(
 fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
     /// Rays in each direction, the edges of the image included.
     const RAYS: u32 = 65;
-    let camera = &scene.camera;
-    let [width, height] = camera.resolution.map(f64::from);
+    let [width, height] = scene.camera.resolution.map(f64::from);
     for k in 0..RAYS * RAYS {
         let part = |i: u32| f64::from(i) / f64::from(RAYS - 1);
         let at = DVec2::new(width * part(k % RAYS), height * part(k / RAYS));
+        let camera = scene.camera.at(at);
         let dir = camera.direction(at);
         let Some(hit) = scene.geometry.intersect(
             &Ray {

@@ -4,7 +4,7 @@ use super::importer::Importer;
 use super::tree::{Node, number};
 use crate::build::pose::rows;
 use base::locate::{InputError, Located};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 use syntax::device::{ApertureFile, PinholeFile, PoseFile};
 use syntax::values::TimeBins;
 
@@ -50,11 +50,12 @@ impl Film {
 /// The camera, the samples per pixel and the bins of travel time.
 pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Sensor, InputError> {
     let source = importer.source;
-    if !["perspective", "thinlens"].contains(&node.kind.as_str()) {
+    let orthographic = node.kind == "orthographic";
+    if !orthographic && !["perspective", "thinlens"].contains(&node.kind.as_str()) {
         return importer.error(
             &node.span,
             format!("sunstone has no sensor `{}`", node.kind),
-            "use <sensor type=\"perspective\"> or thinlens",
+            "use <sensor type=\"perspective\">, thinlens or orthographic",
         );
     }
     let (mut spp, mut given) = (importer.whole(&node.span, 4, "sample_count")?, None);
@@ -86,28 +87,42 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
     }
     let Film { size, window, time } = given.unwrap_or(Film::whole([768, 576]));
     let [w, h] = size.map(f64::from);
-    let fov = field_of_view(importer, node, w / h)?;
+    let fov = if orthographic {
+        0.0
+    } else {
+        field_of_view(importer, node, w / h)?
+    };
     let mut offset = [0.0; 2];
-    for (slot, name) in offset
-        .iter_mut()
-        .zip(["principal_point_offset_x", "principal_point_offset_y"])
-    {
+    let names = ["principal_point_offset_x", "principal_point_offset_y"];
+    for (slot, name) in offset.iter_mut().zip(names).filter(|_| !orthographic) {
         *slot = node.float(source, name)?.unwrap_or(0.0);
     }
     let near = node.float(source, "near_clip")?.unwrap_or(NEAR);
     let time = time.map(|(start, width, bins)| {
-        importer.note(format!(
+        let start = if orthographic { start } else { start + near };
+        if !orthographic {
+            importer.note(format!(
             "mitransient counts path lengths from the near clipping plane: the time bins begin {near} m later here, which is \
              exact on the optical axis"
-        ));
+            ));
+        }
         let at = |v| Located::at(node.span.clone(), v);
         TimeBins {
-            start_ps: (start + near) / METRES_PER_PS,
+            start_ps: start / METRES_PER_PS,
             bin_ps: at(width / METRES_PER_PS),
             bins: Located::at(node.span.clone(), bins),
         }
     });
-    let mut camera = device(node, camera_pose(importer, node)?, [window[2], window[3]], fov);
+    let (pose, width) = if orthographic {
+        parallel(importer, node, near)?
+    } else {
+        (camera_pose(importer, node)?, 0.0)
+    };
+    let mut camera = device(node, pose, [window[2], window[3]], fov);
+    if orthographic {
+        camera.fov_x_deg = None;
+        camera.orthographic_width = Some(Located::at(node.span.clone(), width * f64::from(window[2]) / w));
+    }
     if node.kind == "thinlens" {
         let (radius, focus) = (
             node.float(source, "aperture_radius")?,
@@ -122,10 +137,16 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
         };
         camera.aperture = Some(Located::at(node.span.clone(), aperture));
     }
-    let clip = [near, node.float(source, "far_clip")?.unwrap_or(FAR)];
+    let far = node.float(source, "far_clip")?.unwrap_or(FAR);
+    // The rays of an orthographic camera begin at the near plane, here too.
+    let clip = if orthographic {
+        [0.0, far - near]
+    } else {
+        [near, far]
+    };
     node.finish(source, &["focus_distance", "shutter_open", "shutter_close"]);
     let cropped = window != [0, 0, size[0], size[1]];
-    if cropped {
+    if cropped && !orthographic {
         // The field of view is that of the whole film.
         camera.fov_x_deg = None;
         let fx = w / (2.0 * (fov.to_radians() / 2.0).tan());
@@ -143,9 +164,36 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
     })
 }
 
+/// Pose, with which rays begin at the near clipping plane, and width of an orthographic camera: Mitsuba's image reaches from -1 to 1
+/// across.
+fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile, f64), InputError> {
+    let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
+    let m = place.matrix3;
+    let lengths = [m.x_axis, m.y_axis, m.z_axis].map(DVec3::length);
+    if (lengths[0] / lengths[1] - 1.0).abs() > 1e-4 || (lengths[2] - 1.0).abs() > 1e-4 {
+        return importer.error(
+            &node.span,
+            "to_world of an orthographic camera scales x and y differently, or z",
+            "scale x and y by half of the image's width",
+        );
+    }
+    let unscaled = DMat3::from_cols(
+        m.x_axis / lengths[0],
+        m.y_axis / lengths[1],
+        m.z_axis / lengths[2],
+    );
+    let at = place.translation + unscaled.z_axis * near;
+    let pose = unmirrored(importer, node, DAffine3::from_mat3_translation(unscaled, at))?;
+    Ok((pose, 2.0 * lengths[0]))
+}
+
 /// The pose of a camera, whose image may be mirrored: then left and right are exchanged, and it is noted.
 fn camera_pose(importer: &mut Importer, node: &Node) -> Result<PoseFile, InputError> {
     let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
+    unmirrored(importer, node, place)
+}
+
+fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<PoseFile, InputError> {
     if place.matrix3.determinant() < 0.0 {
         importer.note(
             "the camera's to_world mirrors: left and right of the image are exchanged against Mitsuba's",
@@ -493,7 +541,7 @@ fn posed(importer: &Importer, node: &Node, place: DAffine3) -> Result<PoseFile, 
         );
     }
     let device = DAffine3::from_mat3_translation(
-        glam::DMat3::from_cols(-m.x_axis, -m.y_axis, m.z_axis),
+        DMat3::from_cols(-m.x_axis, -m.y_axis, m.z_axis),
         place.translation,
     );
     Ok(PoseFile::Matrix(rows(&device)))

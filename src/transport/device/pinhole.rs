@@ -51,6 +51,9 @@ pub struct Pinhole {
     pub axes: Mat3A,
     /// The lens in place of the pinhole.
     pub lens: Lens,
+    /// All rays run along the axis, from the plane of the image (orthographic): `focal` is pixels a metre then, and normalized
+    /// coordinates are metres on that plane.
+    pub parallel: bool,
     /// Normalized coordinates of the image are those of directions plus this: 0 but for a point of a lens.
     shift: DVec2,
     /// Squared normalized radius past which nothing can fall on the image (where distortion would fold back).
@@ -78,6 +81,7 @@ impl Pinhole {
             origin,
             axes,
             lens: Lens::default(),
+            parallel: false,
             shift: DVec2::ZERO,
             max_radius2: f64::INFINITY,
         };
@@ -143,6 +147,22 @@ impl Pinhole {
         Self {
             origin: self.origin + self.axes.x_axis * x + self.axes.y_axis * y,
             shift: at / self.lens.focus,
+            ..*self
+        }
+    }
+
+    /// The device of the ray through a position of the image. Of a parallel device: a pinhole there that looks along the axis at this
+    /// position.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, pixel: DVec2) -> Self {
+        if !self.parallel {
+            return *self;
+        }
+        let at = (pixel - self.principal) / self.focal;
+        Self {
+            origin: self.origin + self.axes.x_axis * at.x as f32 + self.axes.y_axis * at.y as f32,
+            shift: at,
             ..*self
         }
     }

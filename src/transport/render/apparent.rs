@@ -116,7 +116,8 @@ pub(super) fn find(scene: &Scene, emission: &Emission) -> Guide {
     let [w, h] = scene.camera.resolution.map(f64::from);
     let of_camera = seen(scene, From::Camera, 1, |at, _| {
         let [x, y] = at.map(f64::from);
-        let dir = ends.camera.direction(DVec2::new(w * x, h * y));
+        let mut ends = ends;
+        let dir = ends.look(DVec2::new(w * x, h * y));
         Some((emission.camera_end(scene, &ends.camera, dir), 0))
     });
     let of_light = seen(scene, From::Light, emission.count(), |at, stream| {

@@ -311,11 +311,9 @@ impl Walks {
         let pixel = y * scene.camera.resolution[0] + x;
         let strategies = plan.setup.strategies;
         let mut stream = Stream::new(plan.seed, pixel, sample);
-        let ends = Ends::draw(scene, &mut stream);
+        let mut ends = Ends::draw(scene, &mut stream);
         let [jx, jy] = stream.uniform2().map(f64::from);
-        let dir = ends
-            .camera
-            .direction(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
+        let dir = ends.look(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
         let end = plan.setup.emission.camera_end(scene, &ends.camera, dir);
         // What plain paths find is theirs. What a Lambert surface sends to the camera is found by walks from
         // the light, and over ways through interfaces.

@@ -70,6 +70,15 @@ impl Ends {
         }
         ends
     }
+
+    /// The direction of the camera's ray through a position of the image, where a parallel camera's end moves to.
+    #[inline]
+    pub fn look(&mut self, at: DVec2) -> Vec3A {
+        if self.camera.parallel {
+            self.camera = self.camera.at(at);
+        }
+        self.camera.direction(at)
+    }
 }
 
 /// Where a path's light comes from.
@@ -284,6 +293,11 @@ impl Emission {
     /// The camera's end of walks whose rays start along `dir`.
     #[inline]
     pub fn camera_end(&self, scene: &Scene, camera: &Pinhole, dir: Vec3A) -> End {
+        let nest = if camera.parallel {
+            surroundings(scene, camera.origin)
+        } else {
+            self.camera
+        };
         End {
             ray: Ray {
                 origin: camera.origin,
@@ -292,8 +306,8 @@ impl Emission {
             chain: Chain::start(scene.wavelengths.ones()),
             frame: camera.frame(dir),
             density: camera.pixels_per_steradian(dir),
-            filling: surrounding(scene, &self.camera, 0),
-            nest: self.camera,
+            filling: surrounding(scene, &nest, 0),
+            nest,
         }
     }
 

@@ -198,8 +198,9 @@ pub fn narrow(scene: &Scene) -> Vec<Gap> {
         .flat_map_iter(|k| {
             let (device, k) = (devices[(k / (GRID * GRID)) as usize], k % (GRID * GRID));
             let [w, h] = device.resolution.map(f64::from);
-            let dir = device.direction(DVec2::new(w * at(k % GRID), h * at(k / GRID)));
-            let origin = device.origin;
+            let pixel = DVec2::new(w * at(k % GRID), h * at(k / GRID));
+            let device = device.at(pixel);
+            let (origin, dir) = (device.origin, device.direction(pixel));
             along(scene, Ray { origin, dir })
         });
     let (triangles, quadrics) = scene.geometry.counts();

@@ -34,9 +34,10 @@ pub(super) fn plans(scene: &Scene) -> Vec<SlicePlan> {
 /// Attributes that say what was rendered, before it is.
 fn provenance(scene: &Scene) -> Map<String, Value> {
     let pose = |p: &Pinhole| {
+        let per = if p.parallel { "pixels_per_m" } else { "focal_px" };
         json!({
             "resolution": p.resolution,
-            "focal_px": [p.focal.x, p.focal.y],
+            per: [p.focal.x, p.focal.y],
             "principal_px": [p.principal.x, p.principal.y],
             "distortion": lens(&p.distortion),
             "origin_m": p.origin.to_array(),

@@ -57,9 +57,14 @@ impl<'a> Viewer<'a> {
     /// met. `None` where there is nothing.
     #[must_use]
     pub fn look(&self, at: DVec2, through: bool) -> Option<Sight> {
-        let camera = &self.scene.camera;
+        let camera = self.scene.camera.at(at);
+        let nest = if camera.parallel {
+            surroundings(self.scene, camera.origin)
+        } else {
+            self.nest
+        };
         let (origin, dir) = (camera.origin, camera.direction(at));
-        follow(self.scene, Ray { origin, dir }, self.nest, through, self.lane)
+        follow(self.scene, Ray { origin, dir }, nest, through, self.lane)
     }
 }
 

@@ -49,6 +49,7 @@ pub(super) const WALKS_AT_ONCE: u64 = 1 << 22;
 fn needs_walks(scene: &Scene) -> bool {
     scene.filled
         || scene.has_lenses()
+        || scene.camera.parallel
         || match scene.settings.integrator {
             Integrator::Bidirectional => true,
             Integrator::Caustics => false,

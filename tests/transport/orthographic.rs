@@ -1,0 +1,154 @@
+//! Orthographic cameras in closed form: where their rays run, what they cross, how long they take, and what is refused.
+
+use crate::optics::C;
+use crate::support::{Rendered, render_text};
+use glam::DVec3;
+use std::f64::consts::PI;
+use sunstone::scene::from_text;
+use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, T, X, Y};
+use sunstone::tensor::field::Field;
+
+/// Looks aslant at the plane z = 0; its image is 0.6 m wide and 0.4 m high.
+const CAMERA: &str = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\
+    pose.look_at = { origin = [0, -2, 2], target = [0, 0, 0], up = [0, 1, 0] }\n";
+const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\n[[objects]]\nmaterial = \"m\"\n\
+    shape.rectangle = { corner = [-9, -9, 0], u = [18, 0, 0], v = [0, 18, 0] }\n";
+
+fn head(spp: u32, more: &str) -> String {
+    format!("wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 2\nseed = 3\n{more}")
+}
+
+/// Right and down in metres of a place in the middle of pixel (i, j), in parts of a pixel.
+fn offset(i: usize, j: usize, [a, b]: [f64; 2]) -> [f64; 2] {
+    [0.1 * (i as f64 + a - 3.0), 0.1 * (j as f64 + b - 2.0)]
+}
+
+fn value(r: &Rendered, i: usize, j: usize, bin: Option<usize>) -> [f64; 2] {
+    let mut at = vec![(Y, j), (X, i), (StokesOut, 0), (StokesIn, 0)];
+    at.extend(bin.map(|b| (T, b)));
+    [Field::Mean, Field::StdError].map(|f| f64::from(r.field("m", f).at(&at)))
+}
+
+/// A point of light above the plane: each pixel sees the mean irradiance of its own parallelogram, all of them equally far away.
+#[test]
+fn each_pixel_sees_its_own_place() {
+    let light = DVec3::new(0.1, 0.15, 0.3);
+    let slice = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
+    let emitter = "[[emitters]]\npoint = { position = [0.1, 0.15, 0.3], intensity = 2 }\n";
+    let r = render_text(&(head(2000, "") + CAMERA + PLANE + emitter + slice));
+    let (forward, right) = (DVec3::new(0.0, 1.0, -1.0).normalize(), DVec3::X);
+    let down = forward.cross(right);
+    for (i, j) in [(0, 0), (5, 0), (2, 1), (3, 2), (1, 3), (5, 3)] {
+        let mut want = 0.0;
+        for k in 0..400 {
+            let mid = |n: i32| (f64::from(n) + 0.5) / 20.0;
+            let [x, y] = offset(i, j, [mid(k % 20), mid(k / 20)]);
+            let start = DVec3::new(0.0, -2.0, 2.0) + right * x + down * y;
+            let p = start + forward * (start.z / -forward.z);
+            let to = light - p;
+            want += 0.6 / PI * 2.0 * to.z / to.length().powi(3) / 400.0;
+        }
+        let [got, sigma] = value(&r, i, j, None);
+        assert!(
+            (got - want).abs() <= 5.0 * sigma + 1e-3 * want && sigma < 0.02 * want,
+            "({i}, {j}): {got} ± {sigma:.1e}, closed form {want}"
+        );
+    }
+}
+
+/// Light runs from the plane of the image: without perspective, columns of one row are equally far from what is level with it.
+#[test]
+fn time_counts_from_the_plane_of_the_image() {
+    // From the light's plane, 3 m over z = 0, straight down, and back along the camera's axis.
+    let emitter =
+        "[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1, origin = [0, 0, 3] }\n";
+    let slice = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\ntime = { start_ps = 17000, bin_ps = 500, bins = 10 }\n";
+    let r = render_text(&(head(500, "") + CAMERA + PLANE + emitter + slice));
+    let diagonal = 0.5_f64.sqrt();
+    for (i, j) in [(0, 0), (5, 0), (3, 1), (0, 3)] {
+        // Down the image is nearer: the plane's point is (2 - y/√2) √2 away.
+        let length = |y: f64| 3.0 + (2.0 - y * diagonal) / diagonal;
+        let [_, y] = offset(i, j, [0.5, 0.5]);
+        let mean: f64 = (0..10)
+            .map(|b| value(&r, i, j, Some(b))[0] * (17000.0 + 500.0 * (b as f64 + 0.5)))
+            .sum::<f64>()
+            / (0..10).map(|b| value(&r, i, j, Some(b))[0]).sum::<f64>();
+        let want = length(y) / C;
+        assert!(
+            (mean - want).abs() < 260.0,
+            "({i}, {j}): {mean} ps, closed form {want}"
+        );
+    }
+}
+
+/// A ball of fog through which the plane of the image runs: rays begin in it or beside it.
+#[test]
+fn rays_begin_in_what_is_around_them() {
+    let camera = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\
+        pose.matrix = [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]\n";
+    let ball = "[materials]\nn.null = {}\n[media]\nfog.homogeneous = { absorption = 3 }\n\
+        [[objects]]\nmaterial = \"n\"\ninterior = \"fog\"\nshape.sphere.radius = 0.17\n[[emitters]]\nenvironment.radiance = 1\n";
+    let slice = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
+    let r = render_text(&(head(4000, "") + camera + ball + slice));
+    for (i, j) in [(0, 0), (2, 1), (3, 2), (4, 2), (5, 3)] {
+        let mut want = 0.0;
+        for k in 0..1600 {
+            let mid = |n: i32| (f64::from(n) + 0.5) / 40.0;
+            let [x, y] = offset(i, j, [mid(k % 40), mid(k / 40)]);
+            want += (-3.0 * (0.17_f64.powi(2) - x * x - y * y).max(0.0).sqrt()).exp() / 1600.0;
+        }
+        let [got, sigma] = value(&r, i, j, None);
+        assert!(
+            (got - want).abs() <= 5.0 * sigma + 1e-3,
+            "({i}, {j}): {got} ± {sigma:.1e}, closed form {want}"
+        );
+    }
+}
+
+/// What needs a pinhole is refused.
+#[test]
+fn what_needs_a_pinhole_is_refused() {
+    let projector = "[projector]\nresolution = [4, 4]\nfov_x_deg = 30\n\
+        pose.look_at = { origin = [1, 0, 3], target = [0, 0, 0] }\n";
+    let slice = "[[slices]]\nname = \"m\"\n";
+    let cases = [
+        (
+            head(1, "integrator = \"bidirectional\"\n") + CAMERA + PLANE + projector + slice,
+            "no pinhole",
+        ),
+        (
+            head(1, "integrator = \"caustics\"\n") + CAMERA + PLANE + projector + slice,
+            "no pinhole",
+        ),
+        (
+            head(1, "") + CAMERA + PLANE + "[projector]\ncoaxial = true\n" + slice,
+            "has none",
+        ),
+        (
+            head(1, "")
+                + CAMERA
+                + PLANE
+                + projector
+                + slice
+                + "projector = { epipolar = { half_width_px = 1 } }\n",
+            "no epipolar lines",
+        ),
+        (
+            head(1, "") + CAMERA + "fov_x_deg = 30\n" + PLANE + projector + slice,
+            "more than one",
+        ),
+        (
+            head(1, "") + CAMERA + "aperture = { radius = 0.1, focus = 1 }\n" + PLANE + projector + slice,
+            "no lens",
+        ),
+    ];
+    for (text, what) in cases {
+        let message = from_text("scene.toml".as_ref(), &text)
+            .err()
+            .map(|e| e.to_string());
+        assert!(
+            message.as_ref().is_some_and(|m| m.contains(what)),
+            "{what}: {message:?}"
+        );
+    }
+}
