@@ -21,7 +21,9 @@ def angles(sensor):
     rays = [[direction(sensor, (x + 0.5) / w, (y + 0.5) / h) for x in range(w)] for y in range(h)] if scalar() else None
     if rays is None:
         x, y = np.meshgrid((np.arange(w) + 0.5) / w, (np.arange(h) + 0.5) / h)
-        rays = direction(sensor, mi.Float(x.ravel()), mi.Float(y.ravel())).reshape(3, -1).T.reshape(h, w, 3)
+        # An orthographic sensor answers once for all.
+        rays = np.broadcast_to(direction(sensor, mi.Float(x.ravel()), mi.Float(y.ravel())).reshape(3, -1), (3, w * h))
+        rays = rays.T.reshape(h, w, 3)
     ray = np.array(rays)
     unit = lambda v: v / np.linalg.norm(v, axis=-1, keepdims=True)
     theirs = unit(np.cross(ray, up))

@@ -284,6 +284,9 @@ fn off_centre(p: &Pinhole) -> [f64; 2] {
     [0.5 - p.principal.x / w, 0.5 - p.principal.y / h]
 }
 
+/// Where Mitsuba's rays begin, metres.
+const NEAR: f64 = 1e-3;
+
 fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Result<Element, InputError> {
     let [x, y] = off_centre(camera);
     let mut sensor = if camera.parallel {
@@ -300,14 +303,14 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
             .float("fov", field_of_view(ctx, camera, span, "camera")?)
             .string("fov_axis", "x")
     }
-    .float("near_clip", 1e-3);
-    // Its image reaches from -1 to 1 across.
-    let half = if camera.parallel {
-        f64::from(camera.resolution[0]) / camera.focal.x / 2.0
-    } else {
-        1.0
-    };
-    let place = device(camera.origin, camera.axes) * DAffine3::from_scale(DVec3::new(half, half, 1.0));
+    .float("near_clip", NEAR);
+    let mut place = device(camera.origin, camera.axes);
+    if camera.parallel {
+        // Its rays begin at the near plane, and its image reaches from -1 to 1 across.
+        let half = f64::from(camera.resolution[0]) / camera.focal.x / 2.0;
+        place.translation -= place.matrix3.z_axis * NEAR;
+        place = place * DAffine3::from_scale(DVec3::new(half, half, 1.0));
+    }
     if [x, y] != [0.0; 2] {
         sensor = sensor
             .float("principal_point_offset_x", x)

@@ -526,7 +526,6 @@ fn transient_films_become_time_bins() {
     assert!(import.notes.iter().any(|n| n.contains("camera_unwarp")));
 }
 
-/// Defaults are Mitsuba's: endless paths, black lamps, grey shapes.
 /// Facets have one roughness, the root of those along u and v, and one that is not 0; numbers in images are luminances.
 #[test]
 fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
@@ -588,6 +587,7 @@ fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
     }
 }
 
+/// Defaults are Mitsuba's: endless paths, black lamps, grey shapes.
 #[test]
 fn defaults_are_those_of_mitsuba() {
     let folder = tempfile::tempdir().unwrap();

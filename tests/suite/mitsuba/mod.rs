@@ -17,6 +17,7 @@ use sunstone::transport::material::measured::write::write as write_table;
 use sunstone::transport::scene::Scene;
 
 mod accounting;
+mod devices;
 mod export;
 mod generated;
 mod import;

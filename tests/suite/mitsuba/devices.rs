@@ -1,0 +1,162 @@
+//! Cameras and lights of other programs that look or shine through an image: orthographic sensors, projectors, spots with a texture.
+
+use super::imported;
+use glam::Vec3A;
+use std::path::Path;
+use sunstone::scene::mitsuba::import::Import;
+use sunstone::transport::device::emitter::PointEmitter;
+use sunstone::transport::light::profile::Profile;
+use sunstone::transport::scene::Scene;
+
+/// A scene of one shape with a sensor and an emitter.
+fn text(sensor: &str, emitter: &str) -> String {
+    format!(
+        "<scene version=\"3.0.0\">{sensor}<shape type=\"sphere\"><point name=\"center\" x=\"0\" y=\"0\" z=\"9\"/></shape>{emitter}</scene>"
+    )
+}
+
+fn built(folder: &Path, import: &Import) -> Scene {
+    sunstone::scene::from_text(&folder.join("scene.toml"), &import.toml).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Two rows of two squares: red, green; blue, white.
+fn squares(folder: &Path) {
+    let rows = vec![255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255];
+    let image = image::RgbImage::from_raw(2, 2, rows).unwrap();
+    image.save(folder.join("squares.png")).unwrap();
+}
+
+const BITMAP: &str = "<string name=\"filename\" value=\"squares.png\"/><string name=\"filter_type\" value=\"nearest\"/></texture>";
+
+/// The image is twice as wide as `to_world` scales it; rays begin at the near plane.
+#[test]
+fn orthographic_sensors_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let sensor = |scale: &str, more: &str| {
+        format!(
+            "<sensor type=\"orthographic\"><float name=\"near_clip\" value=\"0.5\"/><transform name=\"to_world\"><scale {scale}/>\
+             <lookat origin=\"0, 0, 4\" target=\"0, 0, 9\" up=\"0, 1, 0\"/></transform><film type=\"hdrfilm\">\
+             <integer name=\"width\" value=\"40\"/><integer name=\"height\" value=\"20\"/>{more}<rfilter type=\"box\"/></film></sensor>"
+        )
+    };
+    let light = "<emitter type=\"constant\"/>";
+    let import = imported(folder.path(), &text(&sensor("x=\"3\" y=\"3\"", ""), light)).unwrap();
+    let camera = built(folder.path(), &import).camera;
+    assert!(camera.parallel, "{}", import.toml);
+    assert_eq!(
+        (camera.origin, camera.resolution),
+        (Vec3A::new(0.0, 0.0, 4.5), [40, 20])
+    );
+    assert!((camera.focal.x - 40.0 / 6.0).abs() < 1e-9, "{}", import.toml);
+    // The middle of the first pixel: to the left, which is +x here, and up.
+    let first = camera.at(glam::DVec2::splat(0.5));
+    let want = Vec3A::new(3.0 - 0.075, 1.5 - 0.075, 4.5);
+    assert!((first.origin - want).length() < 1e-5, "{}", first.origin);
+    assert_eq!(first.direction(glam::DVec2::splat(0.5)), Vec3A::Z);
+    let crop = "<integer name=\"crop_offset_x\" value=\"10\"/><integer name=\"crop_offset_y\" value=\"5\"/>\
+        <integer name=\"crop_width\" value=\"8\"/><integer name=\"crop_height\" value=\"4\"/>";
+    let import = imported(folder.path(), &text(&sensor("x=\"3\" y=\"3\"", crop), light)).unwrap();
+    let window = built(folder.path(), &import).camera;
+    let moved = camera.at(glam::DVec2::new(10.5, 5.5)).origin;
+    let found = window.at(glam::DVec2::splat(0.5)).origin;
+    assert!(
+        (moved - found).length() < 1e-5 && window.resolution == [8, 4],
+        "{found}, {moved}"
+    );
+    let e = imported(folder.path(), &text(&sensor("x=\"3\" y=\"2\"", ""), light)).unwrap_err();
+    assert!(e.message.contains("scales x and y differently"), "{e}");
+}
+
+/// The lights of a scene with one emitter and a perspective sensor.
+fn lights(folder: &Path, emitter: &str) -> (Import, Scene) {
+    let import =
+        imported(folder, &text("<sensor type=\"perspective\"/>", emitter)).unwrap_or_else(|e| panic!("{e}"));
+    let scene = built(folder, &import);
+    (import, scene)
+}
+
+/// Radiant intensity at the scene's wavelengths along a direction.
+fn sent(scene: &Scene, light: &PointEmitter, dir: Vec3A) -> [f32; 3] {
+    let share = light.profile.value(dir.normalize());
+    let all = light
+        .share(&scene.materials.textures, dir.normalize(), share)
+        .to_array();
+    [all[2], all[1], all[0]]
+}
+
+/// A projector of colours is light of the scene; one that is white has the pixels that T resolves.
+#[test]
+fn projectors_of_images_become_slides() {
+    let folder = tempfile::tempdir().unwrap();
+    squares(folder.path());
+    let emitter = format!(
+        "<emitter type=\"projector\"><float name=\"fov\" value=\"90\"/><float name=\"scale\" value=\"2\"/>\
+         <texture type=\"bitmap\" name=\"irradiance\">{BITMAP}</emitter>"
+    );
+    let (import, scene) = lights(folder.path(), &emitter);
+    assert!(
+        scene.projector.is_none() && import.notes.iter().any(|n| n.contains("slide")),
+        "{:?}",
+        import.notes
+    );
+    let [light] = &scene.points[..] else {
+        panic!("{}", import.toml);
+    };
+    // Mitsuba's right is -x of the emitter, which looks along +z with +y up; irradiances are π times what its file says.
+    for (dir, colour) in [
+        (Vec3A::new(0.5, 0.5, 1.0), [1.0, 0.0, 0.0]),
+        (Vec3A::new(-0.5, 0.5, 1.0), [0.0, 1.0, 0.0]),
+        (Vec3A::new(0.5, -0.5, 1.0), [0.0, 0.0, 1.0]),
+        (Vec3A::new(-0.5, -0.5, 1.0), [1.0, 1.0, 1.0]),
+        (Vec3A::new(-0.5, -1.1, 1.0), [0.0, 0.0, 0.0]),
+    ] {
+        let want = colour.map(|c| 2.0 * std::f32::consts::PI * c * dir.length().powi(3));
+        let found = sent(&scene, light, dir);
+        assert!(
+            found.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-4),
+            "{dir}: {found:?}, {want:?}"
+        );
+    }
+    image::RgbImage::from_pixel(3, 2, image::Rgb([255; 3]))
+        .save(folder.path().join("squares.png"))
+        .unwrap();
+    let (_, scene) = lights(folder.path(), &emitter);
+    let projector = scene.projector.expect("a projector");
+    assert_eq!((projector.pinhole.resolution, scene.points.len()), ([3, 2], 0));
+}
+
+/// The image of a spot stands over the square around its cone, and rises with the emitter's +y.
+#[test]
+fn spots_project_textures() {
+    let folder = tempfile::tempdir().unwrap();
+    squares(folder.path());
+    let emitter = format!(
+        "<emitter type=\"spot\"><float name=\"cutoff_angle\" value=\"45\"/><float name=\"beam_width\" value=\"45\"/>\
+         <texture type=\"bitmap\" name=\"texture\">{BITMAP}</emitter>"
+    );
+    let (import, scene) = lights(folder.path(), &emitter);
+    let [light] = &scene.points[..] else {
+        panic!("{}", import.toml);
+    };
+    assert!(matches!(light.profile, Profile::Spot { .. }));
+    // As Mitsuba's own `eval_direction` says: u with +x, v with +y, and rows of an image from the top.
+    for (dir, colour) in [
+        (Vec3A::new(-0.5, -0.5, 1.0), [1.0, 0.0, 0.0]),
+        (Vec3A::new(0.5, -0.5, 1.0), [0.0, 1.0, 0.0]),
+        (Vec3A::new(-0.5, 0.5, 1.0), [0.0, 0.0, 1.0]),
+        (Vec3A::new(0.5, 0.5, 1.0), [1.0, 1.0, 1.0]),
+        (Vec3A::new(0.9, 0.9, 1.0), [0.0, 0.0, 0.0]),
+    ] {
+        let found = sent(&scene, light, dir);
+        assert!(
+            found.iter().zip(colour).all(|(a, b)| (a - b).abs() < 1e-5),
+            "{dir}: {found:?}, {colour:?}"
+        );
+    }
+    let mirrored = emitter.replace(
+        "<texture",
+        "<transform name=\"to_world\"><scale x=\"-1\"/></transform><texture",
+    );
+    let e = imported(folder.path(), &text("<sensor type=\"perspective\"/>", &mirrored)).unwrap_err();
+    assert!(e.message.contains("mirrors"), "{e}");
+}
