@@ -11,6 +11,7 @@
 
 mod accessor;
 pub mod appearance;
+pub mod attribute;
 pub mod body;
 pub mod closed;
 pub mod curve;
@@ -40,6 +41,8 @@ pub mod write_ply;
 #[cfg(test)]
 mod accounting;
 #[cfg(test)]
+mod attribute_tests;
+#[cfg(test)]
 mod curve_tests;
 #[cfg(test)]
 mod fuzz;
@@ -57,7 +60,7 @@ pub use self::gltf::{gltf_buffers, parse_gltf};
 pub use self::gltf_materials::appearances as gltf_appearances;
 pub use self::obj::parse_obj;
 pub use self::part::{MeshPart, Model, lies_within};
-pub use self::ply::parse_ply;
+pub use self::ply::{parse_ply, parse_ply_attribute};
 pub use self::serialized::parse_serialized;
 
 /// Loads every mesh of a file; the format follows from the extension (`.obj`, `.ply`, `.gltf`, `.glb`, `.serialized` (its first mesh),

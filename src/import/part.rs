@@ -1,5 +1,6 @@
 //! A mesh of a file, brought into order.
 
+use super::attribute::{self, Corners};
 use super::error::{ImportError, ImportProblem};
 use super::notes::Notes;
 use glam::{DVec3, Vec3};
@@ -15,6 +16,8 @@ pub struct MeshPart {
     pub material: Option<String>,
     /// The triangles, in metres, in the file's world space.
     pub mesh: Mesh,
+    /// The attribute that was asked for, a value at each corner of each triangle; of none, no values.
+    pub corners: Corners,
 }
 
 /// What a mesh file holds.
@@ -45,11 +48,26 @@ pub(super) struct Parts {
 impl Parts {
     /// Brings a freshly read mesh into order, checks it and adds it; triangles without area are dropped, then unused
     /// vertices; normals are made unit length, and those without a direction are replaced. A mesh without area is left out.
-    pub fn add(&mut self, name: String, material: Option<String>, mut mesh: Mesh) -> Result<(), ImportError> {
+    pub fn add(&mut self, name: String, material: Option<String>, mesh: Mesh) -> Result<(), ImportError> {
+        self.add_with(name, material, mesh, Corners::default())
+    }
+
+    /// [`Self::add`] of a mesh with an attribute.
+    pub fn add_with(
+        &mut self,
+        name: String,
+        material: Option<String>,
+        mut mesh: Mesh,
+        mut corners: Corners,
+    ) -> Result<(), ImportError> {
         repair_normals(&mut mesh, &name, &mut self.notes);
         match mesh.validate() {
             Ok(()) => {
-                mesh.drop_degenerate();
+                if corners.values.is_empty() {
+                    mesh.drop_degenerate();
+                } else {
+                    attribute::drop_degenerate(&mut mesh, &mut corners);
+                }
                 mesh.compact();
             }
             Err(MeshError::Empty) => mesh.indices.clear(),
@@ -65,7 +83,12 @@ impl Parts {
                 "{mesh} has no triangles of non-zero area and is left out"
             ));
         } else {
-            self.list.push(MeshPart { name, material, mesh });
+            self.list.push(MeshPart {
+                name,
+                material,
+                mesh,
+                corners,
+            });
         }
         Ok(())
     }

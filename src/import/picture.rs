@@ -151,11 +151,6 @@ fn png_gamma(bytes: &[u8]) -> Option<f64> {
 /// Appends the texels of an image, top row first: colours as red, green or blue for each wavelength, numbers as they are.
 pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out: &mut Vec<[f32; 4]>) {
     let encoded = image.encoded && !matches!(channels, Channels::LinearColours | Channels::LinearLuminance);
-    let channel = |nm: f64| match nm {
-        nm if nm < 500.0 => 2,
-        nm if nm < 590.0 => 1,
-        _ => 0,
-    };
     out.extend(image.values.iter().map(|p| {
         if channels == Channels::Numbers {
             return [p[0], p[1], p[2], 0.0];
@@ -165,8 +160,19 @@ pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out
             let number = luminance(rgb.map(|v| linear(v, encoded)));
             return [number, number, number, 0.0];
         }
-        wavelengths.map(|nm| linear(rgb[channel(nm)], encoded)).to_array()
+        texel(wavelengths, rgb.map(|v| linear(v, encoded)))
     }));
+}
+
+/// Red, green or blue for each wavelength: above 590 nm, from 500 to 590 nm, and below.
+#[must_use]
+pub fn texel(wavelengths: &Wavelengths, rgb: [f32; 3]) -> [f32; 4] {
+    let channel = |nm: f64| match nm {
+        nm if nm < 500.0 => 2,
+        nm if nm < 590.0 => 1,
+        _ => 0,
+    };
+    wavelengths.map(|nm| rgb[channel(nm)]).to_array()
 }
 
 /// Luminance of a colour in sRGB's primaries (Rec. ITU-R BT.709).

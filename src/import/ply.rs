@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use glam::{Vec2, Vec3};
 
+use super::attribute::{self, Corners, Wanted};
 use super::error::{ImportError, ImportProblem};
 use super::part::{Model, Parts};
 use super::ply_body::{self, Body};
@@ -34,6 +35,30 @@ const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
 /// # Errors
 /// [`ImportError`], in ASCII files with the line, if the header or the data is broken or no triangles are left.
 pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
+    read(bytes, None)
+}
+
+/// Reads a PLY file as [`parse_ply`] does, without texture coordinates of faces, and with an attribute (see [`super::attribute`]).
+///
+/// # Errors
+/// As [`parse_ply`], and if the file does not have the attribute.
+pub fn parse_ply_attribute(bytes: &[u8], name: &str) -> Result<Model, ImportError> {
+    let Some(wanted) = Wanted::new(name) else {
+        let what = format!("there is no attribute {name:?}");
+        return Err(ImportError::malformed(what, "name it vertex_NAME or face_NAME"));
+    };
+    let model = read(bytes, Some(wanted))?;
+    if model.parts.iter().any(|part| part.corners.values.is_empty()) {
+        let what = format!("the mesh has no attribute {name:?}");
+        return Err(ImportError::malformed(
+            what,
+            "name one that it has: vertex_NAME or face_NAME, of properties NAME_0 to NAME_2, or color of red, green, blue",
+        ));
+    }
+    Ok(model)
+}
+
+fn read(bytes: &[u8], wanted: Option<Wanted>) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
     }
@@ -41,7 +66,10 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
     let header = ply_header::read(bytes, &mut parts.notes)?;
     check_header(&header)?;
     let mut body = Body::new(header.format, &bytes[header.body..]);
-    let mut file = File::default();
+    let mut file = File {
+        wanted,
+        ..File::default()
+    };
     for element in &header.elements {
         file.element(element, &mut body, &mut parts)
             .map_err(|what| located(what, &header, &body, bytes))?;
@@ -108,7 +136,12 @@ struct Polygons {
 }
 
 #[derive(Default)]
-struct File {
+struct File<'a> {
+    wanted: Option<Wanted<'a>>,
+    /// Of each vertex or each face, where the attribute is.
+    attribute: Vec<[f32; 3]>,
+    /// Its columns are three.
+    coloured: bool,
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
@@ -118,7 +151,7 @@ struct File {
     textured: Polygons,
 }
 
-impl File {
+impl File<'_> {
     fn element(&mut self, element: &Element, body: &mut Body, parts: &mut Parts) -> Result<(), String> {
         match element.name.as_str() {
             "vertex" => self.vertices(element, body, parts),
@@ -153,9 +186,14 @@ impl File {
         let [x, y, z] = POSITION.map(column);
         let [nx, ny, nz] = normals.map_or([None; 3], |names| names.map(column));
         let [u, v] = uvs.map_or([None; 2], |names| names.map(column));
-        let columns = [x, y, z, nx, ny, nz, u, v];
+        let own = match self.wanted {
+            Some(Wanted::Vertex(name)) => attribute::columns(element, name),
+            _ => None,
+        };
+        let [r, g, b] = own.map_or([None; 3], |(columns, _)| columns.map(Some));
+        let columns = [x, y, z, nx, ny, nz, u, v, r, g, b];
         note_unused(element, |i| columns.contains(&Some(i)), parts);
-        if normals.is_none() && uvs.is_none() {
+        if normals.is_none() && uvs.is_none() && own.is_none() {
             let rows = body.table(element, [x, y, z])?;
             self.positions = rows.into_iter().map(Vec3::from_array).collect();
             return Ok(());
@@ -168,6 +206,18 @@ impl File {
         if uvs.is_some() {
             self.uvs = rows.iter().map(|r| Vec2::new(r[6], r[7])).collect();
         }
+        if let Some((columns, full)) = own {
+            self.coloured = columns[0] != columns[1];
+            // Of one column the table fills the first place alone.
+            let value = |r: &[f32; 11]| {
+                if self.coloured {
+                    [r[8], r[9], r[10]]
+                } else {
+                    [r[8]; 3]
+                }
+            };
+            self.attribute = rows.iter().map(|r| value(r).map(|v| v / full)).collect();
+        }
         Ok(())
     }
 
@@ -177,15 +227,30 @@ impl File {
             element.properties.iter().position(is)
         };
         let indices = column(&INDICES);
-        let texture = column(&["texcoord", "texcoords"]);
-        note_unused(element, |i| Some(i) == indices || Some(i) == texture, parts);
+        let texture = column(&["texcoord", "texcoords"]).filter(|_| self.wanted.is_none());
+        let own = match self.wanted {
+            Some(Wanted::Face(name)) => attribute::columns(element, name),
+            _ => None,
+        };
+        let place = |i: usize| own.and_then(|(columns, _)| columns.iter().position(|c| *c == i));
+        note_unused(
+            element,
+            |i| Some(i) == indices || Some(i) == texture || place(i).is_some(),
+            parts,
+        );
+        self.coloured |= own.is_some_and(|(columns, _)| columns[0] != columns[1]);
         if let Some(triangles) = body.triangles(element) {
             self.triangles = triangles;
             return Ok(());
         }
         let (mut corners, mut numbers) = (vec![], vec![]);
         for number in 0..element.count {
+            let mut value = [0.0; 3];
             for (i, p) in element.properties.iter().enumerate() {
+                if let Some(k) = place(i) {
+                    value[k] = body.float(p.kind)?;
+                    continue;
+                }
                 let Some(count) = p.list.filter(|_| Some(i) == indices || Some(i) == texture) else {
                     body.skip(p.kind, p.list)?;
                     continue;
@@ -205,6 +270,10 @@ impl File {
             if corners.len() < 3 {
                 parts.notes.add("a face of fewer than three corners is left out");
                 continue;
+            }
+            if let Some(([r, g, _], full)) = own {
+                let value = if r == g { [value[0]; 3] } else { value };
+                self.attribute.push(value.map(|v| v / full));
             }
             let polygons = match numbers.len() {
                 0 => &mut self.plain,
@@ -313,14 +382,37 @@ impl File {
         }
         if bare > 0 {
             let positions = &self.positions;
-            cut_all(&self.plain, |v| positions[v as usize], &mut self.triangles, parts)?;
+            let before = self.triangles.len();
+            let mut faces = vec![];
+            cut_all(
+                &self.plain,
+                |v| positions[v as usize],
+                &mut self.triangles,
+                &mut faces,
+                parts,
+            )?;
+            let values = match self.wanted {
+                _ if self.attribute.is_empty() => vec![],
+                Some(Wanted::Face(_)) if before == 0 => {
+                    faces.iter().map(|face| [self.attribute[*face]; 3]).collect()
+                }
+                Some(Wanted::Face(_)) | None => vec![],
+                Some(Wanted::Vertex(_)) => {
+                    let corners = self.triangles.iter();
+                    corners.map(|t| t.map(|i| self.attribute[i as usize])).collect()
+                }
+            };
+            let corners = Corners {
+                values,
+                coloured: self.coloured,
+            };
             let mesh = Mesh {
                 positions: self.positions,
                 normals: self.normals,
                 uvs: self.uvs,
                 indices: self.triangles,
             };
-            parts.add(String::new(), None, mesh)?;
+            parts.add_with(String::new(), None, mesh, corners)?;
         }
         Ok(())
     }
@@ -349,24 +441,34 @@ impl File {
             ends: ends.clone(),
         };
         let positions = &mesh.positions;
-        cut_all(&polygons, |v| positions[v as usize], &mut mesh.indices, parts)?;
+        cut_all(
+            &polygons,
+            |v| positions[v as usize],
+            &mut mesh.indices,
+            &mut vec![],
+            parts,
+        )?;
         Ok(mesh)
     }
 }
 
+/// Cuts polygons into triangles, with the number of the polygon of each.
 fn cut_all(
     polygons: &Polygons,
     position: impl Fn(u32) -> Vec3,
     out: &mut Vec<[u32; 3]>,
+    of: &mut Vec<usize>,
     parts: &mut Parts,
 ) -> Result<(), ImportError> {
     let mut start = 0;
-    for &end in &polygons.ends {
+    let before = out.len();
+    for (number, &end) in polygons.ends.iter().enumerate() {
         match polygon::cut(&polygons.corners[start..end], &position, out) {
             Cut::Whole => {}
             Cut::Crossing => parts.notes.add(CROSSING),
             Cut::TooLarge => return Err(too_large(end - start)),
         }
+        of.resize(out.len() - before, number);
         start = end;
     }
     Ok(())

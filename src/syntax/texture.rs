@@ -20,6 +20,8 @@ pub enum AlbedoFile {
     Image(ImageAlbedo),
     /// From square to square.
     Checkerboard(CheckerboardFile),
+    /// As the mesh itself says.
+    Attribute(AttributeFile),
 }
 
 /// A number, or an image of it (the first channel, linear).
@@ -32,6 +34,8 @@ pub enum ScalarFile {
     Image(ImageAlbedo),
     /// From square to square.
     Checkerboard(CheckerboardFile),
+    /// As the mesh itself says.
+    Attribute(AttributeFile),
 }
 
 /// `{ image = "wood.png" }`: red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
@@ -75,6 +79,18 @@ pub struct CheckerboardFile {
     pub checkerboard: [SpectrumFile; 2],
     /// As of an image.
     pub uv: Option<UvRows>,
+}
+
+/// `{ attribute = "vertex_color" }`: an attribute of a PLY mesh, of its vertices (then mixed over each triangle) or its faces
+/// (`face_color`): one number, or linear red, green and blue.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AttributeFile {
+    /// Its name: of properties `color_0` to `color_2` or `red`, `green`, `blue` of vertices it is `vertex_color`.
+    pub attribute: Located<String>,
+    /// Multiplies it, at most 2.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub scale: f64,
 }
 
 impl<T: Into<SpectrumFile>> From<T> for AlbedoFile {
@@ -137,66 +153,54 @@ struct AlbedoMap {
     luminance: Option<bool>,
     layer: Option<String>,
     checkerboard: Option<[SpectrumFile; 2]>,
+    attribute: Option<Located<String>>,
     nm: Option<Vec<f64>>,
     values: Option<Vec<f64>>,
 }
 
 impl AlbedoMap {
     fn resolve<E: de::Error>(self) -> Result<AlbedoFile, E> {
-        match self {
-            Self {
-                image: Some(image),
-                scale,
-                uv,
-                wrap,
-                filter,
-                raw,
-                luminance,
-                layer,
-                checkerboard: None,
-                nm: None,
-                values: None,
-            } => Ok(AlbedoFile::Image(ImageAlbedo {
+        let of_image = self.wrap.is_some()
+            || self.filter.is_some()
+            || self.raw.is_some()
+            || self.luminance.is_some()
+            || self.layer.is_some();
+        let plain = !of_image && self.uv.is_none();
+        match (
+            self.image,
+            self.checkerboard,
+            self.attribute,
+            self.nm,
+            self.values,
+        ) {
+            (Some(image), None, None, None, None) => Ok(AlbedoFile::Image(ImageAlbedo {
                 image,
-                scale: scale.unwrap_or_else(one),
-                uv,
-                wrap: wrap.unwrap_or_default(),
-                filter: filter.unwrap_or_default(),
-                raw: raw.unwrap_or_default(),
-                luminance: luminance.unwrap_or_default(),
-                layer,
+                scale: self.scale.unwrap_or_else(one),
+                uv: self.uv,
+                wrap: self.wrap.unwrap_or_default(),
+                filter: self.filter.unwrap_or_default(),
+                raw: self.raw.unwrap_or_default(),
+                luminance: self.luminance.unwrap_or_default(),
+                layer: self.layer,
             })),
-            Self {
-                checkerboard: Some(checkerboard),
-                uv,
-                image: None,
-                scale: None,
-                wrap: None,
-                filter: None,
-                raw: None,
-                luminance: None,
-                layer: None,
-                nm: None,
-                values: None,
-            } => Ok(AlbedoFile::Checkerboard(CheckerboardFile { checkerboard, uv })),
-            Self {
-                nm: Some(nm),
-                values: Some(values),
-                image: None,
-                scale: None,
-                uv: None,
-                wrap: None,
-                filter: None,
-                raw: None,
-                luminance: None,
-                layer: None,
-                checkerboard: None,
-            } => Ok(AlbedoFile::Spectrum(SpectrumFile::Table(SpectrumTable {
-                nm,
-                values,
-            }))),
+            (None, Some(checkerboard), None, None, None) if !of_image && self.scale.is_none() => {
+                Ok(AlbedoFile::Checkerboard(CheckerboardFile {
+                    checkerboard,
+                    uv: self.uv,
+                }))
+            }
+            (None, None, Some(attribute), None, None) if plain => Ok(AlbedoFile::Attribute(AttributeFile {
+                attribute,
+                scale: self.scale.unwrap_or_else(one),
+            })),
+            (None, None, None, Some(nm), Some(values)) if plain && self.scale.is_none() => {
+                Ok(AlbedoFile::Spectrum(SpectrumFile::Table(SpectrumTable {
+                    nm,
+                    values,
+                })))
+            }
             _ => Err(E::custom(
-                "a texture is { image = \"file.png\", scale, uv, wrap, filter, raw, luminance, layer }, { checkerboard = [0.4, 0.2], uv } or { nm = [..], values = [..] }",
+                "a texture is { image = \"file.png\", scale, uv, wrap, filter, raw, luminance, layer }, { checkerboard = [0.4, 0.2], uv }, { attribute = \"vertex_color\", scale } or { nm = [..], values = [..] }",
             )),
         }
     }
@@ -234,12 +238,13 @@ impl JsonSchema for AlbedoFile {
         "Albedo".into()
     }
     fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let (spectrum, image, board) = (
+        let (spectrum, image, board, attribute) = (
             g.subschema_for::<SpectrumFile>(),
             g.subschema_for::<ImageAlbedo>(),
             g.subschema_for::<CheckerboardFile>(),
+            g.subschema_for::<AttributeFile>(),
         );
-        json_schema!({"anyOf": [spectrum, image, board]})
+        json_schema!({"anyOf": [spectrum, image, board, attribute]})
     }
 }
 
@@ -261,6 +266,7 @@ impl<'de> Deserialize<'de> for ScalarFile {
                 match AlbedoMap::deserialize(MapAccessDeserializer::new(map))?.resolve()? {
                     AlbedoFile::Image(image) => Ok(ScalarFile::Image(image)),
                     AlbedoFile::Checkerboard(board) => Ok(ScalarFile::Checkerboard(board)),
+                    AlbedoFile::Attribute(attribute) => Ok(ScalarFile::Attribute(attribute)),
                     AlbedoFile::Spectrum(_) => Err(de::Error::custom("a number is wanted, not a spectrum")),
                 }
             }
@@ -274,10 +280,11 @@ impl JsonSchema for ScalarFile {
         "Scalar".into()
     }
     fn json_schema(g: &mut SchemaGenerator) -> Schema {
-        let (image, board) = (
+        let (image, board, attribute) = (
             g.subschema_for::<ImageAlbedo>(),
             g.subschema_for::<CheckerboardFile>(),
+            g.subschema_for::<AttributeFile>(),
         );
-        json_schema!({"anyOf": [{"type": "number"}, image, board]})
+        json_schema!({"anyOf": [{"type": "number"}, image, board, attribute]})
     }
 }

@@ -102,7 +102,8 @@ impl Scene {
     fn derive(&mut self) {
         self.sheets = self.materials.any_straight();
         self.filled = self.has_fillings();
-        self.geometry.textured = !self.materials.textures.images.is_empty();
+        let textures = &self.materials.textures;
+        self.geometry.textured = !(textures.images.is_empty() && textures.corners.is_empty());
         let tables = &mut self.tables;
         tables
             .lights

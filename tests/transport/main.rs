@@ -3,6 +3,7 @@
 //! A statistical bound is five standard errors at a fixed seed; everything else is held to f32 rounding.
 
 mod apertures;
+mod attributes;
 mod bidirectional;
 mod bins;
 mod combined;

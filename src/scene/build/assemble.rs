@@ -191,6 +191,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     let mut surfaces = Surfaces::new(&mut materials, &mut images, &names, &media_names);
     surfaces.objects(ctx, &file.objects, None)?;
     surfaces.instances(ctx, &file.groups, &file.instances)?;
+    surfaces.materials.textures.corners = std::mem::take(&mut ctx.attributes.corners);
     let (geometry, boundaries, called) = (surfaces.geometry.build(), surfaces.boundaries, surfaces.called);
     (lights.areas, lights.of_material) = surfaces.shining;
     let slices = slices::build(ctx, file, &camera, projector.as_ref())?;

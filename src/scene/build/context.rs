@@ -1,5 +1,6 @@
 //! What every step from syntax to tables needs: where messages point to, and what has been read.
 
+use super::attributes::Attributes;
 use base::document;
 use base::locate::{InputError, Located};
 use base::spectral_table::SpectralTable;
@@ -31,6 +32,8 @@ pub(crate) struct Context {
     pub hash: Sha256,
     /// What files hold that is not used, and what was mended, a sentence each.
     pub notes: Vec<String>,
+    /// Attributes of meshes that materials ask for.
+    pub attributes: Attributes,
     /// Files that were read, by their names.
     pub files: RefCell<BTreeSet<String>>,
 }
@@ -48,6 +51,7 @@ impl Context {
             listed: Wavelengths::default(),
             hash: Sha256::new(),
             notes: vec![],
+            attributes: Attributes::default(),
             files: RefCell::default(),
         };
         ctx.listed = Wavelengths::new(wavelengths_nm.to_vec()).map_err(|e| {

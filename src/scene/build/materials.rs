@@ -1,5 +1,6 @@
 //! Materials of a file → the flat table of [`Materials`].
 
+use super::attributes::{self, Attributes};
 use super::context::{Context, read};
 use super::indices::{complex_index, index};
 use super::polarizing;
@@ -124,7 +125,9 @@ pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>
         done: BTreeMap::new(),
         open: vec![],
     };
+    builder.ctx.attributes = Attributes::default();
     for name in files.keys() {
+        attributes::begin(builder.ctx);
         builder.named(name)?;
     }
     Ok(Built {
@@ -137,14 +140,18 @@ pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>
 impl<'a> Builder<'_, 'a> {
     fn named(&mut self, name: &'a str) -> Result<u32, InputError> {
         if let Some(id) = self.done.get(name) {
-            return Ok(*id);
+            let id = *id;
+            attributes::again(self.ctx, id)?;
+            return Ok(id);
         }
         let file = &self.files[name];
         self.open.push(name);
+        let outer = attributes::begin(self.ctx);
         let material = self.material(file)?;
         self.open.pop();
         let id = self.table.list.len() as u32;
         self.table.list.push(material);
+        attributes::end(self.ctx, id, outer)?;
         self.done.insert(name, id);
         Ok(id)
     }

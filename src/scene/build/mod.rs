@@ -2,6 +2,7 @@
 
 mod appearances;
 pub(crate) mod assemble;
+pub(crate) mod attributes;
 pub(crate) mod calibrated;
 pub(crate) mod context;
 pub(crate) mod devices;

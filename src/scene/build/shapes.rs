@@ -1,5 +1,6 @@
 //! Objects of a scene file → triangles and quadrics.
 
+use super::attributes::{self, Asked};
 use super::context::{Context, HUGE};
 use super::devices::vector;
 use super::smooth;
@@ -94,6 +95,28 @@ pub(crate) fn place(
         })
     };
     let material = find(ctx, &object.material)?;
+    let asked = ctx.attributes.of(material).cloned();
+    let is_ply = matches!(*object.shape, ShapeFile::Ply(_));
+    let lacks = |ctx: &Context, asked: &Asked| {
+        ctx.error(
+            object.shape.span(),
+            format!(
+                "its material takes the attribute `{}` of a mesh, which this shape has not",
+                *asked.name
+            ),
+            "give it a PLY mesh with the attribute, or another material",
+        )
+    };
+    if let Some(asked) = asked.as_ref().filter(|_| !is_ply) {
+        return Err(lacks(ctx, asked));
+    }
+    if let (Some(_), Some(image)) = (&asked, object.emission.as_ref().and_then(|e| e.image.as_ref())) {
+        return Err(ctx.error(
+            image.span(),
+            "the light has an image and its material an attribute of the mesh, which has texture coordinates for one of the two",
+            "give the object another material",
+        ));
+    }
     let place = match &object.transform {
         Some(t) => transform(ctx, t)?,
         None => DAffine3::IDENTITY,
@@ -129,7 +152,7 @@ pub(crate) fn place(
     };
     let form = match &*object.shape {
         ShapeFile::Obj(m) | ShapeFile::Gltf(m) | ShapeFile::Ply(m) | ShapeFile::Serialized(m) => {
-            let parts = load(ctx, m, &object.shape)?;
+            let parts = load(ctx, m, &object.shape, asked.as_ref())?;
             if m.flat && m.smooth {
                 return Err(ctx.error(
                     object.shape.span(),
@@ -137,7 +160,7 @@ pub(crate) fn place(
                     "keep one: flat drops vertex normals, smooth computes those that the file does not have",
                 ));
             }
-            let (mut used, mut meshes, mut numbers) = (vec![], vec![], vec![]);
+            let (mut used, mut meshes, mut numbers, mut corners) = (vec![], vec![], vec![], vec![]);
             for mut part in parts {
                 let own = part
                     .material
@@ -155,14 +178,25 @@ pub(crate) fn place(
                     }
                     material
                 };
+                if let Some(asked) = ctx.attributes.of(material).filter(|_| !is_ply) {
+                    return Err(lacks(ctx, asked));
+                }
                 if m.flat {
                     part.mesh.normals.clear();
                 }
+                corners.push(part.corners);
                 meshes.push(moved(ctx, part.mesh, place, object)?);
                 numbers.push(material);
             }
             if m.smooth {
                 smooth::smooth(&mut meshes);
+            }
+            if let Some(asked) = &asked {
+                let mirrored = place.matrix3.determinant() < 0.0;
+                for (mesh, corners) in meshes.iter_mut().zip(&corners) {
+                    let whole = std::mem::take(mesh);
+                    *mesh = attributes::give(ctx, asked, &m.file, whole, corners, mirrored)?;
+                }
             }
             if let Some((key, name)) = object.part_materials.iter().find(|(k, _)| !used.contains(k)) {
                 return Err(ctx.error(
@@ -244,7 +278,12 @@ pub(crate) fn place(
 }
 
 /// Reads a mesh file in the format that the shape names.
-fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPart>, InputError> {
+fn load(
+    ctx: &mut Context,
+    m: &MeshFile,
+    shape: &ShapeFile,
+    asked: Option<&Asked>,
+) -> Result<Vec<MeshPart>, InputError> {
     if m.index > 0 && !matches!(shape, ShapeFile::Serialized(_)) {
         return Err(ctx.error(
             m.file.span(),
@@ -265,7 +304,10 @@ fn load(ctx: &mut Context, m: &MeshFile, shape: &ShapeFile) -> Result<Vec<MeshPa
     }
     let parse = || match shape {
         ShapeFile::Gltf(_) => import::parse_gltf(&bytes, path.parent()),
-        ShapeFile::Ply(_) => import::parse_ply(&bytes),
+        ShapeFile::Ply(_) => match asked {
+            Some(asked) => import::parse_ply_attribute(&bytes, &asked.name),
+            None => import::parse_ply(&bytes),
+        },
         ShapeFile::Serialized(m) => import::parse_serialized(&bytes, m.index),
         _ => import::parse_obj(&bytes),
     };

@@ -1,5 +1,6 @@
 //! Images and checkerboards of a file → the flat table of [`Textures`]. Texels of a file that is named twice are kept once.
 
+use super::attributes;
 use super::context::Context;
 use base::locate::{InputError, Located};
 use import::picture::{self, Channels, Pixels};
@@ -10,7 +11,7 @@ use std::path::PathBuf;
 use syntax::material::NormalMapFile;
 use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
 use syntax::values::SpectrumFile;
-use transport::material::texture::{Filter, Image, SAME, Scalar, Spectrum, Textures, UvMap, Wrap};
+use transport::material::texture::{ATTRIBUTE, Filter, Image, SAME, Scalar, Spectrum, Textures, UvMap, Wrap};
 
 /// What texels are read from: a file, its layer, and what its channels mean.
 type ImageKey = (PathBuf, Option<String>, Channels);
@@ -81,6 +82,14 @@ pub(super) fn spectrum(
                 texture: Some(texture),
             }
         }
+        AlbedoFile::Attribute(file) => {
+            attributes::ask(ctx, file, false)?;
+            let scale = SpectrumFile::Scalar(file.scale);
+            Spectrum {
+                value: ctx.spectrum(&scale, span, "scale", 0.0..=BRIGHTEST)?,
+                texture: Some(ATTRIBUTE),
+            }
+        }
         AlbedoFile::Checkerboard(board) => {
             let mut values = [Spectral::ZERO; 2];
             for (value, file) in values.iter_mut().zip(&board.checkerboard) {
@@ -136,6 +145,10 @@ pub(super) fn scalar(
                 (true, true) => Channels::LinearLuminance,
             };
             (scale, Some(image(ctx, images, textures, i, channels)?))
+        }
+        ScalarFile::Attribute(file) => {
+            attributes::ask(ctx, file, true)?;
+            (ctx.within(file.scale, span, what, &range)?, Some(ATTRIBUTE))
         }
         ScalarFile::Checkerboard(board) => {
             let mut values = [Spectral::ZERO; 2];
@@ -223,12 +236,13 @@ fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMa
 
 /// Two by two texels.
 fn checkerboard(
-    ctx: &Context,
+    ctx: &mut Context,
     textures: &mut Textures,
     board: &CheckerboardFile,
     [a, b]: [Spectral; 2],
     span: Range<usize>,
 ) -> Result<u32, InputError> {
+    ctx.attributes.has_image();
     let uv = uv_map(ctx, board.uv.as_ref(), span)?;
     let first = textures.texels.len() as u32;
     textures.texels.extend([b, a, a, b].map(Spectral::to_array));
@@ -256,6 +270,7 @@ fn image(
             "leave `luminance` out",
         ));
     }
+    ctx.attributes.has_image();
     let uv = uv_map(ctx, file.uv.as_ref(), name.span())?;
     let layer = file.layer.as_deref();
     let key = (ctx.path(name), file.layer.clone(), channels);

@@ -105,6 +105,13 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
         names,
         mut images,
     } = materials::build(ctx, &file.materials)?;
+    if let Some(asked) = ctx.attributes.first() {
+        return Err(ctx.error(
+            asked.name.span(),
+            "attributes of meshes are not exported",
+            "use an image, or one value",
+        ));
+    }
     let mut out = Output::default();
     let textures = &mut materials.textures;
     lights::slides(ctx, &mut images, textures, &file.emitters, &mut emitters.points)?;

@@ -11,7 +11,7 @@ use syntax::material::{
     BlendFile, InterreflectionFile, MaterialFile, PassageFile, PlasticFile, RoughConductorFile,
     RoughDielectricFile,
 };
-use syntax::texture::{AlbedoFile, ImageAlbedo, ScalarFile};
+use syntax::texture::{AlbedoFile, AttributeFile, ImageAlbedo, ScalarFile};
 use syntax::values::{SpectrumFile, SpectrumTable};
 
 fn at<T>(node: &Node, value: T) -> Located<T> {
@@ -197,6 +197,10 @@ fn body_of(
         AlbedoFile::Image(image) => AlbedoFile::Image(ImageAlbedo {
             scale: image.scale * factor,
             ..image.clone()
+        }),
+        AlbedoFile::Attribute(attribute) => AlbedoFile::Attribute(AttributeFile {
+            scale: attribute.scale * factor,
+            ..attribute.clone()
         }),
         AlbedoFile::Checkerboard(board) => {
             importer.note(format!(

@@ -4,7 +4,7 @@ use super::importer::{Importer, is_spectrum};
 use super::tree::{Node, Value};
 use base::locate::{InputError, Located};
 use optics::sampling::microfacet::{Distribution, Masking};
-use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
+use syntax::texture::{AlbedoFile, AttributeFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvRows};
 use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::constants;
 use transport::material::texture::{Filter, Wrap};
@@ -236,7 +236,7 @@ pub(super) fn facets<'a>(
 fn numbers(s: &mut ScalarFile) -> Vec<&mut f64> {
     match s {
         ScalarFile::Number(v) => vec![v],
-        ScalarFile::Image(_) => vec![],
+        ScalarFile::Image(_) | ScalarFile::Attribute(_) => vec![],
         ScalarFile::Checkerboard(board) => {
             let squares = board.checkerboard.iter_mut().filter_map(|s| match s {
                 SpectrumFile::Scalar(v) => Some(v),
@@ -283,6 +283,7 @@ fn round(
 enum Pattern {
     Image(ImageAlbedo),
     Checkerboard(CheckerboardFile),
+    Attribute(AttributeFile),
 }
 
 /// The texture that a property is, if it is one.
@@ -300,10 +301,10 @@ fn pattern<'a>(
     if inner.tag != "texture" || is_spectrum(inner) {
         return Ok(None);
     }
-    Ok(Some(if inner.kind == "checkerboard" {
-        Pattern::Checkerboard(checkerboard(importer, inner, uv)?)
-    } else {
-        Pattern::Image(bitmap(importer, inner, raw, uv)?)
+    Ok(Some(match inner.kind.as_str() {
+        "checkerboard" => Pattern::Checkerboard(checkerboard(importer, inner, uv)?),
+        "mesh_attribute" => Pattern::Attribute(attribute(importer, inner)?),
+        _ => Pattern::Image(bitmap(importer, inner, raw, uv)?),
     }))
 }
 
@@ -316,9 +317,9 @@ pub(super) fn image_of<'a>(
 ) -> Result<Option<ImageAlbedo>, InputError> {
     match pattern(importer, node, name, false, uv)? {
         Some(Pattern::Image(image)) => Ok(Some(image)),
-        Some(Pattern::Checkerboard(_)) => importer.error(
+        Some(Pattern::Checkerboard(_) | Pattern::Attribute(_)) => importer.error(
             &node.span,
-            "sunstone has no light with a checkerboard",
+            "sunstone has no light with a checkerboard or an attribute of a mesh",
             "use a bitmap",
         ),
         None => Ok(None),
@@ -345,6 +346,17 @@ fn shortest(rows: UvRows, repeats: bool) -> Option<UvRows> {
         [a, b, c].map(|v| v + 0.0)
     });
     (rows != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(rows)
+}
+
+/// An attribute of the mesh that has the material.
+fn attribute(importer: &Importer, node: &Node) -> Result<AttributeFile, InputError> {
+    let name = node.text(importer.source, "name")?.unwrap_or_default();
+    let scale = node.float(importer.source, "scale")?.unwrap_or(1.0);
+    node.finish(importer.source, &[]);
+    Ok(AttributeFile {
+        attribute: Located::at(node.span.clone(), name.to_owned()),
+        scale,
+    })
 }
 
 fn checkerboard<'a>(
@@ -378,6 +390,7 @@ pub(super) fn scalar<'a>(
             board.checkerboard.reverse();
             return at(ScalarFile::Checkerboard(board));
         }
+        Some(Pattern::Attribute(attribute)) => return at(ScalarFile::Attribute(attribute)),
         None => {}
     }
     if let Some(uniform) = importer.uniform(node, name)? {
@@ -404,6 +417,9 @@ pub(super) fn albedo<'a>(
     match pattern(importer, node, name, false, uv)? {
         Some(Pattern::Image(image)) => return Ok(Located::at(node.span.clone(), image.into())),
         Some(Pattern::Checkerboard(board)) => return Ok(Located::at(node.span.clone(), board.into())),
+        Some(Pattern::Attribute(attribute)) => {
+            return Ok(Located::at(node.span.clone(), AlbedoFile::Attribute(attribute)));
+        }
         None => {}
     }
     let spectrum = importer.spectrum_or(node, name, missing)?;
@@ -422,7 +438,7 @@ pub(super) fn bitmap(
         return importer.error(
             &node.span,
             format!("sunstone has no texture `{}`", node.kind),
-            "use a bitmap or a checkerboard",
+            "use a bitmap, a checkerboard or a mesh_attribute",
         );
     }
     let Some(name) = node.text(source, "filename")? else {

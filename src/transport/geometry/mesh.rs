@@ -154,16 +154,18 @@ impl Mesh {
         }
     }
 
+    /// True if a triangle has no area, as [`Self::drop_degenerate`] judges it.
+    #[must_use]
+    pub fn is_degenerate(&self, triangle: usize) -> bool {
+        is_flat(&self.positions, &self.indices[triangle])
+    }
+
     /// Drops triangles without area (repeated or collinear corners, to the precision of the stored positions) and
     /// returns how many went. Triangles with an index out of range are kept for [`Mesh::validate`] to name.
     pub fn drop_degenerate(&mut self) -> usize {
         let before = self.indices.len();
         let positions = &self.positions;
-        let corner = |i: u32| positions.get(i as usize).map(|p| p.as_dvec3());
-        let flat = |&[a, b, c]: &[u32; 3]| match (corner(a), corner(b), corner(c)) {
-            (Some(a), Some(b), Some(c)) => without_area(a, b, c),
-            _ => false,
-        };
+        let flat = |corners: &[u32; 3]| is_flat(positions, corners);
         // Most meshes have none.
         if first(&self.indices, flat).is_some() {
             self.indices.retain(|corners| !flat(corners));
@@ -254,6 +256,14 @@ fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
 /// The first entry of which `is` is true.
 fn first<T: Sync>(table: &[T], is: impl Fn(&T) -> bool + Sync + Send) -> Option<usize> {
     table.par_iter().with_min_len(SHARE).position_first(is)
+}
+
+/// True of a triangle without area; false with an index out of range.
+fn is_flat(positions: &[Vec3], corners: &[u32; 3]) -> bool {
+    match corners.map(|i| positions.get(i as usize).map(|p| p.as_dvec3())) {
+        [Some(a), Some(b), Some(c)] => without_area(a, b, c),
+        _ => false,
+    }
 }
 
 fn keep_used<T>(table: &mut Vec<T>, used: &[bool]) {

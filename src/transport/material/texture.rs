@@ -84,6 +84,22 @@ impl Image {
     }
 }
 
+/// In place of an image's number: the values at the corners of the mesh's own triangles ([`Textures::corners`]).
+pub const ATTRIBUTE: u32 = u32::MAX;
+/// Triangles side by side in texture coordinates.
+const COLUMNS: u32 = 2048;
+/// Most triangles with values at their corners: beyond, texture coordinates are too coarse.
+pub const MOST_CORNERS: usize = 1 << 22;
+
+/// Texture coordinates of corner `k` of the triangle whose values are `Textures::corners[number]`. Each triangle has a cell of two by two
+/// units, in which it stays clear of the edges.
+#[must_use]
+pub fn corner_uv(number: u32, k: usize) -> [f32; 2] {
+    let cell = [number % COLUMNS, number / COLUMNS];
+    let [u, v] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k];
+    [2.0 * cell[0] as f32 + 0.5 + u, 2.0 * cell[1] as f32 + 0.5 + v]
+}
+
 /// Images: spectral texels of all textures in one table.
 #[derive(Clone, Debug, Default)]
 pub struct Textures {
@@ -91,6 +107,8 @@ pub struct Textures {
     pub images: Vec<Image>,
     /// Texels, top row first.
     pub texels: Vec<[f32; 4]>,
+    /// Values at the corners of triangles, which meshes point to by their texture coordinates ([`corner_uv`]).
+    pub corners: Vec<[[f32; 4]; 3]>,
 }
 
 impl Textures {
@@ -98,6 +116,9 @@ impl Textures {
     #[inline]
     #[must_use]
     pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {
+        if texture == ATTRIBUTE {
+            return self.at_corners(uv);
+        }
         let image = &self.images[texture as usize];
         let [u, v] = image.uv.map(|[a, b, c]| a * uv[0] + b * uv[1] + c);
         let (w, h) = (image.width as f32, image.height as f32);
@@ -118,6 +139,20 @@ impl Textures {
         let top = lerp(at(x0, y0), at(x0 + 1.0, y0), fx);
         let bottom = lerp(at(x0, y0 + 1.0), at(x0 + 1.0, y0 + 1.0), fx);
         lerp(top, bottom, fy)
+    }
+
+    /// The mean of the values at a triangle's corners, weighted as the point lies between them.
+    #[inline(never)]
+    fn at_corners(&self, uv: [f32; 2]) -> Spectral {
+        let cell = uv.map(|x| (x / 2.0).floor());
+        let [b, c] = [0, 1].map(|k| uv[k] - 2.0 * cell[k] - 0.5);
+        let number = cell[1] as usize * COLUMNS as usize + cell[0] as usize;
+        let values = self.corners[number].map(Spectral::new);
+        let mixed = values[0]
+            + (values[1] - values[0]) * Spectral::splat(b)
+            + (values[2] - values[0]) * Spectral::splat(c);
+        // Rounding may leave the triangle by a little.
+        mixed.max(Spectral::ZERO)
     }
 }
 
@@ -189,6 +224,7 @@ mod tests {
                 ..Image::new([3, 2], 0)
             }],
             texels: (1..=6).map(|i| [i as f32; 4]).collect(),
+            corners: vec![],
         }
     }
 
@@ -227,6 +263,33 @@ mod tests {
         assert!((mixed(Wrap::Repeat) - 5.0).abs() < 1e-5);
         assert!((mixed(Wrap::Mirror) - 6.0).abs() < 1e-5);
         assert!((mixed(Wrap::Clamp) - 6.0).abs() < 1e-5);
+    }
+
+    /// Far down the table too, where coordinates are coarse.
+    #[test]
+    fn values_of_corners_are_mixed() {
+        let mut t = Textures::default();
+        for number in 0..70_000_u32 {
+            let base = (number % 97) as f32;
+            t.corners.push([base, base + 1.0, base + 5.0].map(|v| [v; 4]));
+        }
+        for number in [0, 1, 2047, 2048, 69_999] {
+            let uv = [0, 1, 2].map(|k| corner_uv(number, k));
+            for weights in [
+                [1.0, 0.0, 0.0],
+                [0.0, 1.0, 0.0],
+                [0.0, 0.0, 1.0],
+                [0.2, 0.3, 0.5_f32],
+            ] {
+                let at = [0, 1].map(|x| (0..3).map(|k| weights[k] * uv[k][x]).sum::<f32>());
+                let want = (number % 97) as f32 + weights[1] + 5.0 * weights[2];
+                let found = t.eval(ATTRIBUTE, at).to_array()[0];
+                assert!(
+                    (found - want).abs() < 5e-3,
+                    "{number}, {weights:?}: {found}, {want}"
+                );
+            }
+        }
     }
 
     #[test]

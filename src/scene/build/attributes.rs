@@ -1,0 +1,178 @@
+//! Attributes of meshes that materials ask for → values at the corners of triangles ([`Textures::corners`]).
+//!
+//! A mesh has one set of texture coordinates, which lead to these values: a material takes one attribute, and no images beside it.
+//!
+//! [`Textures::corners`]: transport::material::texture::Textures::corners
+
+use super::context::Context;
+use base::locate::{InputError, Located};
+use glam::Vec2;
+use import::attribute::Corners;
+use import::picture;
+use std::collections::BTreeMap;
+use syntax::texture::AttributeFile;
+use transport::geometry::mesh::Mesh;
+use transport::material::texture::{MOST_CORNERS, corner_uv};
+
+/// What a material asks of the meshes that it covers.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Asked {
+    /// Name of the attribute.
+    pub name: Located<String>,
+    /// It must be one number, not a colour.
+    number: bool,
+    /// Greatest factor of the albedos that it is.
+    albedo: f64,
+}
+
+/// What a material reads by texture coordinates.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Uses {
+    asked: Option<Asked>,
+    /// Images or checkerboards.
+    images: bool,
+}
+
+/// What is asked for, and what was found so far.
+#[derive(Default)]
+pub(crate) struct Attributes {
+    /// By the material that is being built.
+    open: Uses,
+    /// By each material.
+    of_material: BTreeMap<u32, Uses>,
+    /// Values at the corners of all triangles that have them.
+    pub corners: Vec<[[f32; 4]; 3]>,
+}
+
+impl Attributes {
+    /// What a material asks for.
+    pub fn of(&self, material: u32) -> Option<&Asked> {
+        self.of_material.get(&material)?.asked.as_ref()
+    }
+
+    /// The material that is being built has an image or a checkerboard.
+    pub fn has_image(&mut self) {
+        self.open.images = true;
+    }
+
+    /// A place of a material that asks; of none, nothing.
+    pub fn first(&self) -> Option<&Asked> {
+        self.of_material.values().find_map(|uses| uses.asked.as_ref())
+    }
+}
+
+/// Begins a material: what another one, which names it, has asked for so far.
+pub(super) fn begin(ctx: &mut Context) -> Uses {
+    std::mem::take(&mut ctx.attributes.open)
+}
+
+/// Ends the material of a number; what it asks for is asked for by the one that names it too.
+pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), InputError> {
+    let own = std::mem::replace(&mut ctx.attributes.open, outer);
+    if let Uses {
+        asked: Some(asked),
+        images: true,
+    } = &own
+    {
+        let message = "a material takes an attribute of its mesh beside an image or a checkerboard, and a mesh has texture coordinates for \
+                       one of the two";
+        return Err(ctx.error(asked.name.span(), message, "keep one of the two"));
+    }
+    ctx.attributes.of_material.insert(material, own);
+    again(ctx, material)
+}
+
+/// A material that is built is named once more.
+pub(super) fn again(ctx: &mut Context, material: u32) -> Result<(), InputError> {
+    let Some(Uses { asked, images }) = ctx.attributes.of_material.get(&material).cloned() else {
+        return Ok(());
+    };
+    ctx.attributes.open.images |= images;
+    asked.map_or(Ok(()), |asked| join(ctx, asked))
+}
+
+/// The material that is being built asks for an attribute, as a number or as an albedo.
+pub(super) fn ask(ctx: &mut Context, file: &AttributeFile, number: bool) -> Result<(), InputError> {
+    let asked = Asked {
+        name: file.attribute.clone(),
+        number,
+        albedo: if number { 0.0 } else { file.scale },
+    };
+    join(ctx, asked)
+}
+
+fn join(ctx: &mut Context, more: Asked) -> Result<(), InputError> {
+    match &mut ctx.attributes.open.asked {
+        Some(open) if *open.name != *more.name => {
+            let message = format!(
+                "a material takes the attributes `{}` and `{}` of its mesh, and a mesh has one",
+                *open.name, *more.name
+            );
+            return Err(ctx.error(more.name.span(), message, "keep one of the two"));
+        }
+        Some(open) => {
+            open.number |= more.number;
+            open.albedo = open.albedo.max(more.albedo);
+        }
+        open @ None => *open = Some(more),
+    }
+    Ok(())
+}
+
+/// Leads the texture coordinates of a mesh, whose corners are those of the file or (if `mirrored`) the second and third exchanged,
+/// to the values of its attribute.
+pub(super) fn give(
+    ctx: &mut Context,
+    asked: &Asked,
+    file: &str,
+    mesh: Mesh,
+    corners: &Corners,
+    mirrored: bool,
+) -> Result<Mesh, InputError> {
+    let fault = |ctx: &Context, what: String, mend: &str| {
+        Err(ctx.error(
+            asked.name.span(),
+            format!("the attribute `{}` of {file} {what}", *asked.name),
+            mend,
+        ))
+    };
+    if asked.number && corners.coloured {
+        let mend = "name an attribute of one property";
+        return fault(ctx, "is a colour, and a number is asked for".into(), mend);
+    }
+    let first = ctx.attributes.corners.len();
+    if first + corners.values.len() > MOST_CORNERS {
+        let what = format!("and those before have more than {MOST_CORNERS} triangles");
+        return fault(ctx, what, "use a coarser mesh, or an image");
+    }
+    let values = corners.values.as_flattened().as_flattened();
+    if let Some(wrong) = values.iter().find(|v| !(0.0..=1e30).contains(*v)) {
+        let what = format!("has the value {wrong}");
+        return fault(ctx, what, "give values from 0 to 1e30");
+    }
+    if values.iter().any(|v| f64::from(*v) * asked.albedo > 1.0) {
+        ctx.note(format!(
+            "{file}: values of `{}` reflect more light than they receive (above 1)",
+            *asked.name
+        ));
+    }
+    let order = if mirrored { [0, 2, 1] } else { [0, 1, 2] };
+    let texel = |value| picture::texel(&ctx.wavelengths, value);
+    let spectral = |triangle: &[[f32; 3]; 3]| order.map(|k| texel(triangle[k]));
+    let more: Vec<_> = corners.values.iter().map(spectral).collect();
+    ctx.attributes.corners.extend(more);
+    // Neighbours have texture coordinates of their own.
+    let all = mesh.indices.as_flattened().iter().map(|i| *i as usize);
+    let of_corner = |i: usize| Vec2::from_array(corner_uv((first + i / 3) as u32, i % 3));
+    let count = mesh.indices.len() as u32;
+    Ok(Mesh {
+        normals: if mesh.normals.is_empty() {
+            vec![]
+        } else {
+            all.clone().map(|i| mesh.normals[i]).collect()
+        },
+        positions: all.map(|i| mesh.positions[i]).collect(),
+        uvs: (0..3 * mesh.indices.len()).map(of_corner).collect(),
+        indices: (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+    })
+}
