@@ -74,6 +74,7 @@ fn materials(c: &mut Criterion) {
         ng: Vec3A::Z,
         ns: Vec3A::Z,
         tangent: Vec3A::X,
+        bitangent: Vec3A::ZERO,
         uv: [0.3, 0.6],
         material: 0,
         rounding: 0.0,

@@ -430,6 +430,7 @@ fn surface() -> Surface {
         ng: Vec3A::Z,
         ns: Vec3A::Z,
         tangent: Vec3A::X,
+        bitangent: Vec3A::ZERO,
         uv: [0.0; 2],
         material: 0,
         rounding: 0.0,

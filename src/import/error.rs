@@ -48,6 +48,14 @@ pub enum ImportProblem {
         /// What to do about it.
         mend: &'static str,
     },
+    /// The file is sound, and nothing in it has an area.
+    #[error("there are no triangles in it{notes}; {mend}")]
+    NoArea {
+        /// What was left out, each after a semicolon.
+        notes: String,
+        /// What to do about it.
+        mend: &'static str,
+    },
     /// A mesh in the file cannot be used.
     #[error("{} {cause}", if name.is_empty() { "the mesh".into() } else { format!("mesh {name:?}") })]
     Mesh {

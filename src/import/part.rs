@@ -98,10 +98,8 @@ impl Parts {
         let notes = self.notes.into_sentences();
         if self.list.is_empty() {
             let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
-            return Err(ImportError::malformed(
-                format!("there are no triangles in it{notes}"),
-                otherwise,
-            ));
+            let mend = otherwise;
+            return Err(ImportProblem::NoArea { notes, mend }.into());
         }
         Ok(Model {
             parts: self.list,

@@ -130,6 +130,7 @@ impl<'a> Specimen<'a> {
             ng: Vec3A::Z,
             ns: Vec3A::Z,
             tangent: Vec3A::X,
+            bitangent: Vec3A::ZERO,
             uv,
             material: id,
             rounding: 0.0,

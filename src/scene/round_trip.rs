@@ -405,7 +405,7 @@ impl Choices<'_> {
     }
 
     fn material(&mut self) -> Located<MaterialFile> {
-        let material = match self.below(17) {
+        let material = match self.below(18) {
             0 => MaterialFile::Null(NullFile {}),
             1 => MaterialFile::Diffuse(DiffuseFile {
                 albedo: self.albedo(),
@@ -482,6 +482,11 @@ impl Choices<'_> {
             11 => MaterialFile::PartialDepolarizer(PartialDepolarizerFile {
                 material: self.text().into(),
                 fraction: self.scalar(),
+            }),
+            16 => MaterialFile::BumpMap(BumpMapFile {
+                material: self.text().into(),
+                image: self.image().into(),
+                height: self.number().into(),
             }),
             12 => MaterialFile::CoatedConductor(CoatedConductorFile {
                 metal: self.some_text(),

@@ -2,7 +2,7 @@
 
 use super::defaults::{self, is_default};
 pub use super::plastic::{InterreflectionFile, PassageFile, PlasticFile, SingleScatterFile};
-use super::texture::{AlbedoFile, ScalarFile, UvRows};
+use super::texture::{AlbedoFile, ImageAlbedo, ScalarFile, UvRows};
 use super::values::{IndexFile, SpectrumFile};
 use base::locate::Located;
 use optics::sampling::microfacet::{Distribution, Masking};
@@ -49,6 +49,8 @@ pub enum MaterialFile {
     Blend(BlendFile),
     /// A material under normals from an image.
     NormalMap(NormalMapFile),
+    /// A material under heights from an image.
+    BumpMap(BumpMapFile),
     /// A material that loses part of its polarization.
     PartialDepolarizer(PartialDepolarizerFile),
     /// Mirror under thin films.
@@ -204,6 +206,19 @@ pub struct NormalMapFile {
     pub filter: Filter,
     /// Layer of an OpenEXR file, as of other images.
     pub layer: Option<String>,
+}
+
+/// See [`MaterialFile::BumpMap`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BumpMapFile {
+    /// Name of the material.
+    pub material: Located<String>,
+    /// The image of numbers, bilinear.
+    pub image: Located<ImageAlbedo>,
+    /// How high the surface is where the image is 1, above where it is 0, metres. The shape stays; its normals turn.
+    #[serde(default = "defaults::unit", skip_serializing_if = "defaults::is_unit")]
+    pub height: Located<f64>,
 }
 
 /// See [`MaterialFile::PartialDepolarizer`].

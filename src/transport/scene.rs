@@ -102,8 +102,10 @@ impl Scene {
     fn derive(&mut self) {
         self.sheets = self.materials.any_straight();
         self.filled = self.has_fillings();
+        self.geometry.derivatives = self.materials.any_heights();
         let textures = &self.materials.textures;
-        self.geometry.textured = !(textures.images.is_empty() && textures.corners.is_empty());
+        let plain = textures.images.is_empty() && textures.corners.is_empty();
+        self.geometry.textured = !plain;
         let tables = &mut self.tables;
         tables
             .lights

@@ -34,6 +34,7 @@ fn flat(uv: [f32; 2]) -> Surface {
         ng: Vec3A::Z,
         ns: Vec3A::Z,
         tangent: Vec3A::X,
+        bitangent: Vec3A::ZERO,
         uv,
         material: 0,
         rounding: 0.0,

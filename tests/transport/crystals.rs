@@ -383,6 +383,7 @@ fn faces_are_those_of_the_mean_index() {
         ng: n,
         ns: n,
         tangent: Vec3A::X,
+        bitangent: Vec3A::ZERO,
         uv: [0.0; 2],
         material: 0,
         rounding: 0.0,

@@ -143,6 +143,7 @@ fn faces_of_a_splitting_crystal() {
         ng: n,
         ns: n,
         tangent: Vec3A::X,
+        bitangent: Vec3A::ZERO,
         uv: [0.0; 2],
         material: 0,
         rounding: 0.0,

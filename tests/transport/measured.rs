@@ -100,6 +100,7 @@ fn surface() -> Surface {
         ng: n,
         ns: n,
         tangent: axes().x_axis,
+        bitangent: Vec3A::ZERO,
         uv: [0.0; 2],
         material: 0,
         rounding: 0.0,

@@ -253,6 +253,7 @@ fn surface() -> Surface {
         ng: n,
         ns: n,
         tangent: Vec3A::new(0.9, 0.2, -0.1),
+        bitangent: Vec3A::ZERO,
         uv: [0.0; 2],
         material: 0,
         rounding: 0.0,

@@ -31,6 +31,8 @@ pub(crate) struct Uses {
     asked: Option<Asked>,
     /// Images or checkerboards.
     images: bool,
+    /// A bump map among them.
+    heights: bool,
 }
 
 /// What is asked for, and what was found so far.
@@ -55,6 +57,16 @@ impl Attributes {
         self.open.images = true;
     }
 
+    /// The material that is being built has a bump map.
+    pub fn has_heights(&mut self) {
+        self.open.heights = true;
+    }
+
+    /// True if a material has a bump map.
+    pub fn heights(&self, material: u32) -> bool {
+        self.of_material.get(&material).is_some_and(|uses| uses.heights)
+    }
+
     /// A place of a material that asks; of none, nothing.
     pub fn first(&self) -> Option<&Asked> {
         self.of_material.values().find_map(|uses| uses.asked.as_ref())
@@ -72,6 +84,7 @@ pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), I
     if let Uses {
         asked: Some(asked),
         images: true,
+        ..
     } = &own
     {
         let message = "a material takes an attribute of its mesh beside an image or a checkerboard, and a mesh has texture coordinates for \
@@ -84,10 +97,16 @@ pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), I
 
 /// A material that is built is named once more.
 pub(super) fn again(ctx: &mut Context, material: u32) -> Result<(), InputError> {
-    let Some(Uses { asked, images }) = ctx.attributes.of_material.get(&material).cloned() else {
+    let Some(Uses {
+        asked,
+        images,
+        heights,
+    }) = ctx.attributes.of_material.get(&material).cloned()
+    else {
         return Ok(());
     };
     ctx.attributes.open.images |= images;
+    ctx.attributes.open.heights |= heights;
     asked.map_or(Ok(()), |asked| join(ctx, asked))
 }
 

@@ -256,6 +256,22 @@ impl<'a> Builder<'_, 'a> {
                     material: self.inner(&n.material)?,
                     texture: textures::normals(self.ctx, &mut self.images, &mut self.table.textures, n)?,
                     strength: strength as f32,
+                    heights: false,
+                })
+            }
+            MaterialFile::BumpMap(b) => {
+                let height = self.ctx.number(&b.height, "height", -1e6..=1e6)?;
+                self.ctx.attributes.has_heights();
+                Material::NormalMap(normal_map::NormalMap {
+                    material: self.inner(&b.material)?,
+                    texture: textures::heights(
+                        self.ctx,
+                        &mut self.images,
+                        &mut self.table.textures,
+                        &b.image,
+                    )?,
+                    strength: height as f32,
+                    heights: true,
                 })
             }
             MaterialFile::PartialDepolarizer(p) => {

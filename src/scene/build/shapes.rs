@@ -110,6 +110,13 @@ pub(crate) fn place(
     if let Some(asked) = asked.as_ref().filter(|_| !is_ply) {
         return Err(lacks(ctx, asked));
     }
+    if matches!(*object.shape, ShapeFile::Disk(_)) && ctx.attributes.heights(material) {
+        return Err(ctx.error(
+            object.shape.span(),
+            "a disk has no coordinates on which a bump map could lie",
+            "use a mesh",
+        ));
+    }
     if let (Some(_), Some(image)) = (&asked, object.emission.as_ref().and_then(|e| e.image.as_ref())) {
         return Err(ctx.error(
             image.span(),

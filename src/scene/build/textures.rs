@@ -139,12 +139,7 @@ pub(super) fn scalar(
         ScalarFile::Number(v) => (ctx.within(*v, span, what, &range)?, None),
         ScalarFile::Image(i) => {
             let scale = ctx.within(i.scale, span, what, &range)?;
-            let channels = match (i.luminance, i.raw) {
-                (false, _) => Channels::Numbers,
-                (true, false) => Channels::Luminance,
-                (true, true) => Channels::LinearLuminance,
-            };
-            (scale, Some(image(ctx, images, textures, i, channels)?))
+            (scale, Some(image(ctx, images, textures, i, numbers(i))?))
         }
         ScalarFile::Attribute(file) => {
             attributes::ask(ctx, file, true)?;
@@ -195,6 +190,33 @@ pub(super) fn sky(
     let mut textures = Textures::default();
     let (size, _) = read(ctx, &mut textures, name, layer, Channels::Colours)?;
     Ok((size, textures.texels))
+}
+
+/// The image of a bump map.
+pub(super) fn heights(
+    ctx: &mut Context,
+    images: &mut Images,
+    textures: &mut Textures,
+    file: &Located<ImageAlbedo>,
+) -> Result<u32, InputError> {
+    ctx.within(file.scale, file.span(), "scale", &(1.0..=1.0))?;
+    if file.filter == Filter::Nearest {
+        return Err(ctx.error(
+            file.span(),
+            "the heights have filter = \"nearest\", so that they have no slopes",
+            "take filter away",
+        ));
+    }
+    image(ctx, images, textures, file, numbers(file))
+}
+
+/// What the channels of an image of numbers mean.
+fn numbers(file: &ImageAlbedo) -> Channels {
+    match (file.luminance, file.raw) {
+        (false, _) => Channels::Numbers,
+        (true, false) => Channels::Luminance,
+        (true, true) => Channels::LinearLuminance,
+    }
 }
 
 /// The image of a normal map.

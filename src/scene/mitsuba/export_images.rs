@@ -35,6 +35,22 @@ impl Images<'_> {
         self.write(name, name, texture, raw, &image)
     }
 
+    /// The bitmap of a bump map.
+    ///
+    /// # Errors
+    /// [`InputError`] if its heights do not fit into a PNG file.
+    pub fn heights(self, texture: u32) -> Result<Element, InputError> {
+        let fits = |t: &[f32; 4]| (0.0..=1.0).contains(&t[0]);
+        if !texels(self.textures, texture).1.iter().all(fits) {
+            return Err(self.ctx.error(
+                self.span.clone(),
+                "the image of heights has numbers below 0 or above 1, which are not exported",
+                "divide them by their greatest, and multiply height by it",
+            ));
+        }
+        self.grey("heights", texture, true, |t| t[0])
+    }
+
     /// The bitmap of a normal map.
     pub fn normals(self, texture: u32) -> Result<Element, InputError> {
         let ((w, h), texels) = texels(self.textures, texture);

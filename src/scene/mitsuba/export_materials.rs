@@ -278,6 +278,19 @@ impl<'a> MaterialWriter<'a> {
             }
             Material::Plastic(p) => self.plastic(id, open("pplastic"), &p)?,
             Material::Measured(_) => self.measured(id, open("measured_polarized"))?,
+            Material::NormalMap(n) if n.heights => {
+                let image = self.images(id).heights(n.texture)?;
+                let inner = match self.ids.get(&n.material) {
+                    Some(inner) => Element::new("ref").with("id", inner.as_str()),
+                    None => self.one_sided(n.material, None)?,
+                };
+                open("bumpmap")
+                    .child(image)
+                    .float("scale", f64::from(n.strength))
+                    .boolean("flip_invalid_normals", false)
+                    .boolean("use_shadowing_function", false)
+                    .child(inner)
+            }
             Material::NormalMap(n) => {
                 if n.strength != 1.0 {
                     return self.cannot(

@@ -13,9 +13,9 @@ use super::tree::Node;
 use base::locate::{InputError, Located};
 use std::collections::BTreeMap;
 use syntax::material::{
-    BlendFile, ConductorFile, DielectricFile, DiffuseFile, InterreflectionFile, MaterialFile, MeasuredFile,
-    NormalMapFile, NullFile, PassageFile, PlasticFile, PolarizerFile, RetarderFile, RoughConductorFile,
-    RoughDielectricFile, TiltFile, TwoSidedFile,
+    BlendFile, BumpMapFile, ConductorFile, DielectricFile, DiffuseFile, InterreflectionFile, MaterialFile,
+    MeasuredFile, NormalMapFile, NullFile, PassageFile, PlasticFile, PolarizerFile, RetarderFile,
+    RoughConductorFile, RoughDielectricFile, TiltFile, TwoSidedFile,
 };
 use syntax::texture::AlbedoFile;
 use syntax::values::IndexFile;
@@ -331,12 +331,7 @@ impl MaterialReader {
                         "add <boolean name=\"raw\" value=\"true\"/>",
                     );
                 }
-                for name in ["flip_invalid_normals", "use_shadowing_function"] {
-                    if node.boolean(source, name)?.unwrap_or(true) {
-                        importer.note(format!("normal maps have no {name} in sunstone"));
-                    }
-                }
-                let [material] = self.nested(importer, node, both, uv)?;
+                let material = self.turned(importer, node, both, uv)?;
                 MaterialFile::NormalMap(NormalMapFile {
                     material,
                     image: image.image,
@@ -345,6 +340,19 @@ impl MaterialReader {
                     wrap: image.wrap,
                     filter: image.filter,
                     layer: None,
+                })
+            }
+            "bumpmap" => {
+                let Some(texture) = heights(importer, node)? else {
+                    return importer.error(&node.span, "the bump map has no texture", "add a bitmap");
+                };
+                let image = bitmap(importer, texture, true, uv)?;
+                let height = node.float(source, "scale")?.unwrap_or(1.0);
+                let material = self.turned(importer, node, both, uv)?;
+                MaterialFile::BumpMap(BumpMapFile {
+                    material,
+                    image: at(node, image),
+                    height: at(node, height),
                 })
             }
             "null" => MaterialFile::Null(NullFile {}),
@@ -379,6 +387,23 @@ impl MaterialReader {
         Ok((body, OPAQUE.contains(&node.kind.as_str())))
     }
 
+    /// The material under turned normals.
+    fn turned<'a>(
+        &mut self,
+        importer: &mut Importer<'a>,
+        node: &'a Node,
+        both: bool,
+        uv: &mut Coordinates,
+    ) -> Result<Located<String>, InputError> {
+        for name in ["flip_invalid_normals", "use_shadowing_function"] {
+            if node.boolean(importer.source, name)?.unwrap_or(true) {
+                importer.note(format!("normal maps have no {name} in sunstone"));
+            }
+        }
+        let [material] = self.nested(importer, node, both, uv)?;
+        Ok(material)
+    }
+
     /// The materials of the BSDFs inside, which must be so many.
     fn nested<'a, const N: usize>(
         &mut self,
@@ -408,6 +433,17 @@ impl MaterialReader {
             )
         })
     }
+}
+
+/// The texture of a bump map, which may have any name.
+fn heights<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, InputError> {
+    for child in node.children() {
+        let inner = importer.resolve(child)?;
+        if inner.tag == "texture" {
+            return Ok(Some(inner));
+        }
+    }
+    Ok(None)
 }
 
 /// What is alone inside of a `twosided`, and so shows on both sides.

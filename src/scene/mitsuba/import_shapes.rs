@@ -9,6 +9,7 @@ use super::tree::Node;
 use crate::build::pose::matrix;
 use base::locate::{InputError, Located};
 use glam::{DAffine3, DMat3, DVec3};
+use import::{ImportError, ImportProblem, Model};
 use syntax::shape::{
     CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile,
 };
@@ -45,7 +46,7 @@ pub(super) fn all<'a>(
     Ok(all)
 }
 
-/// The objects that one shape becomes.
+/// The objects that one shape becomes; of a mesh without area none.
 fn objects<'a>(
     importer: &mut Importer<'a>,
     reader: &mut Readers,
@@ -165,6 +166,17 @@ fn objects<'a>(
         }
     }
     node.finish(source, &["silhouette_sampling_weight"]);
+    if let Some(Err(ImportError {
+        problem: ImportProblem::NoArea { .. },
+        ..
+    })) = model(importer, node)?
+    {
+        let name = node.text(source, "filename")?.unwrap_or_default();
+        importer.note(format!(
+            "{name} has no area: nothing is seen of it, and it is left out"
+        ));
+        return Ok(vec![]);
+    }
     let interior = match interior {
         Some(_) if inward => {
             return importer.error(
@@ -233,6 +245,15 @@ fn round(map: &DAffine3, center: DVec3) -> DAffine3 {
 
 /// True if a mesh file has vertex normals.
 fn has_normals(importer: &Importer, node: &Node) -> Result<bool, InputError> {
+    let model = model(importer, node)?.and_then(Result::ok);
+    Ok(model.is_some_and(|model| model.parts.iter().any(|p| !p.mesh.normals.is_empty())))
+}
+
+/// What a shape's mesh file holds; `None` of other shapes, and where it cannot be read: building the scene reports that.
+fn model(importer: &Importer, node: &Node) -> Result<Option<Result<Model, ImportError>>, InputError> {
+    if !["obj", "ply", "serialized"].contains(&node.kind.as_str()) {
+        return Ok(None);
+    }
     let name = node.text(importer.source, "filename")?.unwrap_or_default();
     let named = importer.file(name);
     let read = || match importer.files.get(&named) {
@@ -240,15 +261,13 @@ fn has_normals(importer: &Importer, node: &Node) -> Result<bool, InputError> {
         None => std::fs::read(importer.path(name)),
     };
     let Ok(bytes) = read() else {
-        // Building the scene reports it.
-        return Ok(false);
+        return Ok(None);
     };
-    let model = match node.kind.as_str() {
+    Ok(Some(match node.kind.as_str() {
         "ply" => import::parse_ply(&bytes),
         "serialized" => import::parse_serialized(&bytes, shape_index(importer, node)?),
         _ => import::parse_obj(&bytes),
-    };
-    Ok(model.is_ok_and(|model| model.parts.iter().any(|p| !p.mesh.normals.is_empty())))
+    }))
 }
 
 /// The number of a mesh in a `serialized` file.

@@ -264,6 +264,7 @@ impl GeometryBuilder {
             groups,
             own: [own_packs, own_quadrics].map(|n| n as u32),
             textured: true,
+            derivatives: false,
             avx2: avx2(),
             extent,
             bounds: if any {

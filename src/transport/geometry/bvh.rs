@@ -75,6 +75,8 @@ pub struct Geometry {
     pub(super) triangle_count: usize,
     /// Someone reads texture coordinates; they are 0 otherwise.
     pub(crate) textured: bool,
+    /// Surfaces know how they run along both texture coordinates ([`Surface::bitangent`]).
+    pub(crate) derivatives: bool,
     /// Rays are met by the code for AVX2.
     pub(super) avx2: bool,
     /// Longest edge of the world bounds.
@@ -318,11 +320,17 @@ impl Geometry {
             let (p, n, tangent) = quadric.surface(ray.origin + ray.dir * hit.t);
             // Arc tangents for no one.
             let uv = if self.textured { quadric.uv(p) } else { [0.0; 2] };
+            let [tangent, bitangent] = if self.derivatives {
+                quadric.derivatives(p)
+            } else {
+                [tangent, Vec3A::ZERO]
+            };
             return Surface {
                 p,
                 ng: n,
                 ns: n,
                 tangent,
+                bitangent,
                 uv,
                 material: quadric.material,
                 rounding: quadric.rounding,
@@ -353,11 +361,17 @@ impl Geometry {
                 [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v]
             }
         };
+        let [tangent, bitangent] = if self.derivatives {
+            tri.derivatives(&self.uvs)
+        } else {
+            [tangent, Vec3A::ZERO]
+        };
         Surface {
             p: v0 + e1 * u + e2 * v,
             ng,
             ns,
             tangent,
+            bitangent,
             uv,
             material: tri.material(),
             rounding: tri.rounding,

@@ -248,6 +248,27 @@ impl Quadric {
         normalized_slope(self.normals * n, self.normals * slope * self.to_object.matrix3)
     }
 
+    /// ∂p/∂u and ∂p/∂v of [`Self::uv`] at a point of the surface; 0 at a sphere's poles. Of a disk there is the tangent of
+    /// [`Self::surface`] alone.
+    #[must_use]
+    pub fn derivatives(&self, p: Vec3A) -> [Vec3A; 2] {
+        let o = self.to_object.transform_point3a(p);
+        let r = o.x.hypot(o.y);
+        if r == 0.0 {
+            return [Vec3A::ZERO; 2];
+        }
+        let (out, around) = (
+            Vec3A::new(o.x / r, o.y / r, 0.0),
+            Vec3A::new(-o.y, o.x, 0.0) * TAU,
+        );
+        let own = match self.kind {
+            QuadricKind::Sphere => [around, (out * o.z - Vec3A::Z * r) * PI],
+            QuadricKind::Disk => [Vec3A::X, Vec3A::ZERO],
+            QuadricKind::Cylinder => [around, Vec3A::Z],
+        };
+        own.map(|d| self.to_world.transform_vector3a(d))
+    }
+
     /// Texture coordinates at a point of the surface.
     #[inline]
     #[must_use]

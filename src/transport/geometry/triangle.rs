@@ -82,6 +82,22 @@ impl Triangle {
         index(&self.v0)
     }
 
+    /// ∂p/∂u and ∂p/∂v of texture coordinates at the corners, or of the barycentric ones where there are none; those of coordinates that
+    /// do not spread over the triangle are 0.
+    pub(super) fn derivatives(&self, uvs: &[[f32; 2]]) -> [Vec3A; 2] {
+        let [e1, e2] = [self.e1, self.e2].map(vector);
+        let Some(corners) = self.uvs() else {
+            return [e1, e2];
+        };
+        let [a, b, c] = corners.map(|i| uvs[i as usize]);
+        let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+        let det = u1 * v2 - u2 * v1;
+        if det == 0.0 {
+            return [Vec3A::ZERO; 2];
+        }
+        [(e1 * v2 - e2 * v1) / det, (e2 * u1 - e1 * u2) / det]
+    }
+
     /// Indices into `normals`; `None` for a flat triangle.
     #[inline(always)]
     pub(super) fn normals(&self) -> Option<[u32; 3]> {

@@ -190,11 +190,17 @@ impl Geometry {
             let t = hit.t * local.scale - local.start;
             let (p, n, tangent) = quadric.surface(local.ray.origin + local.ray.dir * t);
             let n = instance.normal(n);
+            let [tangent, bitangent] = if self.derivatives {
+                quadric.derivatives(p)
+            } else {
+                [tangent, Vec3A::ZERO]
+            };
             return Surface {
                 p: instance.place(p),
                 ng: n,
                 ns: n,
                 tangent: instance.to_world * tangent,
+                bitangent: instance.to_world * bitangent,
                 uv: if self.textured { quadric.uv(p) } else { [0.0; 2] },
                 material: quadric.material,
                 rounding: instance.rounding(quadric.rounding),
@@ -221,11 +227,19 @@ impl Geometry {
             None if instance.mirrors() => (tangent, uv) = (e2, [v, u]),
             None => {}
         }
+        let mut bitangent = Vec3A::ZERO;
+        if self.derivatives {
+            [tangent, bitangent] = tri.derivatives(&self.uvs);
+            if tri.uvs().is_none() && instance.mirrors() {
+                (tangent, bitangent) = (bitangent, tangent);
+            }
+        }
         Surface {
             p: instance.place(v0 + e1 * u + e2 * v),
             ng,
             ns,
             tangent: instance.to_world * tangent,
+            bitangent: instance.to_world * bitangent,
             uv: if self.textured { uv } else { [0.0; 2] },
             material: tri.material(),
             rounding: instance.rounding(tri.rounding),

@@ -403,6 +403,14 @@ impl Materials {
 
     /// True if some boundary is null.
     #[must_use]
+    pub fn any_heights(&self) -> bool {
+        self.list
+            .iter()
+            .any(|m| matches!(m, Material::NormalMap(map) if map.heights))
+    }
+
+    /// True if some material lets light pass as if it were not there.
+    #[must_use]
     pub fn any_null(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::Null))
     }

@@ -102,6 +102,7 @@ mod tests {
             ng: n,
             ns: n,
             tangent: Vec3A::X,
+            bitangent: Vec3A::ZERO,
             uv: [0.0; 2],
             material: 0,
             rounding: 0.0,

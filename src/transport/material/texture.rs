@@ -141,6 +141,29 @@ impl Textures {
         lerp(top, bottom, fy)
     }
 
+    /// Derivatives of the first channel by the texture coordinates u and v of the surface: those of the bilinear mixture.
+    #[must_use]
+    pub fn gradient(&self, texture: u32, uv: [f32; 2]) -> [f32; 2] {
+        let image = &self.images[texture as usize];
+        let [u, v] = image.uv.map(|[a, b, c]| a * uv[0] + b * uv[1] + c);
+        let (w, h) = (image.width as f32, image.height as f32);
+        let [x, y] = match image.wrap {
+            Wrap::Repeat => [u.rem_euclid(1.0), 1.0 - v.rem_euclid(1.0)],
+            Wrap::Mirror => [u.rem_euclid(2.0), 1.0 - v.rem_euclid(2.0)],
+            Wrap::Clamp => [u.clamp(-1.0, 2.0), 1.0 - v.clamp(-1.0, 2.0)],
+        };
+        let (x, y) = (x * w - 0.5, y * h - 0.5);
+        let (x0, y0) = (x.floor(), y.floor());
+        let (fx, fy) = (x - x0, y - y0);
+        let at = |i: f32, j: f32| self.texels[image.texel((x0 + i) as i64, (y0 + j) as i64)][0];
+        let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        let along = w * lerp(at(1.0, 0.0) - at(0.0, 0.0), at(1.0, 1.0) - at(0.0, 1.0), fy);
+        // Rows are counted from the top.
+        let up = -h * lerp(at(0.0, 1.0) - at(0.0, 0.0), at(1.0, 1.0) - at(1.0, 0.0), fx);
+        let [[a, b, _], [d, e, _]] = image.uv;
+        [along * a + up * d, along * b + up * e]
+    }
+
     /// The mean of the values at a triangle's corners, weighted as the point lies between them.
     #[inline(never)]
     fn at_corners(&self, uv: [f32; 2]) -> Spectral {
@@ -263,6 +286,23 @@ mod tests {
         assert!((mixed(Wrap::Repeat) - 5.0).abs() < 1e-5);
         assert!((mixed(Wrap::Mirror) - 6.0).abs() < 1e-5);
         assert!((mixed(Wrap::Clamp) - 6.0).abs() < 1e-5);
+    }
+
+    /// Against differences of the image itself, whatever maps and repeats it.
+    #[test]
+    fn gradients_are_differences() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            let t = textures(Filter::Bilinear, wrap, [[2.0, 0.5, 0.1], [0.25, -1.0, 1.0]]);
+            for (u, v) in [(0.21, 0.33), (0.71, 0.93), (-0.43, 1.61), (1.37, 0.48)] {
+                let step = 1e-3;
+                let by =
+                    |du: f32, dv: f32| (value(&t, u + du, v + dv) - value(&t, u - du, v - dv)) / (2.0 * step);
+                let want = [by(step, 0.0), by(0.0, step)];
+                let found = t.gradient(0, [u, v]);
+                let near = found.iter().zip(want).all(|(a, b)| (a - b).abs() < 0.02);
+                assert!(near, "{wrap:?} at {u}, {v}: {found:?}, {want:?}");
+            }
+        }
     }
 
     /// Far down the table too, where coordinates are coarse.

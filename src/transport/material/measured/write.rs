@@ -116,6 +116,7 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
                     ng: Vec3A::Z,
                     ns: Vec3A::Z,
                     tangent: Vec3A::X,
+                    bitangent: Vec3A::ZERO,
                     uv: [0.0; 2],
                     material: *id,
                     rounding: 0.0,
