@@ -1,3 +1,5 @@
+//! Attributes of PLY files against what they say.
+
 use super::attribute::Corners;
 use super::{Model, parse_ply, parse_ply_attribute};
 

@@ -6,6 +6,7 @@ mod apertures;
 mod attributes;
 mod bidirectional;
 mod bins;
+mod bumps;
 mod combined;
 mod crystals;
 mod direct;

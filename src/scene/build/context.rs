@@ -1,6 +1,6 @@
 //! What every step from syntax to tables needs: where messages point to, and what has been read.
 
-use super::attributes::Attributes;
+use super::asked::Attributes;
 use base::document;
 use base::locate::{InputError, Located};
 use base::spectral_table::SpectralTable;

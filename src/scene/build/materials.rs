@@ -1,6 +1,7 @@
 //! Materials of a file → the flat table of [`Materials`].
 
-use super::attributes::{self, Attributes};
+use super::asked::Attributes;
+use super::attributes;
 use super::context::{Context, read};
 use super::indices::{complex_index, index};
 use super::polarizing;

@@ -1,6 +1,7 @@
 //! From the syntax of a scene file to the flat tables of a [`transport::scene::Scene`], checking meaning on the way.
 
 mod appearances;
+pub(crate) mod asked;
 pub(crate) mod assemble;
 pub(crate) mod attributes;
 pub(crate) mod calibrated;

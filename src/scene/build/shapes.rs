@@ -1,6 +1,7 @@
 //! Objects of a scene file → triangles and quadrics.
 
-use super::attributes::{self, Asked};
+use super::asked::Asked;
+use super::attributes;
 use super::context::{Context, HUGE};
 use super::devices::vector;
 use super::smooth;

@@ -9,7 +9,7 @@
 
 use super::export_emitters::EmitterWriter;
 use super::export_materials::MaterialWriter;
-use super::export_output::{Needs, Output, bitmap, is_even, png, spectrum};
+use super::export_output::{Needs, Output, bitmap, device, is_even, png, spectrum};
 use super::files::{Contents, WriteError, write};
 use super::names::{PROJECTOR_RESOLUTION, WAVELENGTHS, plain};
 use super::xml::{Element, number};
@@ -24,7 +24,7 @@ use crate::build::surfaces::{copies, group_number};
 use crate::build::textures::Images;
 use crate::build::{materials, slices};
 use base::locate::{InputError, Located};
-use glam::{DAffine3, DMat3, DVec3, Mat3A, Vec3A};
+use glam::{DAffine3, DVec3};
 use import::write_ply;
 use optics::spectrum::Wavelengths;
 use std::collections::BTreeMap;
@@ -258,12 +258,6 @@ fn integrator(settings: &Settings) -> Element {
         .integer("max_depth", settings.max_depth)
         .integer("rr_depth", u64::from(settings.rr_depth) + 1);
     Element::plugin("integrator", "stokes").child(path)
-}
-
-/// Device axes to the world, in Mitsuba's order: left, up, forward.
-pub(super) fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
-    let [right, down, forward] = [axes.x_axis, axes.y_axis, axes.z_axis].map(glam::Vec3A::as_dvec3);
-    DAffine3::from_mat3_translation(DMat3::from_cols(-right, -down, forward), origin.as_dvec3())
 }
 
 /// Horizontal field of view in degrees of a pinhole that Mitsuba has, which has square pixels and no distortion.

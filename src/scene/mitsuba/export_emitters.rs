@@ -3,8 +3,7 @@
 //! Mitsuba's light is unpolarized and has no profile but a cone's. Images of light are exported at one wavelength, as numbers:
 //! its spectral variants would make spectra of their colours.
 
-use super::export::device;
-use super::export_output::{Output, bitmap, spectrum};
+use super::export_output::{Output, bitmap, device, spectrum};
 use super::files::Contents;
 use super::xml::{Element, single};
 use crate::build::context::Context;

@@ -5,6 +5,7 @@ use super::names::plain;
 use super::xml::{Element, number, single};
 use crate::build::context::Context;
 use base::locate::InputError;
+use glam::{DAffine3, DMat3, Mat3A, Vec3A};
 use import::picture;
 use optics::spectrum::{Spectral, Wavelengths};
 use std::collections::BTreeMap;
@@ -71,6 +72,12 @@ pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -
 /// True if all used lanes agree.
 pub(super) fn is_even(wavelengths: &Wavelengths, value: Spectral) -> bool {
     !transport::material::varies(value, wavelengths.count())
+}
+
+/// Device axes to the world, in Mitsuba's order: left, up, forward.
+pub(super) fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
+    let [right, down, forward] = [axes.x_axis, axes.y_axis, axes.z_axis].map(glam::Vec3A::as_dvec3);
+    DAffine3::from_mat3_translation(DMat3::from_cols(-right, -down, forward), origin.as_dvec3())
 }
 
 /// An image as a texture. Mitsuba counts v from the top.

@@ -11,13 +11,15 @@ use super::import_table::Table;
 use super::importer::Importer;
 use super::tree::Node;
 use base::locate::{InputError, Located};
+use image::{DynamicImage, ImageBuffer, ImageFormat};
+use import::picture;
 use std::collections::BTreeMap;
 use syntax::material::{
     BlendFile, BumpMapFile, ConductorFile, DielectricFile, DiffuseFile, InterreflectionFile, MaterialFile,
     MeasuredFile, NormalMapFile, NullFile, PassageFile, PlasticFile, PolarizerFile, RetarderFile,
     RoughConductorFile, RoughDielectricFile, TiltFile, TwoSidedFile,
 };
-use syntax::texture::AlbedoFile;
+use syntax::texture::{AlbedoFile, ImageAlbedo};
 use syntax::values::IndexFile;
 use transport::material::polarizer::Passes;
 
@@ -323,7 +325,11 @@ impl MaterialReader {
                     );
                 };
                 let texture = importer.resolve(child)?;
-                let image = bitmap(importer, texture, false, uv)?;
+                let image = if texture.kind == "rawconstant" {
+                    constant(importer, texture)?
+                } else {
+                    bitmap(importer, texture, false, uv)?
+                };
                 if !image.raw {
                     return importer.error(
                         &texture.span,
@@ -395,9 +401,15 @@ impl MaterialReader {
         both: bool,
         uv: &mut Coordinates,
     ) -> Result<Located<String>, InputError> {
-        for name in ["flip_invalid_normals", "use_shadowing_function"] {
+        // Measured with Mitsuba's own scene of a ball of tiles, `test_bumpmap_path.xml`.
+        for (name, difference) in [
+            ("flip_invalid_normals", "1.3 % brighter"),
+            ("use_shadowing_function", "0.8 % darker"),
+        ] {
             if node.boolean(importer.source, name)?.unwrap_or(true) {
-                importer.note(format!("normal maps have no {name} in sunstone"));
+                importer.note(format!(
+                    "normal maps have no {name} in sunstone: Mitsuba's ball of tiles is {difference} with it"
+                ));
             }
         }
         let [material] = self.nested(importer, node, both, uv)?;
@@ -444,6 +456,27 @@ fn heights<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Nod
         }
     }
     Ok(None)
+}
+
+/// An image of one texel, in a file beside the scene file.
+fn constant(importer: &mut Importer, node: &Node) -> Result<ImageAlbedo, InputError> {
+    let Some(value) = node.vector(importer.source, "value")? else {
+        return importer.error(
+            &node.span,
+            "the rawconstant has no vector",
+            "add <vector name=\"value\">",
+        );
+    };
+    node.finish(importer.source, &[]);
+    let pixel = image::Rgb(value.as_vec3().to_array());
+    let image = DynamicImage::ImageRgb32F(ImageBuffer::from_pixel(1, 1, pixel));
+    let bytes = picture::encoded(&image, ImageFormat::OpenExr).map_err(|e| {
+        let what = format!("cannot encode an image: {e}");
+        importer.source.error(&node.span, what, "use a bitmap")
+    })?;
+    let mut file = ImageAlbedo::new(importer.make("constant", "exr", bytes));
+    file.raw = true;
+    Ok(file)
 }
 
 /// What is alone inside of a `twosided`, and so shows on both sides.
