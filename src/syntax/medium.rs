@@ -1,6 +1,7 @@
 //! The syntax of participating media, in scene files and in files of their own.
 
 use super::defaults::{self, is_default};
+use super::transform::TransformFile;
 use super::values::{IndexFile, SpectrumFile};
 use base::locate::Located;
 use schemars::JsonSchema;
@@ -28,6 +29,8 @@ pub struct MediumSetFile {
 pub enum MediumFile {
     /// Coefficients and a phase function as given.
     Homogeneous(Box<HomogeneousFile>),
+    /// The same, with a density that a grid gives from place to place.
+    Heterogeneous(Box<HeterogeneousFile>),
     /// Spheres in a host: everything by Lorenz–Mie theory.
     Particles(ParticlesFile),
     /// Milk, or milk in water.
@@ -65,6 +68,66 @@ pub struct HomogeneousFile {
     /// How it scatters.
     #[serde(default, skip_serializing_if = "is_default")]
     pub phase: PhaseFile,
+}
+
+/// See [`MediumFile::Heterogeneous`]. Absorption, scattering, index and phase are as of [`HomogeneousFile`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeterogeneousFile {
+    /// 1/m where the density is 1.
+    #[serde(
+        default = "defaults::zero_spectrum",
+        skip_serializing_if = "defaults::is_zero_spectrum"
+    )]
+    pub absorption: Located<SpectrumFile>,
+    /// 1/m where the density is 1.
+    #[serde(
+        default = "defaults::zero_spectrum",
+        skip_serializing_if = "defaults::is_zero_spectrum"
+    )]
+    pub scattering: Located<SpectrumFile>,
+    /// Refractive index.
+    #[serde(
+        default = "defaults::unit_index",
+        skip_serializing_if = "defaults::is_unit_index"
+    )]
+    pub index: Located<IndexFile>,
+    /// How it scatters.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub phase: PhaseFile,
+    /// Multiplies both coefficients; outside of its box there is no medium.
+    pub density: Located<GridFile>,
+    /// The share of `scattering`, 0..1, that scatters: the rest absorbs. Outside of its box it is as at its faces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub albedo: Option<Located<GridFile>>,
+}
+
+/// Numbers on a grid: one at each point, or three for wavelengths above 590 nm, from 500 to 590 nm, and below.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GridFile {
+    /// A grid of Mitsuba (`.vol`), relative to the scene file.
+    pub file: Located<String>,
+    /// Least and greatest corner of the box that it fills, metres; absent: as the file says. Points lie half a step inside.
+    #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
+    pub corners: Option<[[f64; 3]; 2]>,
+    /// Moves, turns and scales the box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transform: Option<Located<TransformFile>>,
+    /// What lies between points.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub filter: GridFilter,
+}
+
+/// See [`GridFile::filter`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GridFilter {
+    /// Mixed from the eight nearest.
+    #[default]
+    Trilinear,
+    /// The nearest point alone.
+    Nearest,
 }
 
 /// A phase function.

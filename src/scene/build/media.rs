@@ -1,6 +1,7 @@
 //! Media of a file → the flat table of [`Media`].
 
 use super::context::{Context, read};
+use super::grids;
 use base::locate::{InputError, Located};
 use optics::spectrum::Wavelengths;
 use std::collections::BTreeMap;
@@ -64,7 +65,7 @@ impl MediumSet {
         }
         let mut wanted = file.media;
         wanted.retain(|name, _| only.is_none_or(|only| only == name));
-        let (media, names, bulk) = build(&ctx, &wanted)?;
+        let (media, names, bulk) = build(&mut ctx, &wanted)?;
         Ok(Self {
             wavelengths: ctx.wavelengths,
             media,
@@ -107,11 +108,22 @@ const LARGEST_COEFFICIENT: f64 = 1e9;
 type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
 
 /// Builds all media.
-pub(crate) fn build<'a>(ctx: &Context, files: &'a Named) -> Result<Built<'a>, InputError> {
+pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>, InputError> {
     let (mut media, mut names, mut bulk) = (Media::default(), BTreeMap::new(), vec![]);
     for (name, file) in files {
         let optics = optics(ctx, file)?;
-        names.insert(name.as_str(), media.push(&optics));
+        let number = media.push(&optics);
+        if let MediumFile::Heterogeneous(h) = &**file {
+            let density = grids::grid(ctx, &h.density, f64::INFINITY)?;
+            media.list[number as usize].density = media.grids.len() as u32;
+            media.grids.push(density);
+            if let Some(file) = &h.albedo {
+                let albedo = grids::grid(ctx, file, 1.0)?;
+                media.list[number as usize].albedo = media.grids.len() as u32;
+                media.grids.push(albedo);
+            }
+        }
+        names.insert(name.as_str(), number);
         bulk.push(optics.bulk);
     }
     Ok((media, names, bulk))
@@ -120,6 +132,15 @@ pub(crate) fn build<'a>(ctx: &Context, files: &'a Named) -> Result<Built<'a>, In
 fn optics(ctx: &Context, m: &Located<MediumFile>) -> Result<Optics, InputError> {
     match &**m {
         MediumFile::Homogeneous(h) => homogeneous(ctx, h),
+        MediumFile::Heterogeneous(h) => homogeneous(
+            ctx,
+            &HomogeneousFile {
+                absorption: h.absorption.clone(),
+                scattering: h.scattering.clone(),
+                index: h.index.clone(),
+                phase: h.phase.clone(),
+            },
+        ),
         MediumFile::Particles(p) => particles(ctx, p),
         MediumFile::Milk(milk) => self::milk(ctx, milk, m.span()),
         MediumFile::Polystyrene(p) => polystyrene(ctx, p, m.span()),

@@ -8,6 +8,7 @@ pub(crate) mod calibrated;
 pub(crate) mod context;
 pub(crate) mod devices;
 pub(crate) mod file_materials;
+mod grids;
 mod indices;
 mod lens;
 pub(crate) mod lights;

@@ -3,9 +3,14 @@
 use super::importer::Importer;
 use super::names::plain;
 use super::tree::Node;
+use crate::build::pose::matrix;
 use base::locate::{InputError, Located};
+use glam::DAffine3;
 use std::collections::BTreeMap;
-use syntax::medium::{HenyeyGreensteinFile, HomogeneousFile, MediumFile, PhaseFile, RayleighFile};
+use syntax::medium::{
+    GridFile, GridFilter, HenyeyGreensteinFile, HeterogeneousFile, HomogeneousFile, MediumFile, PhaseFile,
+    RayleighFile,
+};
 use syntax::values::SpectrumFile;
 
 /// Reads media, each once.
@@ -28,7 +33,7 @@ impl MediumReader {
         if let Some(name) = self.done.get(&node.span.start) {
             return Ok(at(name));
         }
-        let medium = homogeneous(importer, node)?;
+        let medium = medium(importer, node)?;
         let base = plain(node.id.as_deref().unwrap_or("medium"));
         let mut name = base.clone();
         let mut n = 2;
@@ -43,22 +48,26 @@ impl MediumReader {
     }
 }
 
-fn homogeneous<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile, InputError> {
-    if node.kind != "homogeneous" {
+fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile, InputError> {
+    if !["homogeneous", "heterogeneous"].contains(&node.kind.as_str()) {
         return importer.error(
             &node.span,
             format!("sunstone has no medium `{}`", node.kind),
-            "use homogeneous",
+            "use homogeneous or heterogeneous",
         );
     }
+    let heterogeneous = node.kind == "heterogeneous";
     let extinction = coefficient(importer, node, "sigma_t", 1.0)?;
     let albedo = coefficient(importer, node, "albedo", 0.75)?;
     let scale = node.float(importer.source, "scale")?.unwrap_or(1.0);
     let nm = importer.wavelengths.clone();
-    let at = |s: &SpectrumFile, i: usize| match s {
-        SpectrumFile::Scalar(v) => *v,
-        SpectrumFile::PerWavelength(list) => list.get(i).copied().unwrap_or_default(),
-        SpectrumFile::Table(table) => table.table().at(nm[i]),
+    let at = |s: &Coefficient, i: usize| match s {
+        Coefficient::Grid(_) => 1.0,
+        Coefficient::Everywhere(s, _) => match &**s {
+            SpectrumFile::Scalar(v) => *v,
+            SpectrumFile::PerWavelength(list) => list.get(i).copied().unwrap_or_default(),
+            SpectrumFile::Table(table) => table.table().at(nm[i]),
+        },
     };
     let each = |f: &dyn Fn(f64, f64) -> f64| {
         let values: Vec<f64> = (0..nm.len())
@@ -92,30 +101,129 @@ fn homogeneous<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Medium
     }
     // How distances are sampled.
     node.finish(importer.source, &["has_spectral_extinction"]);
-    Ok(MediumFile::Homogeneous(Box::new(HomogeneousFile {
+    let index = Located::at(node.span.clone(), 1.0.into());
+    let albedo = match albedo {
+        Coefficient::Grid(grid) => Some(grid),
+        Coefficient::Everywhere(..) => None,
+    };
+    if !heterogeneous && albedo.is_none() && matches!(extinction, Coefficient::Everywhere(..)) {
+        return Ok(MediumFile::Homogeneous(Box::new(HomogeneousFile {
+            absorption,
+            scattering,
+            index,
+            phase,
+        })));
+    }
+    let density = match extinction {
+        Coefficient::Grid(grid) => grid,
+        // Mitsuba's heterogeneous media end with the box of their extinction, which is the unit cube if nothing is said.
+        Coefficient::Everywhere(_, place) if heterogeneous => one(importer, node, place),
+        Coefficient::Everywhere(..) => {
+            return importer.error(
+                &node.span,
+                "the homogeneous medium has a grid of albedo",
+                "make it heterogeneous, with a gridvolume of sigma_t",
+            );
+        }
+    };
+    Ok(MediumFile::Heterogeneous(Box::new(HeterogeneousFile {
         absorption,
         scattering,
-        index: Located::at(node.span.clone(), 1.0.into()),
+        index,
         phase,
+        density,
+        albedo,
     })))
 }
 
-/// A coefficient, which may stand in a volume that is the same everywhere.
+/// Extinction or albedo.
+enum Coefficient {
+    /// The same everywhere, and the place of the volume that says so.
+    Everywhere(Located<SpectrumFile>, DAffine3),
+    Grid(Located<GridFile>),
+}
+
+/// A coefficient, as a number, a spectrum or a volume.
 fn coefficient(
     importer: &Importer,
     node: &Node,
     name: &str,
     missing: f64,
-) -> Result<Located<SpectrumFile>, InputError> {
+) -> Result<Coefficient, InputError> {
+    let mut place = DAffine3::IDENTITY;
     if let Some(child) = node.named(name) {
         let inner = importer.resolve(child)?;
+        if inner.tag == "volume" {
+            place = inner.transform(importer.source, "to_world")?.unwrap_or_default();
+        }
         if inner.tag == "volume" && inner.kind == "constvolume" {
             let value = importer.spectrum_or(inner, "value", missing)?;
             inner.finish(importer.source, &[]);
-            return Ok(value);
+            return Ok(Coefficient::Everywhere(value, place));
+        }
+        if inner.tag == "volume" && inner.kind == "gridvolume" {
+            return Ok(Coefficient::Grid(grid(importer, inner, place)?));
         }
     }
-    importer.spectrum_or(node, name, missing)
+    Ok(Coefficient::Everywhere(
+        importer.spectrum_or(node, name, missing)?,
+        place,
+    ))
+}
+
+fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<GridFile>, InputError> {
+    let source = importer.source;
+    let Some(name) = node.text(source, "filename")? else {
+        return importer.error(
+            &node.span,
+            "the volume has no filename",
+            "add <string name=\"filename\">",
+        );
+    };
+    let filter = match node.text(source, "filter_type")?.unwrap_or("trilinear") {
+        "trilinear" => GridFilter::Trilinear,
+        "nearest" => GridFilter::Nearest,
+        other => {
+            let what = format!("there is no filter_type `{other}` of volumes");
+            return importer.error(&node.span, what, "use trilinear or nearest");
+        }
+    };
+    if let Some(other) = node.text(source, "wrap_mode")?.filter(|mode| *mode != "clamp") {
+        let what = format!("sunstone has no wrap_mode `{other}` of volumes");
+        return importer.error(&node.span, what, "use clamp, which is the default");
+    }
+    let own = node.boolean(source, "use_grid_bbox")?.unwrap_or(false);
+    // Whether it is turned into spectra, and how it is looked up.
+    node.finish(source, &["raw", "accel"]);
+    Ok(Located::at(
+        node.span.clone(),
+        GridFile {
+            file: Located::at(node.span.clone(), importer.file(name)),
+            corners: (!own).then_some(UNIT),
+            transform: (place != DAffine3::IDENTITY).then(|| Located::at(node.span.clone(), matrix(&place))),
+            filter,
+        },
+    ))
+}
+
+/// The box of a volume without one of its own.
+const UNIT: [[f64; 3]; 2] = [[0.0; 3], [1.0; 3]];
+
+/// A grid of one point, 1, in a file beside the scene file.
+fn one(importer: &mut Importer, node: &Node, place: DAffine3) -> Located<GridFile> {
+    let words = [1_i32, 1, 1, 1, 1].map(i32::to_le_bytes);
+    let numbers = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes);
+    let bytes = [b"VOL\x03", words.as_flattened(), numbers.as_flattened()].concat();
+    let file = importer.make("everywhere", "vol", bytes);
+    Located::at(
+        node.span.clone(),
+        GridFile {
+            file: Located::at(node.span.clone(), file),
+            corners: Some(UNIT),
+            transform: (place != DAffine3::IDENTITY).then(|| Located::at(node.span.clone(), matrix(&place))),
+            filter: GridFilter::Nearest,
+        },
+    )
 }
 
 fn phase_function(importer: &mut Importer, node: &Node) -> Result<PhaseFile, InputError> {

@@ -4,6 +4,7 @@
 //! `size_distribution`, `bulk` and `presets` compute in double precision what [`Media`] holds for the tracer.
 
 pub mod bulk;
+pub mod grid;
 pub mod henyey_greenstein;
 pub mod mie;
 pub mod nesting;
@@ -15,9 +16,11 @@ pub mod size_distribution;
 pub mod table;
 pub mod water;
 
+use crate::geometry::ray::Ray;
 use crate::material::Lanes;
 use bulk::{Optics, PhaseOptics};
 use glam::Vec3A;
+use grid::Grid;
 use optics::polarization::fresnel::FresnelBlock;
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
@@ -42,9 +45,12 @@ pub enum Phase {
     Table(u32),
 }
 
-/// A medium that is the same everywhere, as the tracer sees it.
+/// No grid, in [`Medium::density`] and [`Medium::albedo`].
+pub const NO_GRID: u32 = u32::MAX;
+
+/// A medium as the tracer sees it: the same everywhere, but for its grids.
 #[derive(Clone, Copy, Debug)]
-pub struct Homogeneous {
+pub struct Medium {
     /// μ_a, 1/m; 0 in unused lanes.
     pub absorption: Spectral,
     /// μ_s, 1/m; 0 in unused lanes.
@@ -53,22 +59,28 @@ pub struct Homogeneous {
     pub index: Spectral,
     /// How it scatters.
     pub phase: Phase,
+    /// Number of a grid in [`Media::grids`] whose numbers multiply both coefficients; there is nothing outside of its box.
+    pub density: u32,
+    /// Number of a grid of the share of `scattering` that scatters: the rest absorbs.
+    pub albedo: u32,
 }
 
 /// All media of a scene with what they share; a medium's number is its place in `list`.
 #[derive(Clone, Debug, Default)]
 pub struct Media {
     /// The media, by number.
-    pub list: Vec<Homogeneous>,
+    pub list: Vec<Medium>,
     /// Tabulated matrices, by number.
     pub tables: Vec<table::Table>,
+    /// Grids, by number.
+    pub grids: Vec<Grid>,
 }
 
-impl Homogeneous {
-    /// μ_t = μ_a + μ_s, 1/m.
+impl Medium {
+    /// μ_t = μ_a + μ_s where the density is 1, 1/m.
     #[inline]
     #[must_use]
-    pub fn extinction(&self) -> Spectral {
+    fn extinction(&self) -> Spectral {
         self.absorption + self.scattering
     }
 }
@@ -90,13 +102,72 @@ impl Media {
                 Phase::Table(self.tables.len() as u32 - 1)
             }
         };
-        self.list.push(Homogeneous {
+        self.list.push(Medium {
             absorption: lane(|b| b.absorption, 0.0),
             scattering: lane(|b| b.scattering, 0.0),
             index: lane(|b| b.index, 1.0),
             phase,
+            density: NO_GRID,
+            albedo: NO_GRID,
         });
         self.list.len() as u32 - 1
+    }
+
+    /// μ_t at a point, 1/m.
+    #[inline]
+    #[must_use]
+    pub fn extinction(&self, id: u32, p: Vec3A) -> Spectral {
+        let medium = &self.list[id as usize];
+        match self.grids.get(medium.density as usize) {
+            None => medium.extinction(),
+            Some(grid) => medium.extinction() * grid.at(p),
+        }
+    }
+
+    /// μ_s at a point, 1/m.
+    #[inline]
+    #[must_use]
+    pub fn scattering(&self, id: u32, p: Vec3A) -> Spectral {
+        let medium = &self.list[id as usize];
+        let density = self.grids.get(medium.density as usize).map(|grid| grid.at(p));
+        let albedo = self.grids.get(medium.albedo as usize).map(|grid| grid.beyond(p));
+        let factors = [density, albedo].into_iter().flatten();
+        factors.fold(medium.scattering, |s, factor| s * factor)
+    }
+
+    /// Optical depth of `length` metres along a ray.
+    #[inline]
+    #[must_use]
+    pub fn depth(&self, id: u32, ray: &Ray, length: f32) -> Spectral {
+        let medium = &self.list[id as usize];
+        match self.grids.get(medium.density as usize) {
+            None => medium.extinction() * Spectral::splat(length),
+            Some(grid) => medium.extinction() * grid.integral(ray, length),
+        }
+    }
+
+    /// How far a ray comes until a lane's optical depth is `depth`, metres.
+    #[inline]
+    #[must_use]
+    pub fn reach(&self, id: u32, ray: &Ray, lane: usize, depth: f32) -> f32 {
+        let medium = &self.list[id as usize];
+        let extinction = medium.extinction().to_array()[lane];
+        match self.grids.get(medium.density as usize) {
+            None => depth / extinction,
+            Some(grid) => grid.reach(ray, lane, depth / extinction),
+        }
+    }
+
+    /// Least μ_t of all lanes of a medium that is the same everywhere; 0 of others.
+    #[inline]
+    #[must_use]
+    pub fn clearest(&self, id: u32, lanes: usize) -> f32 {
+        let medium = &self.list[id as usize];
+        if medium.density != NO_GRID {
+            return 0.0;
+        }
+        let extinction = medium.extinction().to_array();
+        extinction[..lanes].iter().fold(f32::INFINITY, |a, b| a.min(*b))
     }
 
     /// Mueller phase function per steradian, from light travelling along `-wi` to light travelling along `wo`, unit

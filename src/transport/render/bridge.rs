@@ -127,7 +127,11 @@ pub(super) fn bridge(
             *frame = chain.push(&act, -ray.dir, *frame).unwrap_or(any);
         }
         if let Some(id) = nest.medium(&scene.boundaries) {
-            depth += scene.media.list[id as usize].extinction() * Spectral::splat(step as f32);
+            let sent = Ray {
+                origin: at.as_vec3a(),
+                dir: ray.dir,
+            };
+            depth += scene.media.depth(id, &sent, step as f32);
         }
         optical_m += f64::from(filling.index) * step;
         let Some(surface) = surface else {

@@ -4,7 +4,7 @@ use super::bridge::{pass, unnoticed};
 use super::point::{End, Point, Site};
 use super::polarized;
 use super::state::{From, State};
-use crate::geometry::ray::{Hit, Surface};
+use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::geometry::rounding::met;
 use crate::material::Lanes;
 use crate::medium::nesting::Nest;
@@ -234,18 +234,26 @@ impl Flight {
         }
         // Never 0.
         let u = 1.0 - stream.uniform();
-        Some(-u.ln() / medium.extinction().to_array()[self.hero.lane])
+        Some(scene.media.reach(id, &self.sent(), self.hero.lane, -u.ln()))
+    }
+
+    /// The ray from where the last piece of the walk ended, to the last digit.
+    #[inline]
+    fn sent(&self) -> Ray {
+        Ray {
+            origin: self.state.from.as_vec3a(),
+            dir: self.state.ray.dir,
+        }
     }
 
     /// Goes `way` metres through a medium, or less if the light's free path is shorter.
     #[inline]
     fn through(&mut self, scene: &Scene, id: u32, way: f32, free: Option<f32>) -> Option<Landing> {
-        let medium = &scene.media.list[id as usize];
-        let extinction = medium.extinction();
+        let ray = self.sent();
         let passed = |length: f32| {
-            let depth = extinction * Spectral::splat(length);
+            let depth = scene.media.depth(id, &ray, length);
             // Infinite ways through lanes that are clear.
-            extinction.simd_eq(Spectral::ZERO).select(Spectral::ZERO, depth)
+            depth.simd_eq(depth).select(depth, Spectral::ZERO)
         };
         let Some(length) = free else {
             self.depth += passed(way);
@@ -255,16 +263,17 @@ impl Flight {
         if length < way {
             let depth = passed(length);
             let transmittance = (-depth).exp();
+            let p = (self.state.from + self.state.ray.dir.as_dvec3() * f64::from(length)).as_vec3a();
+            let extinction = scene.media.extinction(id, p);
             let Some(density) = self.hero.event(extinction * transmittance) else {
                 return Some(Landing::Absorbed);
             };
             self.state
                 .chain
-                .scale(medium.scattering * transmittance * Spectral::splat(1.0 / density));
+                .scale(scene.media.scattering(id, p) * transmittance * Spectral::splat(1.0 / density));
             self.depth += depth;
             self.state.optical_m += f64::from(self.state.filling.index) * f64::from(length);
             self.state.from += self.state.ray.dir.as_dvec3() * f64::from(length);
-            let p = self.state.from.as_vec3a();
             return Some(Landing::At(
                 Site::Volume(id),
                 Surface {

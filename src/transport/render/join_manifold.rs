@@ -11,6 +11,7 @@ use super::route::Route;
 use super::split_way::{Choice, SplitSearch};
 use super::state::Beam;
 use crate::accumulate::Contributions;
+use crate::geometry::ray::Ray;
 use crate::material::Lanes;
 use crate::scene::Scene;
 use crate::strategy::Strategy;
@@ -206,11 +207,12 @@ impl Joiner<'_> {
             / (length * length);
         // In a medium most are too far away.
         let passed = z.nest.medium(&scene.boundaries).map_or(1.0, |id| {
-            let depth = scene.media.list[id as usize].extinction();
-            mean_transmittance(
-                scene,
-                depth * Spectral::splat((first.point - z.surface.p).length()),
-            )
+            let ray = Ray {
+                origin: z.surface.p,
+                dir,
+            };
+            let length = (first.point - z.surface.p).length();
+            mean_transmittance(scene, scene.media.depth(id, &ray, length))
         });
         let factor = setup.roulette.spin_unsure(expected * passed, self.stream)?;
         let (start, route) = self.route_over(z, seeds, to, z.lanes.nth(0))?;

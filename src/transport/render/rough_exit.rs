@@ -42,10 +42,7 @@ impl Exit {
     fn find(scene: &Scene, id: u32, z: &Point, to: Vec3A) -> Option<Self> {
         let p = z.surface.p;
         let dir = (to - p).try_normalize()?;
-        let extinction = scene.media.list[id as usize].extinction().to_array();
-        let clearest = extinction[..scene.wavelengths.count()]
-            .iter()
-            .fold(f32::INFINITY, |a, b| a.min(*b));
+        let clearest = scene.media.clearest(id, scene.wavelengths.count());
         let ray = Ray { origin: p, dir };
         let hit = scene.geometry.intersect(&ray, REACH / clearest)?;
         let surface = scene.geometry.surface(&ray, &hit);
@@ -77,8 +74,12 @@ fn leaves(y: &Point, to: Vec3A) -> bool {
 /// Density per steradian with which a walk goes on from a particle of medium `id` toward `y`, and comes so far.
 fn walks(joiner: &Joiner, z: &Point, id: u32, y: &Point) -> f32 {
     let scene = joiner.scene;
-    let length = (y.surface.p - z.surface.p).length();
-    let depth = scene.media.list[id as usize].extinction() * Spectral::splat(length);
+    let to = y.surface.p - z.surface.p;
+    let ray = Ray {
+        origin: z.surface.p,
+        dir: to.normalize_or(Vec3A::Z),
+    };
+    let depth = scene.media.depth(id, &ray, to.length());
     let density = z.density(scene, &joiner.setup.guide, From::Camera, z.back, -y.back);
     density * mean_transmittance(scene, depth)
 }

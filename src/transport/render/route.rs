@@ -148,7 +148,7 @@ fn interfaces(scene: &Scene, mut ray: Ray, mut nest: Nest, to: Vec3A) -> Option<
         let surface = hit.map(|hit| scene.geometry.surface(&ray, &hit));
         if let Some(id) = nest.medium(&scene.boundaries) {
             let step = surface.map_or(length, |s| (s.p - ray.origin).length());
-            depth += scene.media.list[id as usize].extinction() * Spectral::splat(step);
+            depth += scene.media.depth(id, &ray, step);
         }
         let Some(surface) = surface else {
             return Some(Met {
