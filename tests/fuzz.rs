@@ -123,7 +123,14 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     put(
         "shape.ply",
         b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
-          element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n.3 0 0\n0 .3 0\n3 0 1 2\n",
+          property float color_0\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+          0 0 0 .1\n.3 0 0 .2\n0 .3 0 .3\n3 0 1 2\n",
+    );
+    let words = [1_i32, 2, 1, 1, 1].map(i32::to_le_bytes);
+    let numbers = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0, 0.5, 2.0].map(f32::to_le_bytes);
+    put(
+        "smoke.vol",
+        &[b"VOL\x03", words.as_flattened(), numbers.as_flattened()].concat(),
     );
     put(
         "lamp.ies",

@@ -580,24 +580,46 @@ impl Choices<'_> {
         amount.into()
     }
 
+    fn phase(&mut self) -> PhaseFile {
+        match self.below(4) {
+            0 => PhaseFile::Isotropic,
+            1 => PhaseFile::Rayleigh(RayleighFile {
+                depolarization: self.number().into(),
+            }),
+            2 => PhaseFile::HenyeyGreenstein(HenyeyGreensteinFile {
+                g: self.spectrum().into(),
+                linear: self.number().into(),
+                circular: self.number().into(),
+            }),
+            _ => PhaseFile::Mie(MieFile { kinds: self.kinds() }),
+        }
+    }
+
+    fn grid(&mut self) -> Located<GridFile> {
+        let grid = GridFile {
+            file: self.text().into(),
+            corners: self.some(|c| [c.three(), c.three()]),
+            transform: self.some(Self::transform),
+            filter: [GridFilter::Trilinear, GridFilter::Nearest][self.below(2) as usize],
+        };
+        grid.into()
+    }
+
     fn medium(&mut self) -> Located<MediumFile> {
-        let medium = match self.below(6) {
+        let medium = match self.below(7) {
             0 => MediumFile::Homogeneous(Box::new(HomogeneousFile {
                 absorption: self.spectrum().into(),
                 scattering: self.spectrum().into(),
                 index: self.index(),
-                phase: match self.below(4) {
-                    0 => PhaseFile::Isotropic,
-                    1 => PhaseFile::Rayleigh(RayleighFile {
-                        depolarization: self.number().into(),
-                    }),
-                    2 => PhaseFile::HenyeyGreenstein(HenyeyGreensteinFile {
-                        g: self.spectrum().into(),
-                        linear: self.number().into(),
-                        circular: self.number().into(),
-                    }),
-                    _ => PhaseFile::Mie(MieFile { kinds: self.kinds() }),
-                },
+                phase: self.phase(),
+            })),
+            5 => MediumFile::Heterogeneous(Box::new(HeterogeneousFile {
+                absorption: self.spectrum().into(),
+                scattering: self.spectrum().into(),
+                index: self.index(),
+                phase: self.phase(),
+                density: self.grid(),
+                albedo: self.some(Self::grid),
             })),
             1 => MediumFile::Particles(ParticlesFile {
                 host: self.index(),

@@ -17,6 +17,7 @@ mod energy;
 mod filled_sheets;
 mod frames;
 mod glass;
+mod grids;
 mod imported_albedo;
 mod indirect;
 mod instances;

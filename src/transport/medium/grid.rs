@@ -227,3 +227,112 @@ impl Grid {
         self.beyond(ray.origin + ray.dir * t)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DVec3, Mat3A};
+    use optics::sampling::stream::Stream;
+    use optics::sampling::warp;
+
+    /// A grid of 3 × 4 × 2 numbers in a box that is turned, stretched and moved.
+    fn grid(nearest: bool, stream: &mut Stream) -> Grid {
+        let values = (0..24)
+            .map(|_| [stream.uniform(), stream.uniform() * 3.0, 0.0, 0.0])
+            .collect();
+        let turn = Mat3A::from_rotation_x(0.4) * Mat3A::from_rotation_z(1.1);
+        let stretch = Mat3A::from_diagonal(glam::Vec3::new(0.7, 1.3, 0.5));
+        let to_world = Affine3A {
+            matrix3: turn * stretch,
+            translation: Vec3A::new(0.2, -0.3, 0.1),
+        };
+        Grid::new([3, 4, 2], values, to_world, nearest).expect("a grid")
+    }
+
+    /// Rays from within and from without.
+    fn ray(stream: &mut Stream) -> Ray {
+        let origin =
+            Vec3A::new(0.2, -0.1, 0.2) + warp::sphere(stream.uniform2()) * (0.1 + 2.0 * stream.uniform());
+        let toward = Vec3A::new(0.3, 0.1, 0.3) + warp::sphere(stream.uniform2()) * 0.4;
+        let dir = (toward - origin).normalize();
+        Ray { origin, dir }
+    }
+
+    /// By a midpoint rule of 20,000 points.
+    fn quadrature(grid: &Grid, ray: &Ray, length: f32) -> f64 {
+        const N: u32 = 20_000;
+        let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
+        let step = f64::from(length) / f64::from(N);
+        let at = |i: u32| -> DVec3 { o + d * (f64::from(i) + 0.5) * step };
+        (0..N)
+            .map(|i| f64::from(grid.at(at(i).as_vec3a()).to_array()[0]))
+            .sum::<f64>()
+            * step
+    }
+
+    #[test]
+    fn integrals_are_those_of_the_numbers() {
+        let mut stream = Stream::new(7, 0, 0);
+        for nearest in [false, true] {
+            for _ in 0..60 {
+                let (grid, ray) = (grid(nearest, &mut stream), ray(&mut stream));
+                for length in [0.4, 3.0] {
+                    let (found, want) = (
+                        grid.integral(&ray, length).to_array()[0],
+                        quadrature(&grid, &ray, length),
+                    );
+                    // The rule misses half a step at each jump.
+                    let bound = 2e-5 + f64::from(length) * if nearest { 5e-4 } else { 1e-4 };
+                    assert!(
+                        (f64::from(found) - want).abs() < bound,
+                        "{nearest}: {found}, {want}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn reaches_invert_integrals() {
+        let mut stream = Stream::new(9, 0, 0);
+        for nearest in [false, true] {
+            for _ in 0..200 {
+                let (grid, ray) = (grid(nearest, &mut stream), ray(&mut stream));
+                let whole = grid.integral(&ray, 100.0).to_array()[1];
+                assert_eq!(grid.reach(&ray, 1, whole * 1.01 + 1e-4), f32::INFINITY);
+                for part in [0.01, 0.3, 0.99] {
+                    if whole < 0.05 {
+                        continue;
+                    }
+                    let length = grid.reach(&ray, 1, part * whole);
+                    let found = grid.integral(&ray, length).to_array()[1];
+                    assert!(
+                        (found - part * whole).abs() < 2e-5 * whole.max(1.0),
+                        "{found} of {whole}, {part}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// Along an axis, on a plane between cells, and past the box.
+    #[test]
+    fn rays_along_the_grid_are_walked() {
+        let values = [1.0, 3.0].map(|v| [v; 4]).to_vec();
+        let grid = Grid::new([2, 1, 1], values, Affine3A::IDENTITY, false).expect("a grid");
+        let along = |y: f32, dir: Vec3A| Ray {
+            origin: Vec3A::new(0.5, y, 0.5) - dir * 2.0,
+            dir,
+        };
+        for y in [0.0, 0.5, 1.0] {
+            for dir in [Vec3A::X, -Vec3A::X] {
+                // 1 over a quarter, a ramp to 3 over a half, 3 over a quarter.
+                let found = grid.integral(&along(y, dir), 9.0).to_array()[0];
+                assert!((found - 2.0).abs() < 1e-6, "{y}: {found}");
+            }
+            let found = grid.integral(&along(y, Vec3A::Z), 9.0).to_array()[0];
+            assert!((found - 2.0).abs() < 1e-6, "{y}: {found}");
+        }
+        assert_eq!(grid.integral(&along(1.1, Vec3A::X), 9.0), Spectral::ZERO);
+    }
+}

@@ -1,10 +1,12 @@
-//! Cameras and lights of other programs that look or shine through an image: orthographic sensors, projectors, spots with a texture.
+//! Cameras and lights of other programs that look or shine through an image, and media on grids: orthographic sensors, projectors, spots
+//! with a texture, heterogeneous media.
 
 use super::imported;
 use glam::Vec3A;
 use std::path::Path;
 use sunstone::scene::mitsuba::import::Import;
 use sunstone::transport::device::emitter::PointEmitter;
+use sunstone::transport::geometry::ray::Ray;
 use sunstone::transport::light::profile::Profile;
 use sunstone::transport::scene::Scene;
 
@@ -27,6 +29,70 @@ fn squares(folder: &Path) {
 }
 
 const BITMAP: &str = "<string name=\"filename\" value=\"squares.png\"/><string name=\"filter_type\" value=\"nearest\"/></texture>";
+
+/// Grids of extinction and albedo, in boxes of their own; a constant extinction ends with the unit cube too.
+#[test]
+fn heterogeneous_media_keep_their_boxes() {
+    let folder = tempfile::tempdir().unwrap();
+    let words = [1_i32, 1, 1, 2, 1].map(i32::to_le_bytes);
+    let numbers = [0.0_f32, 0.0, 0.0, 2.0, 1.0, 1.0, 0.5, 1.0].map(f32::to_le_bytes);
+    let bytes = [b"VOL\x03", words.as_flattened(), numbers.as_flattened()].concat();
+    std::fs::write(folder.path().join("ramp.vol"), bytes).unwrap();
+    let volume = |name: &str, more: &str| {
+        format!(
+            "<volume name=\"{name}\" type=\"gridvolume\"><string name=\"filename\" value=\"ramp.vol\"/>{more}\
+             <transform name=\"to_world\"><translate z=\"3\"/></transform></volume>"
+        )
+    };
+    let scene = |inside: &str| {
+        let shape = format!(
+            "<shape type=\"sphere\"><float name=\"radius\" value=\"9\"/><bsdf type=\"null\"/>\
+             <medium type=\"heterogeneous\" name=\"interior\"><float name=\"scale\" value=\"4\"/>{inside}</medium></shape>"
+        );
+        format!(
+            "<scene version=\"3.0.0\"><sensor type=\"perspective\"/>{shape}<emitter type=\"constant\"/></scene>"
+        )
+    };
+    let depths = |text: &str| {
+        let import = imported(folder.path(), text).unwrap_or_else(|e| panic!("{e}"));
+        let toml = folder.path().join("scene.toml");
+        import.write(&toml, true).unwrap();
+        let scene = sunstone::scene::load(&toml).unwrap_or_else(|e| panic!("{e}"));
+        let media = &scene.media;
+        let along = |x: f32| Ray {
+            origin: Vec3A::new(x, 0.5, -9.0),
+            dir: Vec3A::Z,
+        };
+        let at = Vec3A::new(0.5, 0.5, 3.7);
+        let depth = |x| media.depth(0, &along(x), 30.0).to_array()[0];
+        [depth(0.5), depth(1.5), media.scattering(0, at).to_array()[0]]
+    };
+    let near = |found: [f32; 3], want: [f32; 3]| {
+        let same = found
+            .iter()
+            .zip(want)
+            .all(|(a, b)| (a - b).abs() < 1e-4 * b.max(1.0));
+        assert!(same, "{found:?}, {want:?}");
+    };
+    let own = "<boolean name=\"use_grid_bbox\" value=\"true\"/>";
+    // A mean density of 0.75 over 1 m; at 0.7 it is 0.95.
+    near(
+        depths(&scene(&volume("sigma_t", ""))),
+        [3.0, 0.0, 4.0 * 0.95 * 0.75],
+    );
+    // The file's box is 2 m wide: at 1.5 m too.
+    near(
+        depths(&scene(&volume("sigma_t", own)))[..].try_into().unwrap(),
+        [3.0, 3.0, 4.0 * 0.95 * 0.75],
+    );
+    let both = volume("sigma_t", "") + &volume("albedo", "");
+    near(depths(&scene(&both)), [3.0, 0.0, 4.0 * 0.95 * 0.95]);
+    let constant = "<float name=\"sigma_t\" value=\"0.5\"/><float name=\"albedo\" value=\"0.5\"/>";
+    near(depths(&scene(constant)), [2.0, 0.0, 0.0]);
+    let repeated = volume("sigma_t", "<string name=\"wrap_mode\" value=\"repeat\"/>");
+    let e = imported(folder.path(), &scene(&repeated)).unwrap_err();
+    assert!(e.message.contains("wrap_mode `repeat`"), "{e}");
+}
 
 /// The image is twice as wide as `to_world` scales it; rays begin at the near plane.
 #[test]

@@ -1,0 +1,159 @@
+//! Media whose density a grid gives: closed forms of what passes, white furnaces, and media that are the same everywhere.
+
+use crate::lights::m00;
+use crate::support::render_text;
+use std::path::{Path, PathBuf};
+use sunstone::scene::from_text;
+
+/// A grid file: numbers of each point, x fastest.
+fn vol(folder: &Path, name: &str, size: [i32; 3], channels: i32, values: &[f32]) -> PathBuf {
+    let words = [1, size[0], size[1], size[2], channels].map(i32::to_le_bytes);
+    let corners = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes);
+    let numbers: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let bytes = [b"VOL\x03", words.as_flattened(), corners.as_flattened(), &numbers].concat();
+    let file = folder.join(name);
+    std::fs::write(&file, bytes).expect("a file");
+    file
+}
+
+/// One pixel that looks along -z at (0.3, 0.6) of the unit cube, which `medium` fills, in white light from everywhere.
+fn text(integrator: &str, spp: u32, medium: &str, more: &str) -> String {
+    format!(
+        "wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 400\nrr_depth = 1000000\nseed = 4\nintegrator = \"{integrator}\"\n\
+         [camera]\nresolution = [1, 1]\nfov_x_deg = 0.01\npose.look_at = {{ origin = [0.3, 0.6, 5], target = [0.3, 0.6, 0] }}\n\
+         [[emitters]]\nenvironment.radiance = 1\n[materials]\nn.null = {{}}\n[media]\n{medium}\n\
+         [[objects]]\nmaterial = \"n\"\ninterior = \"m\"\nshape.cube = {{ min = [0, 0, 0], max = [1, 1, 1] }}\n{more}\
+         [[slices]]\nname = \"m\"\npolarization = \"mueller\"\n"
+    )
+}
+
+/// exp(-∫): a ramp along z from 1 to 3, constant for a quarter at both ends; the same in a box of a half of the cube, and turned away
+/// from the ray; from the nearest point alone.
+#[test]
+fn what_passes_is_the_exponential_of_the_integral() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = vol(folder.path(), "ramp.vol", [1, 1, 2], 1, &[1.0, 3.0]);
+    let file = file.display();
+    let cases = [
+        ("".to_owned(), 2.0_f64),
+        (", box = [[0, 0, 0], [1, 1, 0.5]]".into(), 1.0),
+        (", filter = \"nearest\"".into(), 2.0),
+        // The ramp along x: at 0.3 it is 1.2.
+        (
+            ", transform = { rotate_deg = [0, 90, 0], translate = [0, 0, 1] }".into(),
+            1.2,
+        ),
+        (", transform = { translate = [0.4, 0, 0] }".into(), 0.0),
+    ];
+    for (more, depth) in cases {
+        let medium =
+            format!("m.heterogeneous = {{ absorption = 0.8, density = {{ file = \"{file}\"{more} }} }}");
+        let (found, _) = m00(&render_text(&text("path", 4, &medium, "")));
+        let want = (-0.8 * depth).exp();
+        assert!((found - want).abs() < 2e-4, "{more}: {found}, closed form {want}");
+    }
+}
+
+/// What scatters all light, however dense it is where, shows the white light that is around it.
+#[test]
+fn furnaces_of_uneven_clouds() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let values: Vec<f32> = (0..27).map(|i| (i * 7 % 11) as f32 * 0.6).collect();
+    let file = vol(folder.path(), "cloud.vol", [3, 3, 3], 1, &values);
+    for integrator in ["path", "bidirectional"] {
+        let medium = format!(
+            "m.heterogeneous = {{ scattering = 1.5, phase.henyey_greenstein = {{ g = 0.5 }}, density = {{ file = {file:?} }} }}"
+        );
+        let (found, sigma) = m00(&render_text(&text(integrator, 4000, &medium, "")));
+        assert!(
+            (found - 1.0).abs() <= 5.0 * sigma + 1e-4 && sigma < 0.01,
+            "{integrator}: {found} ± {sigma:.1e}"
+        );
+    }
+}
+
+/// A grid of equal numbers is a medium that is the same everywhere, to rounding of the same walks; the share that scatters may be a
+/// grid too.
+#[test]
+fn equal_numbers_are_an_even_medium() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let two = vol(folder.path(), "two.vol", [2, 3, 2], 1, &[2.0; 12]);
+    let share = vol(folder.path(), "share.vol", [1, 1, 1], 3, &[0.9, 0.75, 0.1]);
+    let light = "[projector]\nresolution = [4, 4]\nfov_x_deg = 20\npose.look_at = { origin = [1.5, 0.6, 4], target = [0.5, 0.5, 0.5] }\n";
+    for integrator in ["path", "bidirectional"] {
+        let even = "m.homogeneous = { scattering = 1.8, absorption = 0.6, phase.rayleigh = {} }";
+        let same = format!(
+            "m.heterogeneous = {{ scattering = 0.9, absorption = 0.3, phase.rayleigh = {{}}, density = {{ file = {two:?} }} }}"
+        );
+        let shared = format!(
+            "m.heterogeneous = {{ scattering = 1.2, phase.rayleigh = {{}}, density = {{ file = {two:?} }}, albedo = {{ file = {share:?} }} }}"
+        );
+        let [want, found, third] =
+            [even, &same, &shared].map(|m| m00(&render_text(&text(integrator, 3000, m, light))).0);
+        assert!((found / want - 1.0).abs() < 1e-3, "{integrator}: {found}, {want}");
+        assert!((third / want - 1.0).abs() < 1e-3, "{integrator}: {third}, {want}");
+    }
+}
+
+/// Both integrators find the same light of a projector in an uneven cloud before a wall.
+#[test]
+fn uneven_clouds_are_the_same_from_both_ends() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let values: Vec<f32> = (0..64).map(|i| (i * 13 % 17) as f32 * 0.25).collect();
+    let file = vol(folder.path(), "cloud.vol", [4, 4, 4], 1, &values);
+    let medium = format!(
+        "m.heterogeneous = {{ scattering = 1.2, absorption = 0.2, phase.rayleigh = {{}}, density = {{ file = {file:?} }} }}"
+    );
+    let more = "[materials.w.diffuse]\nalbedo = 0.7\n[[objects]]\nmaterial = \"w\"\n\
+        shape.rectangle = { corner = [-2, -2, -0.3], u = [5, 0, 0], v = [0, 5, 0] }\n\
+        [projector]\nresolution = [4, 4]\nfov_x_deg = 20\npose.look_at = { origin = [1.5, 0.6, 4], target = [0.5, 0.5, 0.5] }\n";
+    let dark = |t: String| t.replace("[[emitters]]\nenvironment.radiance = 1\n", "");
+    let [path, both] =
+        ["path", "bidirectional"].map(|i| m00(&render_text(&dark(text(i, 20_000, &medium, more)))));
+    let sigma = path.1.hypot(both.1);
+    assert!(
+        (path.0 - both.0).abs() <= 5.0 * sigma && sigma < 0.01 * path.0,
+        "{path:?}, {both:?}"
+    );
+}
+
+#[test]
+fn grids_that_are_none_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let good = vol(folder.path(), "good.vol", [1, 1, 2], 1, &[1.0, 2.0]);
+    let negative = vol(folder.path(), "negative.vol", [1, 1, 2], 1, &[1.0, -2.0]);
+    let pairs = vol(folder.path(), "pairs.vol", [1, 1, 1], 2, &[1.0, 2.0]);
+    let short = vol(folder.path(), "short.vol", [9, 9, 9], 1, &[1.0]);
+    let with = |density: String, more: &str| {
+        let medium =
+            format!("m.heterogeneous = {{ scattering = 1, density = {{ file = {density} }}{more} }}");
+        text("path", 1, &medium, "")
+    };
+    let cases = [
+        (with(format!("{negative:?}"), ""), "the number -2"),
+        (with(format!("{pairs:?}"), ""), "2 numbers at each point"),
+        (with(format!("{short:?}"), ""), "holds 1 numbers"),
+        (with("\"none.vol\"".into(), ""), "none.vol"),
+        (
+            with(format!("{good:?}, box = [[0, 0, 0], [1, 0, 1]]"), ""),
+            "no volume",
+        ),
+        (
+            with(format!("{good:?}"), &format!(", albedo = {{ file = {good:?} }}")),
+            "the number 2",
+        ),
+        (
+            text("path", 1, "m.heterogeneous = { scattering = 1 }", ""),
+            "density",
+        ),
+    ];
+    for (text, what) in cases {
+        let message = from_text("scene.toml".as_ref(), &text)
+            .err()
+            .map(|e| e.to_string());
+        assert!(
+            message.as_ref().is_some_and(|m| m.contains(what)),
+            "{what}: {message:?}"
+        );
+    }
+}
