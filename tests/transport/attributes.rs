@@ -15,11 +15,12 @@ fn scene(folder: &Path, material: &str, more: &str) -> String {
         3 0 1 2 0.2 0.4 0.6\n3 0 2 3 0.7 0.1 0.3\n";
     let file = folder.join("square.ply");
     std::fs::write(&file, ply).expect("a file");
+    let file = file.display();
     format!(
         "wavelengths_nm = [450, 550, 660]\n[render]\nspp = 4\nmax_depth = 2\n[camera]\nresolution = [8, 8]\northographic_width = 1\n\
          pose.matrix = [[1, 0, 0, 0.5], [0, -1, 0, 0.5], [0, 0, -1, 2], [0, 0, 0, 1]]\n[[emitters]]\nenvironment.radiance = 1\n\
          [materials]\nblack.diffuse.albedo = 0\nwhite.diffuse.albedo = 1\n{material}\n\
-         [[objects]]\nmaterial = \"m\"\nshape.ply = {{ file = {file:?} }}\n{more}\
+         [[objects]]\nmaterial = \"m\"\nshape.ply = {{ file = \"{file}\" }}\n{more}\
          [[slices]]\nname = \"image\"\npolarization = \"mueller\"\n"
     )
 }

@@ -23,11 +23,12 @@ fn ramp(folder: &Path, [a, b]: [f64; 2]) -> PathBuf {
 /// A camera of one pixel, so narrow that it sees a point, from straight above; `object` is all of it but the material.
 fn seen(folder: &Path, slopes: [f64; 2], map: &str, at: DVec3, object: &str) -> f64 {
     let file = ramp(folder, slopes);
+    let file = file.display();
     let text = format!(
         "wavelengths_nm = [550]\n[render]\nspp = 64\nmax_depth = 2\n[camera]\nresolution = [1, 1]\northographic_width = 1e-4\n\
          pose.matrix = [[1, 0, 0, {}], [0, -1, 0, {}], [0, 0, -1, 5], [0, 0, 0, 1]]\n\
          [[emitters]]\ndirectional = {{ direction = {:?}, irradiance = 1 }}\n\
-         [materials]\nm.diffuse.albedo = 0.5\nb.bump_map = {{ material = \"m\", image = {{ image = {file:?}{map} }}, height = 0.5 }}\n\
+         [materials]\nm.diffuse.albedo = 0.5\nb.bump_map = {{ material = \"m\", image = {{ image = \"{file}\"{map} }}, height = 0.5 }}\n\
          {object}[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n",
         at.x,
         at.y,

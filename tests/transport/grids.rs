@@ -35,7 +35,7 @@ fn what_passes_is_the_exponential_of_the_integral() {
     let file = vol(folder.path(), "ramp.vol", [1, 1, 2], 1, &[1.0, 3.0]);
     let file = file.display();
     let cases = [
-        ("".to_owned(), 2.0_f64),
+        (String::new(), 2.0_f64),
         (", box = [[0, 0, 0], [1, 1, 0.5]]".into(), 1.0),
         (", filter = \"nearest\"".into(), 2.0),
         // The ramp along x: at 0.3 it is 1.2.

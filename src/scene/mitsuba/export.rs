@@ -310,7 +310,7 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
         // Its rays begin at the near plane, and its image reaches from -1 to 1 across.
         let half = f64::from(camera.resolution[0]) / camera.focal.x / 2.0;
         place.translation -= place.matrix3.z_axis * NEAR;
-        place = place * DAffine3::from_scale(DVec3::new(half, half, 1.0));
+        place *= DAffine3::from_scale(DVec3::new(half, half, 1.0));
     }
     if [x, y] != [0.0; 2] {
         sensor = sensor

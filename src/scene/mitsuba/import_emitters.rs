@@ -68,12 +68,12 @@ pub(super) fn add<'a>(
             environment
         }
         "projector" => match projector(importer, node)? {
-            Projected::Slide(slide) => EmitterFile::Slide(Box::new(slide)),
+            Projected::Slide(slide) => EmitterFile::Slide(slide),
             Projected::Patterns(_) if file.projector.is_some() => {
                 return importer.error(&node.span, "a second projector without an image", "keep one");
             }
             Projected::Patterns(projector) => {
-                file.projector = Some(Located::at(node.span.clone(), projector));
+                file.projector = Some(Located::at(node.span.clone(), *projector));
                 return Ok(());
             }
         },
@@ -251,9 +251,9 @@ fn projected<'a>(
 /// What a projector of Mitsuba becomes.
 enum Projected {
     /// The device whose pixels T resolves.
-    Patterns(ProjectorFile),
+    Patterns(Box<ProjectorFile>),
     /// Light of the scene, with an image.
-    Slide(SlideFile),
+    Slide(Box<SlideFile>),
 }
 
 /// Mitsuba's projector gives π times its `scale` × `irradiance` on the plane at 1 m.
@@ -277,12 +277,12 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
             let fov = field_of_view(importer, node, f64::from(size[0]) / f64::from(size[1]))?;
             let pose = Located::at(node.span.clone(), pose(importer, node)?);
             node.finish(importer.source, &[]);
-            return Ok(Projected::Slide(SlideFile {
+            return Ok(Projected::Slide(Box::new(SlideFile {
                 image: image.clone(),
                 irradiance: Located::at(node.span.clone(), scaled(&SpectrumFile::Scalar(1.0), factor)),
                 fov_x_deg: at(fov),
                 pose,
-            }));
+            })));
         }
         (size, one())
     } else {
@@ -302,7 +302,7 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
     node.finish(importer.source, &[]);
     let mut projector = ProjectorFile::new(device(node, pose, size, fov));
     projector.irradiance = Located::at(irradiance.span(), scaled(&irradiance, factor));
-    Ok(Projected::Patterns(projector))
+    Ok(Projected::Patterns(Box::new(projector)))
 }
 
 /// A spectrum, each value multiplied.

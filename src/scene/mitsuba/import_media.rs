@@ -103,7 +103,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
     node.finish(importer.source, &["has_spectral_extinction"]);
     let index = Located::at(node.span.clone(), 1.0.into());
     let albedo = match albedo {
-        Coefficient::Grid(grid) => Some(grid),
+        Coefficient::Grid(grid) => Some(*grid),
         Coefficient::Everywhere(..) => None,
     };
     if !heterogeneous && albedo.is_none() && matches!(extinction, Coefficient::Everywhere(..)) {
@@ -115,7 +115,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
         })));
     }
     let density = match extinction {
-        Coefficient::Grid(grid) => grid,
+        Coefficient::Grid(grid) => *grid,
         // Mitsuba's heterogeneous media end with the box of their extinction, which is the unit cube if nothing is said.
         Coefficient::Everywhere(_, place) if heterogeneous => one(importer, node, place),
         Coefficient::Everywhere(..) => {
@@ -140,7 +140,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
 enum Coefficient {
     /// The same everywhere, and the place of the volume that says so.
     Everywhere(Located<SpectrumFile>, DAffine3),
-    Grid(Located<GridFile>),
+    Grid(Box<Located<GridFile>>),
 }
 
 /// A coefficient, as a number, a spectrum or a volume.
@@ -162,7 +162,7 @@ fn coefficient(
             return Ok(Coefficient::Everywhere(value, place));
         }
         if inner.tag == "volume" && inner.kind == "gridvolume" {
-            return Ok(Coefficient::Grid(grid(importer, inner, place)?));
+            return Ok(Coefficient::Grid(Box::new(grid(importer, inner, place)?)));
         }
     }
     Ok(Coefficient::Everywhere(

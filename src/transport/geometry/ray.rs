@@ -62,9 +62,7 @@ pub struct Surface {
     /// Direction in which the texture coordinate u grows (∂p/∂u), neither unit nor exactly perpendicular to `ns`; see
     /// [`Surface::tangent_frame`].
     pub tangent: Vec3A,
-    /// ∂p/∂v, and `tangent` is then ∂p/∂u in length too; both where [`Geometry::derivatives`] is set, else 0.
-    ///
-    /// [`Geometry::derivatives`]: super::bvh::Geometry::derivatives
+    /// ∂p/∂v, and `tangent` is then ∂p/∂u in length too, in scenes with bump maps; else 0.
     pub bitangent: Vec3A,
     /// Texture coordinates.
     pub uv: [f32; 2],

@@ -206,9 +206,9 @@ impl Grid {
             let here = at(t);
             let over = sum(t, here) - wanted;
             if over > 0.0 {
-                high = t
+                high = t;
             } else {
-                low = t
+                low = t;
             }
             if over.abs() <= 1e-6 * wanted {
                 break;
