@@ -119,7 +119,12 @@ fn scene(scene: &Scene) -> String {
         } else {
             String::new()
         };
-        format!("{w} x {h} pixels at {}{lens}", p.origin)
+        let parallel = if p.parallel {
+            format!(", orthographic, {} m wide", f64::from(w) / p.focal.x)
+        } else {
+            String::new()
+        };
+        format!("{w} x {h} pixels at {}{lens}{parallel}", p.origin)
     };
     line("wavelengths_nm", format!("{:?}", scene.wavelengths.nm()));
     line("camera", device(&scene.camera));

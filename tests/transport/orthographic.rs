@@ -56,6 +56,23 @@ fn each_pixel_sees_its_own_place() {
     }
 }
 
+/// What a pixel's ray passes falls on that pixel.
+#[test]
+fn points_fall_on_the_pixels_that_see_them() {
+    let slice = "[[slices]]\nname = \"m\"\n[[emitters]]\nenvironment.radiance = 1\n";
+    let scene = from_text("scene.toml".as_ref(), &(head(1, "") + CAMERA + PLANE + slice));
+    let camera = scene.unwrap_or_else(|e| panic!("{e}")).camera;
+    for (x, y, t) in [(0.5, 0.5, 0.4), (5.25, 3.75, 9.0)] {
+        let at = glam::DVec2::new(x, y);
+        let ray = camera.at(at);
+        let found = camera
+            .project(ray.origin + ray.direction(at) * t)
+            .map(|(at, _)| at);
+        assert!(found.is_some_and(|f| (f - at).length() < 1e-4), "{found:?}");
+        assert_eq!(camera.project(ray.origin - ray.direction(at) * t), None);
+    }
+}
+
 /// Light runs from the plane of the image: without perspective, columns of one row are equally far from what is level with it.
 #[test]
 fn time_counts_from_the_plane_of_the_image() {

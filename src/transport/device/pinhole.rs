@@ -290,7 +290,7 @@ impl Pinhole {
         if local.z <= 0.0 {
             return None;
         }
-        let z = f64::from(local.z);
+        let z = if self.parallel { 1.0 } else { f64::from(local.z) };
         let n = DVec2::new(f64::from(local.x) / z, f64::from(local.y) / z) + self.shift;
         let d = if !self.distorts() {
             n
