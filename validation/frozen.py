@@ -9,7 +9,7 @@ Runs the program (or another one, `--program`) on
 - `apply NAME --preview --seeds 1` for every application (with `--applications`, minutes each);
 - `--help` of every command;
 
-and compares SHA-256 of what it writes with `results/frozen.json`; `--power` checks that a change is found. `--record` writes that file
+and compares SHA-256 of what it writes with `frozen.json`; `--power` checks that a change is found. `--record` writes that file
 anew: then say in the commit what changed, and why. Paths, times and versions are left out of what is hashed; chunk files, arrays, tables
 and pictures are hashed whole.
 """
@@ -27,7 +27,7 @@ from pathlib import Path
 import environment
 
 SCENES = environment.ROOT / "scenes"
-TABLE = environment.HERE / "results/frozen.json"
+TABLE = environment.HERE / "frozen.json"
 # Written with times, paths or versions in them.
 LEFT_OUT = {"zarr.json", "manifest.txt", "part.txt"}
 INTEGRATORS = ["path", "caustics", "bidirectional"]
