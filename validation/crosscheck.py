@@ -159,7 +159,9 @@ def record(rows, seconds):
         for (scene, quantity, c), passed in zip(rows, pairs.verdicts(rows), strict=True)
     ]
     versions = {name: metadata.version(name) for name in packages} | {"python": platform.python_version(), "variant": mi.variant()}
-    measures = [*result_file.TRACER, "scenes/mirror_room", "validation/scenes_crosscheck", "validation/crosscheck.py"]
+    exchange = ["src/scene/mitsuba", "src/import"]
+    own = ["scenes/mirror_room", "validation/scenes_crosscheck", "validation/crosscheck.py"]
+    measures = [*result_file.TRACER, *exchange, *own]
     result_file.write("crosscheck", __file__, measures, numbers(table, seconds), versions, table)
     for name in KEPT:
         shutil.copy(CACHE / f"{name}.png", result_file.RESULTS)
