@@ -14,6 +14,7 @@ use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
 use gltf::json::{Root, Value};
 
+use super::draco::{self, Elements};
 use super::error::{ImportError, ImportProblem};
 use super::gltf_notes::MESHOPT;
 use super::meshopt::{self, Mode};
@@ -32,6 +33,8 @@ pub(super) struct Data<'a> {
     buffers: Vec<Cow<'a, [u8]>>,
     /// Bytes of buffer views that were compressed.
     views: BTreeMap<usize, Vec<u8>>,
+    /// Values of accessors whose primitives were compressed.
+    elements: BTreeMap<usize, Elements>,
 }
 
 /// One number of an accessor, read from its bytes.
@@ -96,7 +99,14 @@ impl<'a> Data<'a> {
                 views.insert(i, bytes);
             }
         }
-        Ok(Self { root, buffers, views })
+        let mut data = Self {
+            root,
+            buffers,
+            views,
+            elements: BTreeMap::new(),
+        };
+        data.elements = draco::decode(root, |view| data.view(view))?;
+        Ok(data)
     }
 
     /// An accessor of `N` floating-point (or normalized or plain integer) components.
@@ -137,7 +147,9 @@ impl<'a> Data<'a> {
     ) -> Result<Vec<[T; N]>, ImportError> {
         let json = self.accessor(index)?;
         let wrong = |what: &str| broken(format!("accessor {index} {what}"));
-        let component = component(json).ok_or_else(|| wrong("has an unknown component type"))?;
+        let decoded = self.elements.get(&index);
+        let component = decoded.map(|d| d.component).or(component(json));
+        let component = component.ok_or_else(|| wrong("has an unknown component type"))?;
         let dimensions = match json.type_ {
             Checked::Valid(Type::Scalar) => 1,
             Checked::Valid(Type::Vec2) => 2,
@@ -158,16 +170,20 @@ impl<'a> Data<'a> {
             }
             out
         };
-        let mut values: Vec<[T; N]> = match json.buffer_view {
-            Some(view) => self
+        if decoded.is_some_and(|d| (d.count, d.bytes.len()) != (count, count.saturating_mul(size * N))) {
+            return Err(wrong("differs in its count or type from what is compressed"));
+        }
+        let mut values: Vec<[T; N]> = match (decoded, json.buffer_view) {
+            (Some(decoded), _) => decoded.bytes.chunks_exact(size * N).map(element).collect(),
+            (None, Some(view)) => self
                 .elements(view.value(), json.byte_offset.map_or(0, |o| o.0), count, size * N)
                 .ok_or_else(|| wrong("reaches outside its buffer"))?
                 .map(element)
                 .collect(),
-            None if count > self.buffers.iter().map(|b| b.len()).sum() => {
+            (None, None) if count > self.buffers.iter().map(|b| b.len()).sum() => {
                 return Err(wrong("has no data, and more elements than the file has bytes"));
             }
-            None => vec![[T::default(); N]; count],
+            (None, None) => vec![[T::default(); N]; count],
         };
         if let Some(sparse) = &json.sparse {
             let outside = || wrong("has sparse data outside its buffer");
@@ -195,6 +211,17 @@ impl<'a> Data<'a> {
         Ok(values)
     }
 
+    /// The bytes of a buffer view, if its buffer holds them all.
+    fn view(&self, index: usize) -> Option<&[u8]> {
+        let view = self.root.buffer_views.get(index)?;
+        if let Some(decoded) = self.views.get(&index) {
+            return Some(decoded);
+        }
+        let start = usize::try_from(view.byte_offset.map_or(0, |o| o.0)).ok()?;
+        let end = start.checked_add(usize::try_from(view.byte_length.0).ok()?)?;
+        self.buffers.get(view.buffer.value())?.get(start..end)
+    }
+
     /// The bytes of `count` elements of `size` bytes, if the view and its buffer hold them all.
     fn elements(
         &self,
@@ -203,16 +230,8 @@ impl<'a> Data<'a> {
         count: usize,
         size: usize,
     ) -> Option<impl Iterator<Item = &[u8]>> {
-        let decoded = self.views.get(&view);
-        let view = self.root.buffer_views.get(view)?;
-        let start = usize::try_from(view.byte_offset.map_or(0, |o| o.0)).ok()?;
-        let end = start.checked_add(usize::try_from(view.byte_length.0).ok()?)?;
-        let bytes = match decoded {
-            Some(bytes) => bytes,
-            None => self.buffers.get(view.buffer.value())?.get(start..end)?,
-        };
-        let bytes = bytes.get(usize::try_from(offset).ok()?..)?;
-        let stride = view.byte_stride.map_or(0, |s| s.0);
+        let bytes = self.view(view)?.get(usize::try_from(offset).ok()?..)?;
+        let stride = self.root.buffer_views.get(view)?.byte_stride.map_or(0, |s| s.0);
         let stride = if stride == 0 { size } else { stride };
         if count > 0 {
             let last = stride.checked_mul(count - 1)?.checked_add(size)?;

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-use super::{gltf_tests, parse_gltf, parse_obj, parse_ply};
+use super::{draco_tests, gltf_tests, parse_gltf, parse_obj, parse_ply};
 
 const OBJ: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0 1\nv 0 1 0 .5 .5 .5\nvt 0 0\nvt 1 1\nvn 0 0 1\no a b\n\
     usemtl glass\nf 1/1/1 2/2/1 3/1/1 4/2/1\ng x\nf -4//-1 -3//-1 \\\n-2//-1\nf 1 2 4\nl 1 2\n";
@@ -29,13 +29,14 @@ fn ply_binary() -> Vec<u8> {
 }
 
 /// Sound files, of which mutants are made.
-static SEEDS: LazyLock<[Vec<u8>; 5]> = LazyLock::new(|| {
+static SEEDS: LazyLock<[Vec<u8>; 6]> = LazyLock::new(|| {
     [
         OBJ.into(),
         PLY_ASCII.into(),
         ply_binary(),
         gltf_tests::sample_glb(),
         gltf_tests::sample_gltf(),
+        draco_tests::sample_glb(),
     ]
 });
 
@@ -119,6 +120,7 @@ fn seeds_are_sound() {
     parse_ply(&SEEDS[2]).unwrap();
     parse_gltf(&SEEDS[3], None).unwrap();
     parse_gltf(&SEEDS[4], None).unwrap();
+    parse_gltf(&SEEDS[5], None).unwrap();
 }
 
 proptest! {
@@ -138,7 +140,7 @@ proptest! {
     }
 
     #[test]
-    fn mutants_never_panic(seed in 0..5_usize, edits in edits()) {
+    fn mutants_never_panic(seed in 0..6_usize, edits in edits()) {
         let mut bytes = SEEDS[seed].clone();
         for edit in &edits {
             apply(&mut bytes, edit);

@@ -1,5 +1,6 @@
 //! glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with `EXT_mesh_gpu_instancing`,
-//! `KHR_mesh_quantization`, `KHR_node_visibility`, `EXT_meshopt_compression` and `KHR_meshopt_compression`.
+//! `KHR_mesh_quantization`, `KHR_node_visibility`, `KHR_draco_mesh_compression`, `EXT_meshopt_compression` and
+//! `KHR_meshopt_compression`.
 //!
 //! The node tree is walked in double precision and every mesh is baked to world space once per node that uses it, in the pose
 //! of rest: morph targets by their default weights, skins by their joints' nodes. glTF is right-handed with +y up and in
@@ -30,8 +31,8 @@ const MAX_TRIANGLES: usize = 1 << 26;
 /// `material_` and their number. Points and lines, and whatever else is not used, are noted.
 ///
 /// # Errors
-/// [`ImportError`] if the file is broken, its nodes are not a tree, it needs an extension for its geometry that is not read
-/// (Draco compression among them), or no triangles are left.
+/// [`ImportError`] if the file is broken, its nodes are not a tree, it needs an extension for its geometry that is not read,
+/// or no triangles are left.
 pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, ImportError> {
     let (json, blob) = container(bytes)?;
     let cannot = |e: gltf::json::Error| broken(format!("the glTF JSON cannot be read ({e})"));
@@ -487,14 +488,6 @@ fn read_primitive(
         ));
         return Ok(None);
     };
-    let is_draco = p
-        .extensions
-        .as_ref()
-        .is_some_and(|e| e.others.contains_key(gltf_notes::DRACO));
-    let is_empty = |a: &gltf::json::Accessor| a.buffer_view.is_none() && a.sparse.is_none();
-    if is_draco && data.root.accessors.get(positions).is_some_and(is_empty) {
-        return Err(gltf_notes::compressed());
-    }
     let vec3 = |index| -> Result<Vec<Vec3>, ImportError> {
         Ok(data.floats(index)?.into_iter().map(Vec3::from_array).collect())
     };

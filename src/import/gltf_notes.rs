@@ -9,7 +9,8 @@ pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 
 /// Extensions that are read, here or with the materials.
-const READ: [&str; 6] = [
+const READ: [&str; 7] = [
+    DRACO,
     INSTANCING,
     VISIBILITY,
     MESHOPT[0],
@@ -18,7 +19,7 @@ const READ: [&str; 6] = [
     "KHR_texture_transform",
 ];
 
-/// Compression of buffer views, and of meshes, which is not read.
+/// Compression of buffer views, and of meshes.
 pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
@@ -123,9 +124,6 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
     let names = |key: &str| -> Vec<&str> { list(&document[key]).iter().filter_map(Value::as_str).collect() };
     let is_known = |name: &str| READ.contains(&name) || NO_GEOMETRY.iter().any(|n| name.starts_with(n));
     for name in names("extensionsRequired") {
-        if name == DRACO {
-            return Err(compressed());
-        }
         if !is_known(name) {
             let what = format!("the file requires the extension {name}");
             return Err(ImportError::unsupported(
@@ -160,6 +158,8 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
             account.object(item, kind, keys);
             for primitive in list(&item["primitives"]) {
                 account.object(primitive, "primitives", &PRIMITIVE);
+                let keys = ["bufferView", "attributes"];
+                account.object(&primitive["extensions"][DRACO], DRACO, &keys);
                 account.attributes(&primitive["attributes"]);
                 for target in list(&primitive["targets"]) {
                     account.object(target, "targets", &TARGET);
@@ -199,12 +199,6 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
         }
     }
     Ok(())
-}
-
-/// The error for meshes that are compressed.
-pub(super) fn compressed() -> ImportError {
-    let what = format!("its meshes are compressed ({DRACO})");
-    ImportError::unsupported(what, "export it again without compression")
 }
 
 struct Account<'a> {

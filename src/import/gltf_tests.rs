@@ -266,8 +266,8 @@ fn faults_are_named() {
     fails("/bufferViews/0/byteOffset", json!(u64::MAX), "outside its buffer");
     fails(
         "/extensionsRequired",
-        json!(["KHR_draco_mesh_compression"]),
-        "KHR_draco_mesh_compression",
+        json!(["KHR_gaussian_splatting"]),
+        "KHR_gaussian_splatting",
     );
     fails("/asset/version", json!("1.0"), "2.0");
     fails("/scenes/0/nodes", json!([]), "no triangles");

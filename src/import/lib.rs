@@ -15,6 +15,7 @@ pub mod attribute;
 pub mod body;
 pub mod closed;
 pub mod curve;
+mod draco;
 mod error;
 mod gltf;
 mod gltf_deform;
@@ -44,6 +45,8 @@ mod accounting;
 mod attribute_tests;
 #[cfg(test)]
 mod curve_tests;
+#[cfg(test)]
+mod draco_tests;
 #[cfg(test)]
 mod fuzz;
 #[cfg(test)]
