@@ -15,17 +15,10 @@ use gltf::json::validation::Checked;
 use gltf::json::{Root, Value};
 
 use super::draco::{self, Elements};
-use super::error::{ImportError, ImportProblem};
+use super::error::{ImportError, ImportProblem, broken};
 use super::gltf_notes::MESHOPT;
 use super::meshopt::{self, Mode};
 use super::notes::Notes;
-
-pub(super) const MEND: &str = "export the file again, with an exporter that passes the glTF validator";
-
-/// Something wrong with the file itself.
-pub(super) fn broken(what: impl Into<String>) -> ImportError {
-    ImportError::malformed(what, MEND)
-}
 
 /// A document's JSON with its buffers' bytes.
 pub(super) struct Data<'a> {

@@ -10,8 +10,7 @@ use gltf::json::mesh::{Mode, Primitive};
 use gltf::json::validation::Checked;
 use gltf::json::{Root, Value};
 
-use super::accessor::broken;
-use super::error::ImportError;
+use super::error::{ImportError, broken};
 use super::gltf_notes::DRACO;
 
 /// An accessor's elements, tightly packed and little-endian.

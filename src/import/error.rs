@@ -112,3 +112,10 @@ impl ImportError {
         self
     }
 }
+
+const MEND: &str = "export the file again, with an exporter that passes the glTF validator";
+
+/// Something wrong with a glTF file itself.
+pub(super) fn broken(what: impl Into<String>) -> ImportError {
+    ImportError::malformed(what, MEND)
+}

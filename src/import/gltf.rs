@@ -15,8 +15,8 @@ use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, Value};
 
-use super::accessor::{Data, broken, percent_decoded};
-use super::error::{ImportError, ImportProblem};
+use super::accessor::{Data, percent_decoded};
+use super::error::{ImportError, ImportProblem, broken};
 use super::gltf_deform::{self, Pose};
 use super::gltf_notes::{self, INSTANCING, VISIBILITY};
 use super::part::{self, Model, Parts};

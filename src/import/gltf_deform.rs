@@ -5,8 +5,8 @@ use gltf::json::Index;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-use super::accessor::{Data, broken};
-use super::error::ImportError;
+use super::accessor::Data;
+use super::error::{ImportError, broken};
 use transport::geometry::mesh::Mesh;
 
 /// How a node deforms its mesh.

@@ -5,9 +5,9 @@
 //! Its texture coordinates count from the image's upper left corner, v downward; ours from the lower left. Colours of factors
 //! are linear, those of images sRGB-encoded.
 
-use super::accessor::{broken, percent_decoded};
+use super::accessor::percent_decoded;
 use super::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
-use super::error::ImportError;
+use super::error::{ImportError, broken};
 use super::gltf::container;
 use gltf::json::Value;
 use syntax::texture::UvRows;
