@@ -8,7 +8,7 @@ doubles them: what is written must be, byte for byte, what a folder gets.
     python validation/object_store.py            # checks
     python validation/object_store.py --power    # plants damage: each must be found
 
-Needs moto[server] (validation/requirements.txt), and the program built with `cargo build --release`.
+Needs moto[server] (validation/requirements.txt), and the program built with `cargo build --release --features object-stores`.
 """
 
 import argparse

@@ -1,7 +1,8 @@
 //! How commands fail: one clear message, one exit code.
 
-use miette::{Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource, SourceCode};
+use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use std::fmt;
+use std::io::IsTerminal;
 use sunstone::base::locate::InputError;
 use sunstone::scene::mitsuba::import::ImportError;
 
@@ -81,35 +82,6 @@ impl From<InputError> for Failure {
     }
 }
 
-/// A scene error as miette shows it.
-#[derive(Debug)]
-struct Shown {
-    message: String,
-    help: Option<String>,
-    source: NamedSource<String>,
-    label: LabeledSpan,
-}
-
-impl fmt::Display for Shown {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
-impl std::error::Error for Shown {}
-
-impl Diagnostic for Shown {
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.help.as_ref().map(|h| Box::new(h) as _)
-    }
-    fn source_code(&self) -> Option<&dyn SourceCode> {
-        Some(&self.source)
-    }
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        Some(Box::new(std::iter::once(self.label.clone())))
-    }
-}
-
 /// Most characters of a line that are shown.
 const LONGEST: usize = 2000;
 /// Most problems of a file that are shown.
@@ -144,26 +116,17 @@ fn report_scene(e: &InputError) {
     if around > LONGEST {
         return;
     }
-    let shown = Shown {
-        message: e
-            .message
-            .lines()
-            .next()
-            .unwrap_or_default()
-            .chars()
-            .take(LONGEST)
-            .collect(),
-        help: None,
-        source: NamedSource::new(e.file.display().to_string(), e.text.to_string()),
-        label: LabeledSpan::new(Some("here".into()), span.start, length),
+    // The message has been printed; this is the place alone.
+    let here = AnnotationKind::Primary.span(start..start + length).label("here");
+    let place = Snippet::source(&*e.text).annotation(here);
+    let is_plain = !std::io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some();
+    let renderer = if is_plain {
+        Renderer::plain()
+    } else {
+        Renderer::styled()
     };
-    let mut out = String::new();
-    if GraphicalReportHandler::new()
-        .render_report(&mut out, &shown)
-        .is_ok()
-    {
-        // The message has been printed; keep the picture of the place only.
-        let picture: Vec<&str> = out.lines().skip_while(|l| !l.contains('[')).collect();
-        eprintln!("{}", picture.join("\n"));
-    }
+    eprintln!(
+        "{}",
+        renderer.render(&[Group::with_level(Level::ERROR).element(place)])
+    );
 }

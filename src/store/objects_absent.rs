@@ -1,9 +1,9 @@
 //! Object stores in a build without them: every address is refused, and there is nothing else to do.
 
 use crate::refusal::Refusal;
+use bytes::Bytes;
 use get::Ask;
 use std::path::Path;
-use zarrs::storage::Bytes;
 
 /// What there is none of. (Within types, so that what does with these is no dead code.)
 #[derive(Clone, Debug)]
@@ -30,7 +30,7 @@ impl Objects {
     pub(crate) fn open(scheme: &str, _: &Path) -> Result<Self, Refusal> {
         Err(Refusal::new(
             format!("this program was built without object stores, and knows no {scheme}://"),
-            "build it with the feature `object-stores`, or copy the store to a folder",
+            "build it with `cargo build --release --features object-stores`, or copy the store to a folder",
         ))
     }
 
@@ -127,7 +127,7 @@ mod tests {
             made.expect_err("refused").to_string(),
         ] {
             assert!(
-                told.contains("s3://") && told.contains("`object-stores`"),
+                told.contains("s3://") && told.contains("--features object-stores"),
                 "{told}"
             );
         }

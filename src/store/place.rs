@@ -4,9 +4,9 @@
 //! [`Refusal`].
 
 use crate::refusal::Refusal;
+use bytes::Bytes;
 use std::io;
 use std::path::{Path, PathBuf};
-use zarrs::storage::Bytes;
 
 pub(crate) use crate::objects::Objects;
 pub(crate) use crate::objects::get::Ask;

@@ -117,7 +117,11 @@ pub fn cases() -> Vec<Case> {
         let folder = *extension == "/" || store;
         cases.push(make("new", &out).expect(Expect::Accepted));
         cases.push(make("in a new folder", &format!("a/b/{out}")).expect(Expect::Accepted));
-        let (address, page) = if ["render ", "merge "].iter().any(|l| line.starts_with(l)) {
+        let writes_below_addresses = ["render ", "merge "].iter().any(|l| line.starts_with(l));
+        let (address, page) = if writes_below_addresses && !cfg!(feature = "object-stores") {
+            let mend = "--features object-stores";
+            (make("an address", &format!("s3://bucket/{out}")).says(mend), mend)
+        } else if writes_below_addresses {
             // They write below addresses, but not of these.
             (
                 make("an address", &format!("nowhere://bucket/{out}")).says("s3://"),

@@ -2,10 +2,10 @@
 
 use super::{AT_ONCE, ATTEMPTS, Key, Objects, chain, up_to, wait};
 use crate::refusal::Refusal;
+use bytes::Bytes;
 use futures_util::stream::{self, StreamExt, TryStreamExt};
 use object_store::{Error, GetOptions, GetRange, ObjectStore};
 use std::ops::Range;
-use zarrs::storage::Bytes;
 
 /// Largest object that is read: no file of a store is larger.
 const LARGEST: u64 = 4 << 30;

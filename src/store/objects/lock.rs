@@ -9,12 +9,12 @@ use super::put::Put;
 use super::{Objects, UpdateVersion};
 use crate::refusal::Refusal;
 use base::lock::holder_name;
+use bytes::Bytes;
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
-use zarrs::storage::Bytes;
 
 /// The object.
 pub(crate) const FILE: &str = ".sunstone-lock";

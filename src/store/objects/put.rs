@@ -2,9 +2,9 @@
 
 use super::{AT_ONCE, Key, Objects, again, wait};
 use crate::refusal::Refusal;
+use bytes::Bytes;
 use futures_util::stream::{self, StreamExt, TryStreamExt};
 use object_store::{Error, ObjectStoreExt, PutMode, PutOptions, UpdateVersion};
-use zarrs::storage::Bytes;
 
 /// A put that hangs on what is there.
 pub(crate) enum Put {

@@ -6,11 +6,11 @@ use super::get::Ask;
 use super::lock::{NoLock, ObjectLock};
 use super::put::Put;
 use super::*;
+use bytes::Bytes;
 use object_store::ObjectStoreExt;
 use object_store::memory::InMemory;
 use std::collections::HashMap;
 use std::sync::Mutex;
-use zarrs::storage::Bytes;
 
 static STORES: LazyLock<Mutex<HashMap<String, Arc<InMemory>>>> = LazyLock::new(Mutex::default);
 

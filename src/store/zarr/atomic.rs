@@ -18,11 +18,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use zarrs::storage::byte_range::{ByteRangeIterator, InvalidByteRangeError};
-use zarrs::storage::{
-    Bytes, MaybeBytes, MaybeBytesIterator, OffsetBytesIterator, ReadableStorageTraits, StorageError,
-    StoreKey, StorePrefix, WritableStorageTraits, store_set_partial_many,
-};
+use bytes::Bytes;
 
 /// A shard below an address of no more bytes is fetched whole: what is read of it next takes no other request.
 const SMALL: u64 = if cfg!(test) { 512 } else { 64 << 10 };
@@ -334,10 +330,6 @@ impl AtomicDirectory {
             Some(_) => Ok(()),
         }
     }
-
-    fn file(&self, key: &StoreKey) -> PathBuf {
-        self.root.join(key.as_str())
-    }
 }
 
 fn remove_leftovers(directory: &Path) -> io::Result<()> {
@@ -356,76 +348,6 @@ fn remove_if_present(path: &Path) -> io::Result<()> {
     match fs::remove_file(path) {
         Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
         _ => Ok(()),
-    }
-}
-
-impl ReadableStorageTraits for AtomicDirectory {
-    fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
-        Ok(self.read(key.as_str())?)
-    }
-
-    fn get_partial_many<'a>(
-        &'a self,
-        key: &StoreKey,
-        byte_ranges: ByteRangeIterator<'a>,
-    ) -> Result<MaybeBytesIterator<'a>, StorageError> {
-        let Some(bytes) = self.get(key)? else {
-            return Ok(None);
-        };
-        let size = bytes.len() as u64;
-        Ok(Some(Box::new(byte_ranges.map(move |range| {
-            let inside = range.start(size) <= range.end(size) && range.end(size) <= size;
-            if inside {
-                Ok(bytes.slice(range.to_range_usize(size)))
-            } else {
-                Err(InvalidByteRangeError::new(range, size).into())
-            }
-        }))))
-    }
-
-    fn size_key(&self, key: &StoreKey) -> Result<Option<u64>, StorageError> {
-        if self.remote.is_some() {
-            return Ok(self.read(key.as_str())?.map(|bytes| bytes.len() as u64));
-        }
-        match fs::metadata(self.file(key)) {
-            Ok(meta) => Ok(Some(meta.len())),
-            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
-            Err(e) => Err(e.into()),
-        }
-    }
-
-    fn supports_get_partial(&self) -> bool {
-        false
-    }
-}
-
-impl WritableStorageTraits for AtomicDirectory {
-    fn set(&self, key: &StoreKey, value: Bytes) -> Result<(), StorageError> {
-        Ok(self.write(key.as_str(), value)?)
-    }
-
-    fn set_partial_many(&self, key: &StoreKey, values: OffsetBytesIterator) -> Result<(), StorageError> {
-        store_set_partial_many(self, key, values)
-    }
-
-    fn erase(&self, key: &StoreKey) -> Result<(), StorageError> {
-        Ok(self.remove(key.as_str())?)
-    }
-
-    fn erase_prefix(&self, prefix: &StorePrefix) -> Result<(), StorageError> {
-        if let Some(remote) = &self.remote {
-            return Ok(remote
-                .erase(remote.stored_below(prefix.as_str()))
-                .map_err(io::Error::from)?);
-        }
-        match fs::remove_dir_all(self.root.join(prefix.as_str())) {
-            Err(e) if e.kind() != ErrorKind::NotFound => Err(e.into()),
-            _ => Ok(()),
-        }
-    }
-
-    fn supports_set_partial(&self) -> bool {
-        false
     }
 }
 

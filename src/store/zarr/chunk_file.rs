@@ -14,7 +14,7 @@ impl<T: Number> ChunkedArray<T> {
     /// The file of the chunk that begins at `start`.
     pub(super) fn file_of(&self, start: &[u64]) -> PathBuf {
         let key = self.array.chunk_key(&self.index_of(start));
-        self.array.storage().root().join(key.as_str())
+        self.storage.root().join(&key)
     }
 
     /// Copies the file of the chunk that begins at `start` from an array of the same description, if its checksum is right.
@@ -26,7 +26,7 @@ impl<T: Number> ChunkedArray<T> {
             chunk: index.clone(),
             cause,
         };
-        let read = from.array.storage().read(key.as_str());
+        let read = from.storage.read(&key);
         let bytes = read.map_err(|e| AccessError::of_chunk(&from.path, &index, &e))?;
         let bytes = bytes.ok_or_else(|| lost("it is lost: its file is missing".into()))?;
         let sound = bytes
@@ -35,26 +35,26 @@ impl<T: Number> ChunkedArray<T> {
         if !sound {
             return Err(lost("its checksum is not that of its bytes".into()));
         }
-        let stored = self.array.storage().write(key.as_str(), bytes);
+        let stored = self.storage.write(&key, bytes);
         stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
     /// Whether the chunk that begins at `start` is to have a file.
     pub(super) fn is_listed(&self, start: &[u64]) -> bool {
         let key = self.array.chunk_key(&self.index_of(start));
-        let listed = self.array.storage().lists(key.as_str());
+        let listed = self.storage.lists(&key);
         listed.unwrap_or_else(|| self.is_stored(start))
     }
 
     /// Whether the chunk that begins at `start` has a file.
     pub(super) fn is_stored(&self, start: &[u64]) -> bool {
         let key = self.array.chunk_key(&self.index_of(start));
-        self.array.storage().is_stored(key.as_str())
+        self.storage.is_stored(&key)
     }
 
     /// Bytes of the file of the chunk that begins at `start`, as the manifest says; 0 of none.
     pub(super) fn stored_size(&self, start: &[u64]) -> u64 {
         let key = self.array.chunk_key(&self.index_of(start));
-        self.array.storage().size(key.as_str()).unwrap_or(0)
+        self.storage.size(&key).unwrap_or(0)
     }
 }

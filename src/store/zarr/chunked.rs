@@ -8,19 +8,14 @@
 //! which takes no time, being over what is stored and not over its many zeros.
 
 use std::marker::PhantomData;
-use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
-use zarrs::array::{
-    Array, ArrayBuilder, ArrayMetadataOptions, ArrayToBytesCodecTraits, ChunkKeySeparator, CodecChain,
-    CodecOptions, ElementOwned, data_type,
-};
-
+use super::array::{self, Array};
 use super::atomic::AtomicDirectory;
-use super::coding::{self, Coding};
+use super::coding::{self, Frame};
 use super::coordinates;
 use super::error::{AccessError, CreateError, OpenError};
 use super::shard_grid::{Sharded, Sharding};
@@ -36,37 +31,35 @@ const MAX_CHUNK: usize = 1 << 28;
 const LARGE: usize = 1 << 28;
 
 /// A number type that arrays are made of.
-pub(super) trait Number: ElementOwned + bytemuck::Pod + Default + PartialEq + Send + Sync {
+pub(super) trait Number: bytemuck::Pod + Default + PartialEq + Send + Sync {
     /// Name of the Zarr data type.
     const NAME: &'static str;
-    /// The data type.
-    fn data_type() -> zarrs::array::DataType;
+    /// Zero as JSON has it.
+    fn zero() -> Value;
 }
 
 macro_rules! numbers {
-    ($($number:ty => $name:ident),*) => {$(
+    ($($number:ty => $name:literal),*) => {$(
         impl Number for $number {
-            const NAME: &'static str = stringify!($name);
-            fn data_type() -> zarrs::array::DataType {
-                data_type::$name()
+            const NAME: &'static str = $name;
+            fn zero() -> Value {
+                json!(Self::default())
             }
         }
     )*};
 }
-numbers!(f32 => float32, f64 => float64, i32 => int32, i64 => int64, u16 => uint16, u32 => uint32);
+numbers!(f32 => "float32", f64 => "float64", i32 => "int32", i64 => "int64", u16 => "uint16", u32 => "uint32");
 
 /// An open array of numbers.
 pub(super) struct ChunkedArray<T> {
-    pub(super) array: Array<AtomicDirectory>,
+    pub(super) storage: Arc<AtomicDirectory>,
+    pub(super) array: Array,
     pub(super) path: PathBuf,
     /// What is written and read together; in a shard, several of its chunks.
     pub(super) chunk: Vec<u64>,
     /// Of an array in shards.
     pub(super) sharded: Option<Sharded>,
-    coding: Coding,
-    codecs: Arc<CodecChain>,
     locks: Vec<Mutex<()>>,
-    options: CodecOptions,
     number: PhantomData<T>,
 }
 
@@ -92,7 +85,6 @@ impl<T: Number> ChunkedArray<T> {
             path: path.clone(),
             cause,
         };
-        let fill = zarrs::array::FillValue::new(vec![0; size_of::<T>()]);
         let Description {
             shape,
             chunk,
@@ -100,119 +92,85 @@ impl<T: Number> ChunkedArray<T> {
             mut attributes,
             sharding,
         } = description;
-        let chunk = sharding.as_ref().map_or(chunk, |s| s.chunk.clone());
-        let stored = sharding.as_ref().map_or(&chunk, |s| &s.shard).clone();
-        let mut builder = ArrayBuilder::new(shape, stored, T::data_type(), fill);
-        match &sharding {
-            None => builder
-                .array_to_bytes_codec(coding::numbers())
-                .bytes_to_bytes_codecs(coding::frame()),
-            Some(sharding) => {
-                attributes.insert(coding::CHUNK.into(), chunk.clone().into());
-                builder.array_to_bytes_codec(coding::shard(&sharding.inner))
-            }
-        };
-        let array = builder
-            // All chunks in one directory: one each per chunk would take longer to make than the chunks.
-            .chunk_key_encoding_default_separator(ChunkKeySeparator::Dot)
-            .dimension_names(Some(names))
-            .attributes(attributes)
-            .build(storage.clone(), node)
+        let mut stored = chunk;
+        if let Some(sharding) = &sharding {
+            attributes.insert(coding::CHUNK.into(), sharding.chunk.clone().into());
+            stored.clone_from(&sharding.shard);
+        }
+        let inner = sharding.as_ref().map(|s| &s.inner[..]);
+        let json = array::describe(
+            [&shape, &stored],
+            inner,
+            (T::NAME, T::zero()),
+            &names,
+            &attributes,
+        );
+        storage
+            .write(&description_key(node), format!("{json:#}").into())
             .map_err(|e| failed(e.to_string()))?;
-        let options = ArrayMetadataOptions::default().with_include_zarrs_metadata(false);
-        array
-            .store_metadata_opt(&options)
-            .map_err(|e| failed(e.to_string()))?;
-        let sharded = sharding.and_then(|s| Sharded::new(s.inner, s.shard));
-        Ok(Self::over(array, path, chunk, sharded, Coding::SealedFrame))
+        Self::of(storage, node, &json).map_err(failed)
     }
 
     /// Opens an existing array and checks that it is one of ours: data type, dimension names, chunk grid, codecs.
     pub(super) fn open(storage: &Arc<AtomicDirectory>, node: &str) -> Result<Self, OpenError> {
-        let path = node_path(storage, node);
         let damaged = |reason: String| OpenError::Damaged {
-            path: path.clone(),
+            path: node_path(storage, node),
             reason,
         };
         if !storage.has_description(node)? {
             return Err(damaged("its description zarr.json is missing".into()));
         }
-        let array = Array::open(storage.clone(), node).map_err(|e| damaged(e.to_string()))?;
-        let json = serde_json::to_value(array.metadata()).map_err(|e| damaged(e.to_string()))?;
-        if json["data_type"] != T::NAME {
-            return Err(damaged(format!(
-                "its data type is {}, not {}",
-                json["data_type"],
-                T::NAME
-            )));
-        }
-        if array.fill_value().as_ne_bytes().iter().any(|b| *b != 0) {
-            return Err(damaged(format!(
-                "what it does not store is {}, not 0",
-                json["fill_value"]
-            )));
-        }
-        if region::volume(array.shape()).is_none_or(|n| n.checked_mul(size_of::<T>()).is_none()) {
-            return Err(damaged(format!(
-                "its shape {:?} has more elements than can be counted",
-                array.shape()
-            )));
-        }
-        let lengths =
-            |json: &Value| -> Option<Vec<u64>> { json.as_array()?.iter().map(Value::as_u64).collect() };
-        let stored = lengths(&json["chunk_grid"]["configuration"]["chunk_shape"]).unwrap_or_default();
-        let (coding, inner) = coding::of(&json["codecs"]).map_err(damaged)?;
-        let (chunk, sharded) = match inner {
-            None => (stored, None),
-            Some(inner) => {
-                let chunk = lengths(&json["attributes"][coding::CHUNK]).unwrap_or_default();
-                let sharded = Sharded::of(inner, &chunk, stored, array.shape());
-                let sharded =
-                    sharded.ok_or_else(|| damaged("its chunks do not fit into its shards".into()))?;
-                (chunk, Some(sharded))
-            }
-        };
-        let inside = chunk.len() == array.shape().len()
-            && chunk.iter().zip(array.shape()).all(|(c, n)| (1..=*n).contains(c))
-            && region::volume(&chunk).is_some_and(|n| n <= MAX_CHUNK);
-        if !inside {
-            return Err(damaged(
-                "its chunk grid is not a regular one of chunks within its shape".into(),
-            ));
-        }
-        Ok(Self::over(array, path, chunk, sharded, coding))
+        let bytes = storage
+            .read(&description_key(node))
+            .map_err(|e| damaged(e.to_string()))?;
+        let json = serde_json::from_slice(&bytes.unwrap_or_default());
+        let json = json.map_err(|e| damaged(format!("no valid JSON: {e}")))?;
+        Self::of(storage, node, &json).map_err(damaged)
     }
 
-    fn over(
-        array: Array<AtomicDirectory>,
-        path: PathBuf,
-        chunk: Vec<u64>,
-        sharded: Option<Sharded>,
-        coding: Coding,
-    ) -> Self {
-        let codecs = match &sharded {
-            Some(_) => Arc::new(coding::chain()),
-            None => array.codecs(),
+    /// The array at a node of this description; says what is wrong with it.
+    fn of(storage: &Arc<AtomicDirectory>, node: &str, json: &Value) -> Result<Self, String> {
+        let array = Array::of(node, T::NAME, json)?;
+        if region::volume(&array.shape).is_none_or(|n| n.checked_mul(size_of::<T>()).is_none()) {
+            return Err(format!(
+                "its shape {:?} has more elements than can be counted",
+                array.shape
+            ));
+        }
+        let stored = array.stored.clone();
+        let (chunk, sharded) = match &array.inner {
+            None => (stored, None),
+            Some(inner) => {
+                let chunk = array.attributes.get(coding::CHUNK).and_then(Value::as_array);
+                let chunk: Option<Vec<u64>> = chunk.and_then(|list| list.iter().map(Value::as_u64).collect());
+                let chunk = chunk.unwrap_or_default();
+                let sharded = Sharded::of(inner.clone(), &chunk, stored, &array.shape);
+                (
+                    chunk,
+                    Some(sharded.ok_or("its chunks do not fit into its shards")?),
+                )
+            }
         };
-        Self {
+        let inside = chunk.len() == array.shape.len()
+            && chunk.iter().zip(&array.shape).all(|(c, n)| (1..=*n).contains(c))
+            && region::volume(&chunk).is_some_and(|n| n <= MAX_CHUNK);
+        if !inside {
+            return Err("its chunk grid is not a regular one of chunks within its shape".into());
+        }
+        Ok(Self {
+            storage: storage.clone(),
             array,
-            path,
+            path: node_path(storage, node),
             chunk,
             sharded,
-            coding,
-            codecs,
             locks: (0..STRIPES).map(|_| Mutex::new(())).collect(),
-            // Locks are held while a chunk is coded, so coding must not wander off into other tasks of the pool.
-            options: CodecOptions::default()
-                .with_concurrent_target(1)
-                .with_store_empty_chunks(false),
             number: PhantomData,
-        }
+        })
     }
 
     /// Length of every axis.
     pub(super) fn shape(&self) -> &[u64] {
-        self.array.shape()
+        &self.array.shape
     }
 
     /// Length of a chunk along every axis.
@@ -227,13 +185,12 @@ impl<T: Number> ChunkedArray<T> {
 
     /// Dimension names; a dimension without a name gives "".
     pub(super) fn names(&self) -> Vec<String> {
-        let names = self.array.dimension_names().as_deref().unwrap_or_default();
-        names.iter().map(|n| n.clone().unwrap_or_default()).collect()
+        self.array.names.clone()
     }
 
     /// `n` coordinates that the array's description tells, if it does.
     pub(super) fn told(&self, n: u64) -> Option<Vec<f64>> {
-        coordinates::read(self.array.attributes(), n as usize)
+        coordinates::read(&self.array.attributes, n as usize)
     }
 
     pub(super) fn check(&self, start: &[u64], shape: &[u64]) -> Result<usize, AccessError> {
@@ -377,24 +334,24 @@ impl<T: Number> ChunkedArray<T> {
             path: self.path.clone(),
             cause,
         };
-        let bytes: &[u8] = bytemuck::cast_slice(chunk);
+        let mut swapped;
+        let mut bytes: &[u8] = bytemuck::cast_slice(chunk);
+        if self.array.coding.swapped {
+            swapped = bytes.to_vec();
+            swap::<T>(&mut swapped);
+            bytes = &swapped;
+        }
         let content = sparse_frame::encode(bytes, touched);
         // Negative zeros are zeros as well.
         let zero = T::default();
+        let key = self.array.chunk_key(index);
         if content == Content::Zero || content == Content::Dense && chunk.iter().all(|v| *v == zero) {
-            let removed = self.array.storage().remove(self.array.chunk_key(index).as_str());
+            let removed = self.storage.remove(&key);
             return removed.map_err(|e| AccessError::of_write(&self.path, &e));
         }
-        if self.coding == Coding::Plain || cfg!(target_endian = "big") {
-            let stored = self.array.store_chunk_opt(index, chunk.to_vec(), &self.options);
-            return stored.map_err(|e| failed(e.to_string()));
-        }
-        let mut frame = coding::encode(bytes, content).map_err(|e| failed(e.to_string()))?;
-        if self.coding == Coding::SealedFrame {
-            coding::seal(&mut frame);
-        }
-        let key = self.array.chunk_key(index);
-        let stored = self.array.storage().write(key.as_str(), frame.into());
+        let coded = coding::encode(bytes, content, self.array.coding.frame);
+        let coded = coded.map_err(|e| failed(e.to_string()))?;
+        let stored = self.storage.write(&key, coded.into());
         stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
@@ -405,7 +362,7 @@ impl<T: Number> ChunkedArray<T> {
             return bytes.map(|bytes| self.decode(index, &bytes)).transpose();
         }
         let key = self.array.chunk_key(index);
-        let read = self.array.storage().read(key.as_str());
+        let read = self.storage.read(&key);
         let bytes = read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))?;
         bytes.map(|bytes| self.decode(index, &bytes)).transpose()
     }
@@ -417,35 +374,18 @@ impl<T: Number> ChunkedArray<T> {
             chunk: index.to_vec(),
             cause,
         };
-        let elements = self.unit().iter().product::<u64>() as usize;
-        let expected = (elements * size_of::<T>()) as u64;
-        let declared = match self.coding {
-            Coding::Plain => Some(bytes.len() as u64),
-            Coding::Frame => sparse_frame::content_size(bytes),
-            Coding::SealedFrame => {
-                sparse_frame::content_size(&bytes[..bytes.len().saturating_sub(coding::SEAL)])
-            }
+        let frame = match &self.sharded {
+            Some(_) => Frame::Sealed,
+            None => self.array.coding.frame,
         };
-        if declared != Some(expected) {
-            let found = declared.map_or("no complete Zstandard frame".into(), |n| format!("{n} bytes"));
-            return Err(failed(format!("it holds {found} instead of {expected} bytes")));
+        let elements = self.unit().iter().product::<u64>() as usize;
+        let mut values = vec![T::default(); elements];
+        let out: &mut [u8] = bytemuck::cast_slice_mut(&mut values);
+        coding::decode(bytes, frame, out).map_err(failed)?;
+        if self.array.coding.swapped {
+            swap::<T>(out);
         }
-        let nonzero = |n: &u64| NonZeroU64::new(*n);
-        let shape: Option<Vec<NonZeroU64>> = self.unit().iter().map(nonzero).collect();
-        let shape = shape.ok_or_else(|| failed("it is empty".into()))?;
-        let (data_type, fill) = (self.array.data_type(), self.array.fill_value());
-        let bytes = std::borrow::Cow::Borrowed(bytes);
-        let decoded = self.codecs.decode(bytes, &shape, data_type, fill, &self.options);
-        let decoded = decoded.map_err(|e| failed(e.to_string()))?;
-        let values = T::from_array_bytes(data_type, decoded).map_err(|e| failed(e.to_string()))?;
-        if values.len() == elements {
-            Ok(values)
-        } else {
-            Err(failed(format!(
-                "it holds {} elements instead of {elements}",
-                values.len()
-            )))
-        }
+        Ok(values)
     }
 
     fn lock(&self, index: &[u64]) -> MutexGuard<'_, ()> {
@@ -482,6 +422,15 @@ fn within(units: &[&[u64]], start: &[u64], shape: &[u64], all: &mut Vec<Vec<u64>
             .collect();
         within(smaller, &from, &size, all);
     }
+}
+
+/// Turns the bytes of every number around.
+fn swap<T>(bytes: &mut [u8]) {
+    bytes.chunks_exact_mut(size_of::<T>()).for_each(<[u8]>::reverse);
+}
+
+fn description_key(node: &str) -> String {
+    format!("{}/zarr.json", node.trim_start_matches('/'))
 }
 
 fn node_path(storage: &AtomicDirectory, node: &str) -> PathBuf {

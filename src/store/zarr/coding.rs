@@ -1,15 +1,10 @@
 //! How the numbers of a chunk become bytes: a Zstandard frame and its CRC-32C, a file of its own or one of a shard.
 
 use super::shard::CODEC;
-use super::sparse_frame::Content;
-use serde_json::Value;
+use super::sparse_frame::{self, Content};
+use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::io;
-use std::num::NonZeroU64;
-use std::sync::Arc;
-use zarrs::array::codec::array_to_bytes::sharding::ShardingIndexLocation;
-use zarrs::array::codec::{BytesCodec, Crc32cCodec, ShardingCodec, ZstdCodec};
-use zarrs::array::{ArrayToBytesCodecTraits, BytesToBytesCodecTraits, CodecChain};
 
 /// Zstandard level: noise of floating point numbers gets 8 % smaller at 1 and not at all at higher ones, only slower.
 const LEVEL: i32 = -2;
@@ -22,17 +17,26 @@ pub(super) const CHUNK: &str = "unsharded_chunk";
 thread_local! {
     /// A compression context takes longer to make than to use on a small chunk.
     static COMPRESSOR: RefCell<Option<zstd::bulk::Compressor<'static>>> = const { RefCell::new(None) };
+    static DECOMPRESSOR: RefCell<Option<zstd::bulk::Decompressor<'static>>> = const { RefCell::new(None) };
 }
 
 /// How the numbers of a chunk become the bytes of its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Coding {
-    /// As they are.
+pub(super) struct Coding {
+    pub(super) frame: Frame,
+    /// Whether numbers have their bytes in another order than in memory here.
+    pub(super) swapped: bool,
+}
+
+/// What is around the bytes of a chunk's numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Frame {
+    /// Nothing.
     Plain,
     /// A Zstandard frame.
-    Frame,
+    Zstd,
     /// A Zstandard frame and its CRC-32C.
-    SealedFrame,
+    Sealed,
 }
 
 /// One Zstandard frame with its size.
@@ -46,65 +50,99 @@ fn compress(bytes: &[u8]) -> io::Result<Vec<u8>> {
     })
 }
 
-/// The frame of bytes whose content is this. (What zarrs' codecs would make, without a copy of the values and a new context for
-/// every chunk.)
-pub(super) fn encode(bytes: &[u8], content: Content) -> io::Result<Vec<u8>> {
-    match content {
-        Content::Sparse(frame) => Ok(frame),
-        _ => compress(bytes),
+/// The bytes of a chunk's file, `bytes` being its numbers in the order of the file and `content` what is known of them.
+pub(super) fn encode(bytes: &[u8], content: Content, frame: Frame) -> io::Result<Vec<u8>> {
+    let mut out = match (frame, content) {
+        (Frame::Plain, _) => return Ok(bytes.to_vec()),
+        (_, Content::Sparse(frame)) => frame,
+        _ => compress(bytes)?,
+    };
+    if frame == Frame::Sealed {
+        out.extend(crc32c::crc32c(&out).to_le_bytes());
+    }
+    Ok(out)
+}
+
+/// Fills `out` with the numbers' bytes, in the order of the file, of all of a chunk's file; says what is wrong if it is not of so many.
+pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), String> {
+    let (content, seal) = match frame {
+        Frame::Sealed => bytes.split_at(bytes.len().saturating_sub(SEAL)),
+        _ => (bytes, &[][..]),
+    };
+    let declared = match frame {
+        Frame::Plain => Some(content.len() as u64),
+        _ => sparse_frame::content_size(content),
+    };
+    if declared != Some(out.len() as u64) {
+        let found = declared.map_or("no complete Zstandard frame".into(), |n| format!("{n} bytes"));
+        return Err(format!("it holds {found} instead of {} bytes", out.len()));
+    }
+    if frame == Frame::Plain {
+        out.copy_from_slice(content);
+        return Ok(());
+    }
+    if frame == Frame::Sealed && seal != crc32c::crc32c(content).to_le_bytes() {
+        return Err("its checksum is not that of its bytes".into());
+    }
+    let length = DECOMPRESSOR.with_borrow_mut(|slot| {
+        let decompressor = match slot {
+            Some(d) => d,
+            None => slot.insert(zstd::bulk::Decompressor::new()?),
+        };
+        decompressor.decompress_to_buffer(content, out)
+    });
+    match length {
+        Ok(n) if n == out.len() => Ok(()),
+        Ok(n) => Err(format!("it holds {n} bytes instead of {}", out.len())),
+        Err(e) => Err(format!("its Zstandard frame is damaged ({e})")),
     }
 }
 
-/// Adds its checksum to a frame.
-pub(super) fn seal(frame: &mut Vec<u8>) {
-    frame.extend(crc32c::crc32c(frame).to_le_bytes());
+/// The codecs of a new array in sealed frames, or of one in shards whose chunks have these lengths.
+pub(super) fn describe(inner: Option<&[u64]>) -> Value {
+    let numbers = json!({"name": "bytes", "configuration": {"endian": "little"}});
+    let zstd = json!({"name": "zstd", "configuration": {"level": LEVEL, "checksum": false}});
+    let seal = json!({"name": "crc32c"});
+    match inner {
+        None => json!([numbers, zstd, seal]),
+        Some(chunk) => json!([{"name": CODEC, "configuration": {
+            "chunk_shape": chunk,
+            "codecs": [&numbers, zstd, &seal],
+            "index_codecs": [&numbers, &seal],
+            "index_location": "end",
+        }}]),
+    }
 }
 
-/// The codec of numbers.
-pub(super) fn numbers() -> Arc<dyn ArrayToBytesCodecTraits> {
-    Arc::new(BytesCodec::little())
+/// The name of an extension point, which may stand by itself where there is no configuration.
+pub(super) fn name(json: &Value) -> Option<&str> {
+    json["name"].as_str().or(json.as_str())
 }
 
-/// The codecs of a sealed frame.
-pub(super) fn frame() -> Vec<Arc<dyn BytesToBytesCodecTraits>> {
-    vec![
-        Arc::new(ZstdCodec::new(LEVEL, false)),
-        Arc::new(Crc32cCodec::new()),
-    ]
-}
-
-/// All codecs of a chunk.
-pub(super) fn chain() -> CodecChain {
-    CodecChain::new(vec![], numbers(), frame())
-}
-
-/// The codec of shards whose chunks have these lengths.
-pub(super) fn shard(chunk: &[u64]) -> Arc<dyn ArrayToBytesCodecTraits> {
-    let lengths = chunk
-        .iter()
-        .map(|n| NonZeroU64::new(*n).unwrap_or(NonZeroU64::MIN));
-    let index = CodecChain::new(vec![], numbers(), vec![Arc::new(Crc32cCodec::new())]);
-    Arc::new(ShardingCodec::new(
-        lengths.collect(),
-        Arc::new(chain()),
-        Arc::new(index),
-        ShardingIndexLocation::End,
-    ))
-}
-
-/// What takes no options may be named by its name alone.
 fn names(codecs: &Value) -> Vec<&str> {
-    let list = codecs.as_array().into_iter().flatten();
-    list.filter_map(|c| c["name"].as_str().or(c.as_str())).collect()
+    codecs.as_array().into_iter().flatten().filter_map(name).collect()
+}
+
+/// Whether the first of these codecs, `bytes`, writes numbers in another order than that of memory here.
+fn is_swapped(codecs: &Value) -> Result<bool, String> {
+    let ours = if cfg!(target_endian = "big") {
+        "big"
+    } else {
+        "little"
+    };
+    match codecs[0]["configuration"]["endian"].as_str() {
+        Some(endian @ ("little" | "big")) => Ok(endian != ours),
+        _ => Err("its codec `bytes` has no `endian`, \"little\" or \"big\"".into()),
+    }
 }
 
 /// The coding that an array's description says, and, of an array in shards, the lengths of a chunk in them.
 pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
     let found = names(codecs);
-    match found[..] {
-        ["bytes", "zstd", "crc32c"] => Ok((Coding::SealedFrame, None)),
-        ["bytes", "zstd"] => Ok((Coding::Frame, None)),
-        ["bytes"] => Ok((Coding::Plain, None)),
+    let frame = match found[..] {
+        ["bytes", "zstd", "crc32c"] => Frame::Sealed,
+        ["bytes", "zstd"] => Frame::Zstd,
+        ["bytes"] => Frame::Plain,
         [CODEC] => {
             let how = &codecs[0]["configuration"];
             let chunk = how["chunk_shape"].as_array();
@@ -113,13 +151,22 @@ pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
                 && names(&how["index_codecs"]) == ["bytes", "crc32c"]
                 && how.get("index_location").is_none_or(|at| at == "end")
                 && how["index_codecs"][0]["configuration"]["endian"] != "big";
-            match chunk.filter(|_| ours) {
-                Some(chunk) => Ok((Coding::SealedFrame, Some(chunk))),
-                None => Err("its shards are not of `bytes`, `zstd` and `crc32c` with an index of `bytes` and `crc32c` at the end".into()),
-            }
+            let chunk = chunk.filter(|_| ours).ok_or("its shards are not of `bytes`, `zstd` and `crc32c` with an index of `bytes` and `crc32c` at the end")?;
+            let swapped = is_swapped(&how["codecs"])?;
+            return Ok((
+                Coding {
+                    frame: Frame::Sealed,
+                    swapped,
+                },
+                Some(chunk),
+            ));
         }
-        _ => Err(format!(
-            "its codecs {found:?} are not `bytes`, `zstd` and `crc32c`"
-        )),
-    }
+        _ => {
+            return Err(format!(
+                "its codecs {found:?} are not `bytes`, `zstd` and `crc32c`"
+            ));
+        }
+    };
+    let swapped = is_swapped(codecs)?;
+    Ok((Coding { frame, swapped }, None))
 }

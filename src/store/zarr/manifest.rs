@@ -8,13 +8,13 @@ use super::error::OpenError;
 use super::shard::{self, Shards};
 use crate::place::{Objects, Place};
 use base::whole_file;
+use bytes::Bytes;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use zarrs::storage::Bytes;
 
 /// Name of the file.
 pub(super) const FILE: &str = "manifest.txt";

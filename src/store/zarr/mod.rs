@@ -12,6 +12,7 @@
 //! unfinished one nothing is read, but by who asks for what there is ([`TensorStore::open_partial`]). One at a time writes a
 //! store ([`base::lock`]).
 
+mod array;
 mod atomic;
 mod build;
 mod check;

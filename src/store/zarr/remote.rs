@@ -8,10 +8,10 @@ use super::shard::{self, Shards};
 use crate::objects::lock::Hold;
 use crate::place::{Ask, Objects};
 use crate::refusal::Refusal;
+use bytes::Bytes;
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use zarrs::storage::Bytes;
 
 /// What is fetched ahead at once: files, and their bytes as far as a manifest tells them.
 const AHEAD_FILES: usize = 64;

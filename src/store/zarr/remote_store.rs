@@ -16,9 +16,9 @@ use crate::objects::lock::{self, NoLock, ObjectLock};
 use crate::place::{Objects, Place};
 use crate::refusal::Refusal;
 use base::lock::Lock;
+use bytes::Bytes;
 use std::collections::BTreeMap;
 use std::path::Path;
-use zarrs::storage::Bytes;
 
 /// The last description that is put.
 pub(super) const ROOT: &str = "zarr.json";

@@ -1,9 +1,9 @@
 //! How an array lies in shards: lengths of these and of their chunks, and what is known of each that was read from.
 
 use super::shard::{self, Piece};
+use bytes::Bytes;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use zarrs::storage::Bytes;
 
 /// Tails that are kept of an array, each some 10 kB.
 const KEPT: usize = 256;

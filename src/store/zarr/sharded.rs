@@ -5,9 +5,9 @@ use super::error::AccessError;
 use super::shard::{self, Piece};
 use super::shard_grid::{Contents, Sharded};
 use crate::place::Ask;
+use bytes::Bytes;
 use std::sync::Arc;
 use tensor::region;
-use zarrs::storage::Bytes;
 
 /// Shards that are read from at once.
 const AT_ONCE: usize = 64;
@@ -33,10 +33,10 @@ impl<T: Number> ChunkedArray<T> {
             return Ok(());
         };
         let key = |(array, sharded, index): &&(&Self, &Sharded, Vec<u64>)| {
-            (array.array.chunk_key(index).as_str().to_owned(), sharded.frames)
+            (array.array.chunk_key(index), sharded.frames)
         };
         let keys: Vec<_> = wanted.iter().map(key).collect();
-        let tails = first.array.storage().read_tails(&keys);
+        let tails = first.storage.read_tails(&keys);
         let tails = tails.map_err(|e| AccessError::of_shard(&first.path, index, &e))?;
         for ((array, sharded, index), tail) in wanted.into_iter().zip(tails) {
             let tail = tail.map_err(|e| AccessError::of_shard(&array.path, index, &e))?;
@@ -74,7 +74,7 @@ impl<T: Number> ChunkedArray<T> {
             whole.slice(range.start as usize..range.end as usize)
         } else {
             let key = self.array.chunk_key(&shard);
-            let read = self.array.storage().read_part(key.as_str(), range);
+            let read = self.storage.read_part(&key, range);
             read.map_err(|e| AccessError::of_chunk(&self.path, index, &e))?
                 .unwrap_or_default()
         };
@@ -83,7 +83,7 @@ impl<T: Number> ChunkedArray<T> {
             Some(reason) => Err(AccessError::Chunk {
                 path: self.path.clone(),
                 chunk: index.to_vec(),
-                cause: format!("of {}: {reason}", self.array.chunk_key(&shard).as_str()),
+                cause: format!("of {}: {reason}", self.array.chunk_key(&shard)),
             }),
         }
     }
@@ -112,7 +112,7 @@ impl<T: Number> ChunkedArray<T> {
 
     /// What is to be asked for units, where it is worth asking ahead.
     pub(super) fn asks(&self, units: &[Vec<u64>]) -> Result<Vec<(String, Ask)>, AccessError> {
-        if self.array.storage().remote().is_none() {
+        if self.storage.remote().is_none() {
             return Ok(vec![]);
         }
         if let Some(sharded) = &self.sharded {
@@ -128,21 +128,21 @@ impl<T: Number> ChunkedArray<T> {
 
     fn ask(&self, index: &[u64]) -> Result<(String, Ask), AccessError> {
         let Some(sharded) = &self.sharded else {
-            return Ok((self.array.chunk_key(index).as_str().to_owned(), Ask::Whole));
+            return Ok((self.array.chunk_key(index), Ask::Whole));
         };
         let (shard, number) = sharded.place(index);
         let contents = self.contents(sharded, &shard)?;
         let piece = contents
             .filter(|c| c.whole.is_none())
             .and_then(|c| c.pieces[number]);
-        let key = self.array.chunk_key(&shard).as_str().to_owned();
+        let key = self.array.chunk_key(&shard);
         // Nothing is asked for what is not stored, or is here.
         Ok((key, Ask::Bytes(piece.map_or(0..0, Piece::range))))
     }
 
     /// Fetches the first ones of what is asked for ahead, `index` being the first one's, and says how many.
     pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)], index: &[u64]) -> Result<usize, AccessError> {
-        let fetched = self.array.storage().fetch_ahead(asks);
+        let fetched = self.storage.fetch_ahead(asks);
         fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
     }
 
@@ -150,7 +150,7 @@ impl<T: Number> ChunkedArray<T> {
     /// regions.
     pub(super) fn fetch_regions(regions: &[Vec<Region<T>>]) -> Result<usize, AccessError> {
         let first = regions.first().and_then(|r| r.first()).map(|r| r.array);
-        let Some(first) = first.filter(|a| a.array.storage().remote().is_some()) else {
+        let Some(first) = first.filter(|a| a.storage.remote().is_some()) else {
             return Ok(regions.len());
         };
         let mut shards: Vec<(&Self, &Sharded, Vec<u64>)> = vec![];

@@ -4,7 +4,7 @@
 
 use super::build::{New, SampleGrid};
 use super::chunked::{ChunkedArray, Number};
-use super::coding;
+use super::coding::{self, Frame};
 use super::error::{AccessError, CreateError, OpenError};
 use super::shard::Builder;
 use super::shard_grid::{Sharded, Sharding, Shardings};
@@ -154,9 +154,9 @@ fn write<T: Number>(
     shard: &[u64],
     source: &ChunkedArray<T>,
 ) -> Result<(), AccessError> {
-    let storage = target.array.storage();
+    let storage = &target.storage;
     let key = target.array.chunk_key(shard);
-    if storage.is_stored(key.as_str()) {
+    if storage.is_stored(&key) {
         return Ok(());
     }
     let chunks = target.chunks_of(sharded, shard);
@@ -172,7 +172,7 @@ fn write<T: Number>(
     let Some((bytes, checksum)) = builder.finish() else {
         return Ok(());
     };
-    let written = storage.write_shard(key.as_str(), bytes.into(), checksum);
+    let written = storage.write_shard(&key, bytes.into(), checksum);
     written.map_err(|e| AccessError::of_write(target.path(), &e))
 }
 
@@ -216,8 +216,7 @@ fn frames<T: Number>(
         if content == Content::Zero {
             continue;
         }
-        let mut frame = coding::encode(bytes, content).map_err(|e| failed(e.to_string()))?;
-        coding::seal(&mut frame);
+        let frame = coding::encode(bytes, content, Frame::Sealed).map_err(|e| failed(e.to_string()))?;
         all.push((sharded.place(&index).1, frame));
     }
     Ok(all)

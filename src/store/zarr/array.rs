@@ -1,0 +1,248 @@
+//! The description of an array, its `zarr.json` (Zarr v3 core specification, "Array metadata"), so far as stores of ours need it: a
+//! regular grid of chunks, zeros where nothing is stored, and the codecs of [`super::coding`]. Whatever else a description asks for is
+//! refused.
+
+use super::coding::{self, Coding, name};
+use serde_json::{Map, Value, json};
+
+/// Keys of a description. Others may be there if they say that they need not be understood.
+const KEYS: [&str; 11] = [
+    "zarr_format",
+    "node_type",
+    "shape",
+    "data_type",
+    "chunk_grid",
+    "chunk_key_encoding",
+    "fill_value",
+    "codecs",
+    "attributes",
+    "storage_transformers",
+    "dimension_names",
+];
+
+/// What an array's description says.
+#[derive(Clone, Debug)]
+pub(super) struct Array {
+    pub(super) shape: Vec<u64>,
+    /// Lengths of what is a file: a chunk, or a shard.
+    pub(super) stored: Vec<u64>,
+    pub(super) coding: Coding,
+    /// Lengths of a chunk in a shard.
+    pub(super) inner: Option<Vec<u64>>,
+    pub(super) attributes: Map<String, Value>,
+    /// Of each dimension; "" of one without a name.
+    pub(super) names: Vec<String>,
+    /// What all keys of chunks begin with, and what stands between their numbers.
+    prefix: String,
+    separator: char,
+}
+
+/// The description of a new array whose files are chunks, or shards of chunks of lengths `inner`. All lie in one directory: one
+/// each per chunk would take longer to make than the chunks.
+pub(super) fn describe(
+    [shape, stored]: [&[u64]; 2],
+    inner: Option<&[u64]>,
+    (data_type, zero): (&str, Value),
+    names: &[&str],
+    attributes: &Map<String, Value>,
+) -> Value {
+    json!({
+        "zarr_format": 3,
+        "node_type": "array",
+        "shape": shape,
+        "data_type": data_type,
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": stored}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "."}},
+        "fill_value": zero,
+        "codecs": coding::describe(inner),
+        "attributes": attributes,
+        "dimension_names": names,
+    })
+}
+
+impl Array {
+    /// Reads the description of the array at `node`, such as `/steady/mean`; says what is wrong with it.
+    pub(super) fn of(node: &str, data_type: &str, json: &Value) -> Result<Self, String> {
+        let lengths =
+            |json: &Value| -> Option<Vec<u64>> { json.as_array()?.iter().map(Value::as_u64).collect() };
+        let keys = json.as_object().ok_or("it is no JSON object")?;
+        for (key, value) in keys {
+            if !KEYS.contains(&key.as_str()) && value["must_understand"] != false {
+                return Err(format!("its key `{key}` is not known"));
+            }
+        }
+        if json["zarr_format"] != 3 || json["node_type"] != "array" {
+            return Err("it does not describe an array of Zarr format 3".into());
+        }
+        if name(&json["data_type"]) != Some(data_type) {
+            return Err(format!("its data type is {}, not {data_type}", json["data_type"]));
+        }
+        if !is_zero(&json["fill_value"]) {
+            return Err(format!("what it does not store is {}, not 0", json["fill_value"]));
+        }
+        let transformers = json.get("storage_transformers").and_then(Value::as_array);
+        if transformers.is_some_and(|list| !list.is_empty()) {
+            return Err("it has storage transformers".into());
+        }
+        let shape = lengths(&json["shape"]).ok_or("it has no shape")?;
+        let grid = Some(&json["chunk_grid"]).filter(|grid| name(grid) == Some("regular"));
+        let stored = grid.and_then(|grid| lengths(&grid["configuration"]["chunk_shape"]));
+        let stored = stored.filter(|stored| stored.len() == shape.len());
+        let stored = stored.ok_or("its chunk grid is not a regular one of its dimensions")?;
+        let (coding, inner) = coding::of(&json["codecs"])?;
+        let names = match json.get("dimension_names").and_then(Value::as_array) {
+            None => vec![String::new(); shape.len()],
+            Some(names) => names
+                .iter()
+                .map(|n| n.as_str().unwrap_or_default().to_owned())
+                .collect(),
+        };
+        if names.len() != shape.len() {
+            return Err(format!("{} names for {} dimensions", names.len(), shape.len()));
+        }
+        let keys = &json["chunk_key_encoding"];
+        let (beginning, usual) = match name(keys) {
+            Some("default") => ("c", '/'),
+            Some("v2") => ("", '.'),
+            _ => return Err("its chunk keys are neither those of `default` nor of `v2`".into()),
+        };
+        let separator = match keys["configuration"]["separator"].as_str() {
+            None => usual,
+            Some("/") => '/',
+            Some(".") => '.',
+            Some(other) => return Err(format!("the separator of its chunk keys is {other:?}")),
+        };
+        let node = node.trim_start_matches('/');
+        Ok(Self {
+            shape,
+            stored,
+            coding,
+            inner,
+            attributes: json["attributes"].as_object().cloned().unwrap_or_default(),
+            names,
+            prefix: format!("{node}/{beginning}"),
+            separator,
+        })
+    }
+
+    /// The path of a chunk's or shard's file below the root of the store.
+    pub(super) fn chunk_key(&self, index: &[u64]) -> String {
+        let mut key = self.prefix.clone();
+        for number in index {
+            if !key.ends_with('/') {
+                key.push(self.separator);
+            }
+            key.push_str(&number.to_string());
+        }
+        // Of no dimensions there is one chunk.
+        if key.ends_with('/') {
+            key.push('0');
+        }
+        key
+    }
+}
+
+/// Whether a fill value is that of numbers whose bits are all zero.
+fn is_zero(value: &Value) -> bool {
+    match value {
+        Value::Number(number) => number.as_f64().is_some_and(|x| x.to_bits() == 0),
+        Value::String(bits) => bits
+            .strip_prefix("0x")
+            .is_some_and(|digits| !digits.is_empty() && digits.bytes().all(|b| b == b'0')),
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn json() -> Value {
+        let shape = [4, 6];
+        let names = ["y", "x"];
+        describe(
+            [&shape, &[2, 3]],
+            None,
+            ("float32", json!(0.0)),
+            &names,
+            &Map::new(),
+        )
+    }
+
+    #[test]
+    fn chunk_keys_are_those_of_the_specification() {
+        let key = |encoding: Value, index: &[u64]| {
+            let mut json = json();
+            json["chunk_key_encoding"] = encoding;
+            Array::of("/a/mean", "float32", &json).map(|array| array.chunk_key(index))
+        };
+        // Section "Chunk key encoding": `default` begins with "c" and has "/" where nothing else is said, `v2` begins with nothing and has ".".
+        for (encoding, expected) in [
+            (json!("default"), "a/mean/c/1/20"),
+            (
+                json!({"name": "default", "configuration": {"separator": "."}}),
+                "a/mean/c.1.20",
+            ),
+            (json!({"name": "v2"}), "a/mean/1.20"),
+            (
+                json!({"name": "v2", "configuration": {"separator": "/"}}),
+                "a/mean/1/20",
+            ),
+        ] {
+            assert_eq!(key(encoding, &[1, 20]).as_deref(), Ok(expected));
+        }
+        assert_eq!(key(json!("default"), &[]).as_deref(), Ok("a/mean/c"));
+        assert_eq!(key(json!("v2"), &[]).as_deref(), Ok("a/mean/0"));
+        assert!(
+            key(
+                json!({"name": "default", "configuration": {"separator": "-"}}),
+                &[]
+            )
+            .is_err()
+        );
+    }
+
+    #[test]
+    fn what_is_not_ours_is_refused() {
+        let read = |key: &str, value: Value| {
+            let mut json = json();
+            json[key] = value;
+            Array::of("/a", "float32", &json).map(|array| array.names)
+        };
+        assert_eq!(
+            read("extra", json!({"must_understand": false})).unwrap(),
+            ["y", "x"]
+        );
+        assert_eq!(read("dimension_names", json!([null, "x"])).unwrap(), ["", "x"]);
+        assert_eq!(read("dimension_names", Value::Null).unwrap(), ["", ""]);
+        assert!(read("fill_value", json!("0x00000000")).is_ok());
+        for (key, value, word) in [
+            ("extra", json!({}), "`extra`"),
+            ("zarr_format", json!(2), "format 3"),
+            ("node_type", json!("group"), "an array"),
+            ("data_type", json!("float64"), "data type"),
+            ("fill_value", json!(-0.0), "not 0"),
+            ("fill_value", json!(1), "not 0"),
+            ("fill_value", json!("NaN"), "not 0"),
+            ("fill_value", json!("0x80000000"), "not 0"),
+            ("storage_transformers", json!([{"name": "a"}]), "transformers"),
+            ("shape", json!([4, -6]), "shape"),
+            (
+                "chunk_grid",
+                json!({"name": "rectangular", "configuration": {"chunk_shape": [2, 3]}}),
+                "grid",
+            ),
+            (
+                "chunk_grid",
+                json!({"name": "regular", "configuration": {"chunk_shape": [2]}}),
+                "grid",
+            ),
+            ("dimension_names", json!(["y"]), "names"),
+            ("codecs", json!(["bytes", "gzip"]), "codecs"),
+            ("codecs", json!(["bytes"]), "endian"),
+        ] {
+            let told = read(key, value).unwrap_err();
+            assert!(told.contains(word), "{key}: {told}");
+        }
+    }
+}
