@@ -1,13 +1,12 @@
 //! Sunstone computes polarized, time-resolved light transport: the 7D tensor T(s, s', p, p', t) of
 //! Baek & Heide, "Polarimetric Spatio-Temporal Light Transport Probing" (SIGGRAPH Asia 2021).
 //!
-//! This is the front door. What most programs need stands here by its short name: a [`Scene`] from a file
-//! ([`scene::load`]) or from code, its [`Render`] into a [`Store`], [`Arrays`] or any other [`Sink`], a [`Probe`] of what is
-//! stored. Behind it are rooms, crates of their own, each of which uses only those above it: [`base`], [`optics`],
-//! [`tensor`], [`store`], [`transport`], [`scene`], [`polarimetry`], [`rig`], [`pbrdf`], [`figure`],
-//! [`apply`].
+//! This crate is the public API. It exports what most programs need: a [`Scene`] from a file ([`scene::load`]) or from code, a
+//! [`Render`] of it into a [`Store`], [`Arrays`] or any other [`Sink`], and a [`Probe`] of a store. It re-exports the crates below it,
+//! each of which uses only the ones before it: [`base`], [`optics`], [`tensor`], [`store`], [`transport`], [`scene`], [`polarimetry`],
+//! [`rig`], [`pbrdf`], [`figure`], [`apply`].
 //!
-//! Units, frames and signs are those of `CONVENTIONS.md`: metres, picoseconds, nanometres; Mueller matrices take Stokes
+//! `CONVENTIONS.md` defines units, frames and signs: metres, picoseconds, nanometres; Mueller matrices take Stokes
 //! vectors in the projector's frame to Stokes vectors in the camera's.
 
 #![warn(missing_docs)]

@@ -1,6 +1,6 @@
 //! Rigs whose bench plays a scene: the scene is rendered to the tensor that the simulated sensors play.
 //!
-//! This stands here, at the front door, because the rig's crate never sees the tracer.
+//! This module is part of the public API crate because the crate `rig` does not use the renderer.
 
 pub mod prepared;
 

@@ -1,5 +1,5 @@
-//! Words that every room uses: units, documents whose errors have places, files that are read and written whole, locks, journals,
-//! tables over wavelengths.
+//! Types that every crate uses: units, documents with error locations, atomic file reads and writes, locks, journals, spectral
+//! tables.
 
 #![warn(missing_docs)]
 

@@ -1,4 +1,4 @@
-//! Pictures fit for a paper: drawings of tensors in memory, one file per kind of [`View`].
+//! Publication-quality drawings of tensors in memory, one file per kind of [`View`].
 //!
 //! A picture is drawn once, as a [`Drawing`], whose SVG becomes the file that the path's extension names: `.png`, `.svg`
 //! or `.pdf` ([`save`]), and light in flight also an animation, `.gif` or `.apng` ([`save_animation`]). Data are embedded

@@ -20,7 +20,7 @@ use transport::scene::Scene;
 use super::file::{DecompositionFile, LayerFile, PanelFile, QuantityFile, ScaleBarFile, ViewFile};
 use super::stage::{FigureFileError, Stage};
 
-/// The view of a slice that the room `figure` knows.
+/// The view of a slice for the crate `figure`.
 fn plain(view: &ViewFile) -> Option<View> {
     Some(match view {
         ViewFile::Photo(v) => View::Photo(v.clone()),

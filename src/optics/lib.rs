@@ -1,6 +1,6 @@
-//! Polarization optics, distortion of lenses, and the mathematics of sampling. No files, no scenes.
+//! Polarization optics, lens distortion, and the mathematics of sampling. Reads no files and no scenes.
 //!
-//! Conventions of Stokes vectors, Mueller matrices and their frames are those of `CONVENTIONS.md`.
+//! `CONVENTIONS.md` defines the conventions of Stokes vectors, Mueller matrices and their frames.
 
 #![warn(missing_docs)]
 

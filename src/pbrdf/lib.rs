@@ -1,6 +1,5 @@
-//! Polarimetric materials by themselves, without a scene: data sets of their Mueller matrices to learn from, the stand-ins for
-//! a measured set, tables of analytic materials, and evaluation with frames and power. Needs the rooms of tracer and
-//! scenes, since their materials and media are what is looked at.
+//! Polarimetric materials without a scene: data sets of their Mueller matrices for learning, substitutes for a measured data set,
+//! tables of analytic materials, and evaluation with frames and power. Uses the materials and media of `transport` and `scene`.
 
 #![warn(missing_docs)]
 

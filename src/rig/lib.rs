@@ -1,5 +1,5 @@
-//! The laboratory: instruments behind traits, drivers that speak to real ones, simulated twins whose sensors play rendered
-//! tensors, sessions whose frames survive a night, and calibration. Knows tensors and polarimetry, never the tracer.
+//! Laboratory automation: instrument traits, drivers of real instruments, simulated instruments whose sensors play rendered tensors,
+//! sessions that resume after a crash, and calibration. Uses tensors and polarimetry, never the renderer.
 
 #![warn(missing_docs)]
 

@@ -1,4 +1,4 @@
-//! Slices on disk, and what is done with them there: Zarr v3 stores, probing, merging, NumPy's and OpenEXR's files.
+//! Slices on disk: Zarr v3 stores, probe, merge, shards, and NumPy and OpenEXR files.
 
 #![warn(missing_docs)]
 

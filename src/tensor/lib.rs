@@ -1,6 +1,6 @@
-//! The hinge of the program: slices of T(s, s', p, p', t), how they are laid out, and arrays of them in memory.
+//! Slices of the tensor T(s, s', p, p', t): their axes, their layout, and arrays of them in memory.
 //!
-//! Knows nothing of scenes, rigs, files or plots.
+//! Independent of scenes, rigs, files and plots.
 
 #![warn(missing_docs)]
 

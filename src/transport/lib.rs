@@ -1,6 +1,8 @@
-//! From a scene in memory to finished tiles of T. Stops at Mueller matrices: no illumination state is applied here.
+//! The renderer: traces a scene in memory and returns finished tiles of T. It stops at Mueller matrices and applies no illumination
+//! state.
 //!
-//! The hot path of the program: plain-data tables and enums, no files but measured tables, which are mapped.
+//! This crate is the hot path of the program. It uses plain-data tables and enums, and reads no files except measured tables, which it
+//! maps into memory.
 
 #![warn(missing_docs)]
 

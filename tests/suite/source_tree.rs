@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Rooms that are crates, top to bottom; the front door uses them all.
+/// Crates from top to bottom. The package `sunstone` uses all of them.
 pub const CRATES: [&str; 13] = [
     "base",
     "optics",

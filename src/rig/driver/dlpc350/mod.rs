@@ -6,7 +6,7 @@
 //! white and black are always there. A pattern that is not is a limit, told as such. The video port is not driven.
 //!
 //! What no machine of the project's could try is the real hardware: packets are those of the independent package
-//! `pycrafter4500` (`validation/dlpc350.py`), behaviour is that of this room's emulator, written after the guide; the
+//! `pycrafter4500` (`validation/dlpc350.py`), behaviour is that of this module's emulator, written after the guide; the
 //! device file of the system ([`hidraw`]) is only known to be found and opened.
 
 pub mod command;
