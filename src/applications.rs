@@ -380,8 +380,8 @@ impl Observer<'_> {
     }
 
     fn lacks(&self, what: String) -> ApplicationError {
-        let mend = "give back the scene file that came with the program".to_owned();
-        self.studio.lacks(what, mend).into()
+        let fix = "give back the scene file that came with the program".to_owned();
+        self.studio.lacks(what, fix).into()
     }
 }
 

@@ -175,7 +175,7 @@ impl Choices {
     /// nothing.
     ///
     /// # Errors
-    /// A message that names the choice, what is wrong with it and the mend.
+    /// A message that names the choice, what is wrong with it and the fix.
     pub fn apply(&self, scene: &mut Scene, dashes: &str) -> Result<(), String> {
         for (name, given) in [("spp", self.spp), ("replicates", self.replicates)] {
             if let Some(n) = given.filter(|n| !(1..=MOST_SAMPLES).contains(n)) {

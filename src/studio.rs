@@ -43,14 +43,14 @@ pub enum StudioError {
     #[error(transparent)]
     Scene(#[from] InputError),
     /// The scene file lacks what is asked for.
-    #[error("{file}: {what}; {mend}")]
+    #[error("{file}: {what}; {fix}")]
     Lacks {
         /// The scene file.
         file: PathBuf,
         /// What is wrong.
         what: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// A render stopped.
     #[error(transparent)]
@@ -184,8 +184,8 @@ impl<'a> Studio<'a> {
         let mut file = file.clone();
         let known: Vec<&str> = file.slices.iter().map(|f| f.name.as_str()).collect();
         if let Some(missing) = slices.iter().find(|s| !known.contains(s)) {
-            let mend = format!("it has {}", known.join(", "));
-            return Err(self.lacks(format!("there is no slice `{missing}`"), mend));
+            let fix = format!("it has {}", known.join(", "));
+            return Err(self.lacks(format!("there is no slice `{missing}`"), fix));
         }
         file.slices.retain(|s| slices.contains(&s.name.as_str()));
         file.figures.clear();
@@ -216,11 +216,11 @@ impl<'a> Studio<'a> {
 
     /// The error of a scene that lacks something.
     #[must_use]
-    pub fn lacks(&self, what: String, mend: String) -> StudioError {
+    pub fn lacks(&self, what: String, fix: String) -> StudioError {
         StudioError::Lacks {
             file: self.path.clone(),
             what,
-            mend,
+            fix,
         }
     }
 }
@@ -261,7 +261,7 @@ fn is_locked(e: &RenderError<SinkError>) -> bool {
     )
 }
 
-/// Something else under a render's name is told with its mend: nothing that is kept is deleted by itself.
+/// Something else under a render's name is told with its fix: nothing that is kept is deleted by itself.
 fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     match e {
         RenderError::Sink(

@@ -168,7 +168,7 @@ fn build(text: &str) -> Option<Scene> {
     within_bounds(text, sunstone::scene::from_text)
 }
 
-/// Builds a text by a reader within bounds of time and memory: a scene, or a message with its mend at a place in the text.
+/// Builds a text by a reader within bounds of time and memory: a scene, or a message with its fix at a place in the text.
 fn within_bounds(text: &str, reader: impl FnOnce(&Path, &str) -> Result<Scene, InputError>) -> Option<Scene> {
     let place = FILES.path().join("fuzz.toml");
     LARGEST.store(0, Ordering::Relaxed);
@@ -180,7 +180,7 @@ fn within_bounds(text: &str, reader: impl FnOnce(&Path, &str) -> Result<Scene, I
     match scene {
         Ok(scene) => Some(scene),
         Err(e) => {
-            assert!(!e.message.is_empty() && e.to_string().contains("mend: "), "{e}");
+            assert!(!e.message.is_empty() && e.to_string().contains("fix: "), "{e}");
             if let Some(span) = &e.span {
                 assert!(
                     span.start <= span.end && span.end <= text.len(),

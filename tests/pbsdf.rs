@@ -188,7 +188,7 @@ fn other_layouts_of_the_same_table_read_alike() {
 
 /// One change to the fields or the bytes of a valid file, and words of the message.
 #[test]
-fn every_fault_is_named_with_its_mend() {
+fn every_fault_is_named_with_its_fix() {
     type Fields = Vec<FieldOf>;
     type Case = (&'static str, fn(&mut Fields));
     let by_field: Vec<Case> = vec![
@@ -254,7 +254,7 @@ fn every_fault_is_named_with_its_mend() {
             .unwrap_or_else(|| panic!("it loads, without a word of {words}"))
             .to_string();
         assert!(text.contains(words), "`{text}` says nothing of `{words}`");
-        assert_eq!(text.matches("; ").count(), 1, "one fault and one mend: {text}");
+        assert_eq!(text.matches("; ").count(), 1, "one fault and one fix: {text}");
     };
     for (words, change) in by_field {
         let mut fields = fields();
@@ -317,7 +317,7 @@ fn empty_axes_may_be_even() {
     assert_eq!(table.angles(), [&a.phi_d[..], &a.theta_d, &a.theta_h]);
 }
 
-/// In a materials file: the place of `file`, the path, the fault, the mend; and the hash follows the data.
+/// In a materials file: the place of `file`, the path, the fault, the fix; and the hash follows the data.
 /// A file that another program cuts short while it is open answers as before.
 #[test]
 fn a_small_table_survives_its_file() {

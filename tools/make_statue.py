@@ -264,7 +264,7 @@ def sample(field, p):
 
 
 def unfolded(vertices, normals, triangles):
-    """Vertices and normals mended where the surface is folded: in narrow gaps the field is too coarse for its gradient.
+    """Vertices and normals fixed where the surface is folded: in narrow gaps the field is too coarse for its gradient.
 
     There a vertex goes to the mean of its triangles' centres, and the mean of their normals becomes its own.
     """

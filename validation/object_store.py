@@ -277,7 +277,7 @@ def reads(server, work):
 
 
 def refusals(server):
-    """What cannot be read is told in one line, with the mend."""
+    """What cannot be read is told in one line, with the fix."""
     for address, changed, words in (
         (f"s3://{BUCKET}/stores/nothing.zarr", {}, ["does not exist"]),
         ("s3://no-such-bucket/a.zarr", {}, ["no such bucket", "AWS_ENDPOINT"]),
@@ -480,7 +480,7 @@ def power(server, work):
     server.delete(f"{prefix}/manifest.txt")
     found("a lost manifest")
     server.put(f"{prefix}/manifest.txt", manifest)
-    check("mended, it reads as before", ask(server, question, address)[:2] == before[:2])
+    check("fixed, it reads as before", ask(server, question, address)[:2] == before[:2])
     server.proxy.reset(1.0)
     code, _, text = ask(server, question, address)
     check("a server that always fails is an error", code == 2 and text.count("\n") == 1, text.strip()[:200])

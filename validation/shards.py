@@ -228,7 +228,7 @@ def power(server, work):
         held = done.returncode != 0 and any(word in text for word in ("DamagedStoreError", "checksum"))
         check(f"{what} is found from Python", held, text.strip().split("\n")[-1][:200])
     server.put(key, sound)
-    check("mended, it reads as before", ask(server, question, address)[:2] == before[:2])
+    check("fixed, it reads as before", ask(server, question, address)[:2] == before[:2])
     check("all of it", ask(server, QUESTIONS[4][1], address)[:2] == sum_before[:2])
 
 

@@ -72,7 +72,7 @@ for axis, (name, values) in zip(axes, parts.items()):
 # %% [markdown]
 # ## When something is wrong
 #
-# Errors name the place and the mend.
+# Errors name the place and the fix.
 
 # %%
 try:

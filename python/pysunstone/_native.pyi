@@ -15,7 +15,7 @@ class InputError(ValueError):
     line: int | None
     column: int | None
     message: str | None
-    mend: str | None
+    fix: str | None
 
 class RenderError(RuntimeError): ...
 

@@ -42,7 +42,7 @@ _UNITS = {"deg": "degree", "nm": "nm", "ps": "ps", "px": "pixel", "mrad": "mrad"
 
 
 class DatasetError(StoreError):
-    """A data set cannot be made or read; the text says why, and what mends it."""
+    """A data set cannot be made or read; the text says why, and what fixes it."""
 
 
 def manifest(path: str | os.PathLike[str]) -> dict[str, Any]:

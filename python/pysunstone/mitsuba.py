@@ -61,7 +61,7 @@ def from_mitsuba(
     Raises
     ------
     InputError
-        All that Sunstone cannot express, each with its key (``box.bsdf.reflectance``) or line, and the mend.
+        All that Sunstone cannot express, each with its key (``box.bsdf.reflectance``) or line, and the fix.
     """
     given = {key: _word(value) for key, value in (parameters or {}).items()}
     if wavelengths_nm is not None:
@@ -128,7 +128,7 @@ def _error(faults: Sequence[_Fault], places: Sequence[str] | None) -> InputError
     if faults:
         error.file = where(faults[0]) if places is not None else faults[0][0]
         error.line, error.column = (None, None) if places is not None else faults[0][1:3]
-        error.message, error.mend = faults[0][3], faults[0][4]
+        error.message, error.fix = faults[0][3], faults[0][4]
     return error
 
 
@@ -280,9 +280,9 @@ def _true(of: Any, method: str) -> bool:
     return bool(found()) if callable(found) else False
 
 
-def _refused(at: str, message: str, mend: str) -> InputError:
-    error = InputError(f"{at or 'the dict'}: {message}; {mend}")
-    error.file, error.message, error.mend = at or "the dict", message, mend
+def _refused(at: str, message: str, fix: str) -> InputError:
+    error = InputError(f"{at or 'the dict'}: {message}; {fix}")
+    error.file, error.message, error.fix = at or "the dict", message, fix
     return error
 
 

@@ -164,7 +164,7 @@ class Scene:
         Raises
         ------
         InputError
-            With file, line, column and mend.
+            With file, line, column and fix.
         """
         return cls(_native.Scene.load(path, variant))
 

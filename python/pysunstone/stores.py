@@ -48,7 +48,7 @@ _OF_ARRAYS = ("projector_size", "projector_bin", "pixels_per_element", "projecto
 
 
 class StoreError(ValueError):
-    """A store cannot be opened; the text says which, why, and what mends it."""
+    """A store cannot be opened; the text says which, why, and what fixes it."""
 
 
 class NotAStoreError(StoreError):
@@ -206,9 +206,9 @@ def open_store(
     attributes = _attributes(location)
     entries = _manifest(location)
     if entries is None and not unfinished:
-        mend = "join all parts (`sunstone merge`)" if "part" in attributes else "let it finish (`sunstone render --resume`)"
+        fix = "join all parts (`sunstone merge`)" if "part" in attributes else "let it finish (`sunstone render --resume`)"
         raise UnfinishedStoreError(
-            f"{location.name} is not finished ({_state(location, attributes)}): {mend}, or read what there is with unfinished=True"
+            f"{location.name} is not finished ({_state(location, attributes)}): {fix}, or read what there is with unfinished=True"
         )
     store = location.store()
     if entries is not None:

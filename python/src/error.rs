@@ -9,7 +9,7 @@ pyo3::create_exception!(
     pysunstone,
     InputError,
     PyValueError,
-    "What was given is wrong: `file`, `line`, `column`, `message` and `mend` say where and how to mend it, or are None."
+    "What was given is wrong: `file`, `line`, `column`, `message` and `fix` say where and how to fix it, or are None."
 );
 pyo3::create_exception!(
     pysunstone,
@@ -19,7 +19,7 @@ pyo3::create_exception!(
 );
 
 /// What an [`InputError`] has besides its text.
-const PARTS: [&str; 5] = ["file", "line", "column", "message", "mend"];
+const PARTS: [&str; 5] = ["file", "line", "column", "message", "fix"];
 
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = m.py();
@@ -52,7 +52,7 @@ pub fn located(py: Python<'_>, fault: &Fault) -> PyErr {
         .and_then(|()| value.setattr("line", line))
         .and_then(|()| value.setattr("column", column))
         .and_then(|()| value.setattr("message", &fault.message))
-        .and_then(|()| value.setattr("mend", &fault.help));
+        .and_then(|()| value.setattr("fix", &fault.help));
     match set {
         Ok(()) => error,
         Err(e) => e,

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use sunstone::InputError;
 use sunstone::scene::mitsuba::import::Import;
 
-/// What is wrong: file, line, column, message and mend.
+/// What is wrong: file, line, column, message and fix.
 type Fault = (String, Option<usize>, Option<usize>, String, Option<String>);
 
 fn fault(e: &InputError) -> Fault {

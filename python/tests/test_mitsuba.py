@@ -203,7 +203,7 @@ def test_what_cannot_be_expressed_is_named_by_its_key() -> None:
     ):
         with pytest.raises(ps.InputError, match=words) as told:
             ps.from_mitsuba(scene)
-        assert told.value.message and told.value.mend or "nothing.xml" in str(told.value) or "give the dict" in str(told.value)
+        assert told.value.message and told.value.fix or "nothing.xml" in str(told.value) or "give the dict" in str(told.value)
     # All that is wrong is told at once.
     with pytest.raises(ps.InputError) as told:
         ps.from_mitsuba(changed(ball=sphere, other={"type": "cone"}))

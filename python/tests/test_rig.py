@@ -84,7 +84,7 @@ MISHAPS = [
 
 
 @pytest.mark.parametrize(("plan", "kind", "instrument", "at"), MISHAPS)
-def test_mishaps_behind_python_are_mended(
+def test_mishaps_behind_python_are_fixed(
     tmp_path: Path, sound: dict[str, dict[str, bytes]], plan: str, kind: str, instrument: str, at: int
 ) -> None:
     session = rig.Session(rigs.write(tmp_path, rigs.fault(kind, instrument, at)) / f"{plan}.toml")

@@ -175,7 +175,7 @@ def test_errors_say_where() -> None:
     e = caught.value
     assert isinstance(e, ValueError)
     assert (e.line, e.file) == (1 + TEXT.splitlines().index('material = "gold"'), "./scene.toml")
-    assert e.message and "silver" in e.message and e.mend
+    assert e.message and "silver" in e.message and e.fix
     with pytest.raises(ps.InputError, match=r"objects\[1\]"):
         bad = document()
         bad["objects"][1]["material"] = "silver"

@@ -138,9 +138,9 @@ struct Detectors {
 ///
 /// # Errors
 /// [`InputError`] at the place.
-pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, mend: &str) -> Result<T, InputError> {
-    document::parse::<Document>(path, text, |_| mend.to_owned())?;
-    document::parse(path, text, |_| mend.to_owned())
+pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<T, InputError> {
+    document::parse::<Document>(path, text, |_| fix.to_owned())?;
+    document::parse(path, text, |_| fix.to_owned())
 }
 
 /// The text of a calibration file in which a part is `text` (TOML with that part's keys alone) and the others are those of
@@ -149,8 +149,8 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, mend: &str) -> Result
 /// # Errors
 /// [`InputError`] if `old` is no calibration: at the place of a key that none has, or where it is no TOML.
 pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, InputError> {
-    let mend = "it is no calibration, and is left as it is: give another name, or move it away";
-    let known: Table = parse(path, old, mend)?;
+    let fix = "it is no calibration, and is left as it is: give another name, or move it away";
+    let known: Table = parse(path, old, fix)?;
     let mut out = HEAD.to_owned();
     for of in Part::ALL {
         let section = if of == part {
@@ -165,7 +165,7 @@ pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, 
                 text: old.into(),
                 span: None,
                 message: e.to_string(),
-                help: Some(mend.to_owned()),
+                help: Some(fix.to_owned()),
             })?
         };
         out.push_str(section.trim_end());

@@ -1,4 +1,4 @@
-//! TOML documents, read so that every error names file, line, column and mend, and no list passes for a table.
+//! TOML documents, read so that every error names file, line, column and fix, and no list passes for a table.
 
 use crate::input;
 use crate::locate::InputError;
@@ -8,33 +8,33 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::DeTable;
 
-/// Reads the text of a file that the user named; `what` it is stands in the message, `mend` below it.
+/// Reads the text of a file that the user named; `what` it is stands in the message, `fix` below it.
 ///
 /// # Errors
 /// [`InputError`] without a place, if it cannot be read.
-pub fn read(path: &Path, what: &str, mend: &str) -> Result<String, InputError> {
+pub fn read(path: &Path, what: &str, fix: &str) -> Result<String, InputError> {
     input::read_text(path).map_err(|e| InputError {
         file: path.to_owned(),
         text: "".into(),
         span: None,
         message: format!("cannot read the {what}: {e}"),
-        help: Some(mend.to_owned()),
+        help: Some(fix.to_owned()),
     })
 }
 
-/// Reads the syntax of a document; `mend` makes the help of a message.
+/// Reads the syntax of a document; `fix` makes the help of a message.
 ///
 /// # Errors
 /// [`InputError`] at the place where the text is not TOML, or not of the type's shape.
 pub fn parse<T: DeserializeOwned>(
     path: &Path,
     text: &str,
-    mend: impl FnOnce(&str) -> String,
+    fix: impl FnOnce(&str) -> String,
 ) -> Result<T, InputError> {
     fault(
         path,
         text,
-        mend,
+        fix,
         toml::Deserializer::parse(text).and_then(|d| T::deserialize(Strict::new(d))),
     )
 }
@@ -47,12 +47,12 @@ pub fn parse_table<T: DeserializeOwned>(
     path: &Path,
     text: &str,
     table: Spanned<DeTable<'_>>,
-    mend: impl FnOnce(&str) -> String,
+    fix: impl FnOnce(&str) -> String,
 ) -> Result<T, InputError> {
     fault(
         path,
         text,
-        mend,
+        fix,
         T::deserialize(Strict::new(toml::Deserializer::from(table))),
     )
 }
@@ -61,11 +61,11 @@ pub fn parse_table<T: DeserializeOwned>(
 fn fault<T>(
     path: &Path,
     text: &str,
-    mend: impl FnOnce(&str) -> String,
+    fix: impl FnOnce(&str) -> String,
     read: Result<T, toml::de::Error>,
 ) -> Result<T, InputError> {
     read.map_err(|e| {
-        let mut help = mend(e.message());
+        let mut help = fix(e.message());
         if e.message().contains(tables::WANTED) {
             help = format!("give every value its name, as in {{ name = value }}; {help}");
         }

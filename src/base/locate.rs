@@ -85,7 +85,7 @@ impl<T: JsonSchema> JsonSchema for Located<T> {
     }
 }
 
-/// What is wrong with a file that the user gave, where, and how to mend it.
+/// What is wrong with a file that the user gave, where, and how to fix it.
 #[derive(Clone, Debug)]
 pub struct InputError {
     /// The file.
@@ -96,7 +96,7 @@ pub struct InputError {
     pub span: Option<Range<usize>>,
     /// What is wrong.
     pub message: String,
-    /// How to mend it.
+    /// How to fix it.
     pub help: Option<String>,
 }
 
@@ -120,7 +120,7 @@ impl fmt::Display for InputError {
         }
         write!(f, ": {}", self.message)?;
         if let Some(help) = &self.help {
-            write!(f, "\n  mend: {help}")?;
+            write!(f, "\n  fix: {help}")?;
         }
         Ok(())
     }

@@ -147,7 +147,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         ))
     })?;
     let done = applications::run(&*application, &settings, &progress).map_err(|e| match (e, &a.capture) {
-        // What cannot be captured is mended in the chain.
+        // What cannot be captured is fixed in the chain.
         (ApplicationError::Captured(e), Some(chain)) if !matches!(e, LinksError::Interrupted) => {
             Failure::input(format!("{}: {e}", chain.display()))
         }

@@ -66,8 +66,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 
 /// Reads points, x,y,z a line.
 fn points(path: &Path) -> Result<Vec<[f64; 3]>, InputError> {
-    let mend = "give a text with x,y,z in metres on every line";
-    let text = document::read(path, "points", mend)?;
+    let fix = "give a text with x,y,z in metres on every line";
+    let text = document::read(path, "points", fix)?;
     let mut points = vec![];
     let mut start = 0;
     let mut first = true;
@@ -89,7 +89,7 @@ fn points(path: &Path) -> Result<Vec<[f64; 3]>, InputError> {
                     text: text.as_str().into(),
                     span: Some(span),
                     message: format!("`{}` is no point", line.trim()),
-                    help: Some(mend.into()),
+                    help: Some(fix.into()),
                 });
             }
         }

@@ -277,9 +277,9 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
 fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> {
     let Some(wanted) = a.bin_ps else { return Ok(1) };
     let Some(resolution) = reader.header().resolution_s(reader.record_type().mode()) else {
-        let mend = "leave --bin-ps out";
+        let fix = "leave --bin-ps out";
         return Err(Failure::input(format!(
-            "{}: it does not state its resolution; {mend}",
+            "{}: it does not state its resolution; {fix}",
             a.file.display()
         )));
     };

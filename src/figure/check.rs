@@ -20,11 +20,11 @@ fn positive(option: &'static str, value: Option<f32>) -> Result<(), FigureError>
 /// # Errors
 /// [`FigureError`], as drawing would give.
 pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> {
-    let missing = |axis, mend| {
+    let missing = |axis, fix| {
         Err(FigureError::MissingAxis {
             slice: slice.name.clone(),
             axis,
-            mend,
+            fix,
         })
     };
     let wavelength = match view {

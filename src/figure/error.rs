@@ -1,4 +1,4 @@
-//! Why a picture was not drawn, and the mend.
+//! Why a picture was not drawn, and the fix.
 
 /// What a wavelength to draw must be.
 pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, nanometres";
@@ -7,14 +7,14 @@ pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, nanometres"
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
     /// The slice does not resolve what the picture shows.
-    #[error("slice `{slice}` has no {axis} axis; draw a slice with `{mend}`")]
+    #[error("slice `{slice}` has no {axis} axis; draw a slice with `{fix}`")]
     MissingAxis {
         /// Name of the slice.
         slice: String,
         /// The missing axis in words.
         axis: &'static str,
         /// The line of a slice that adds the axis.
-        mend: &'static str,
+        fix: &'static str,
     },
     /// An axis of the slice has no entries.
     #[error("slice `{slice}` holds no values: its axis `{axis}` is empty; keep at least one entry of it")]

@@ -56,7 +56,7 @@ impl<'a> Source<'a> {
     /// Coordinates of an axis that the picture needs.
     pub fn need(&self, kind: AxisKind) -> Result<&'a [f64], FigureError> {
         self.coords(kind).ok_or_else(|| {
-            let (axis, mend) = match kind {
+            let (axis, fix) = match kind {
                 AxisKind::T => ("time", "time = { start_ps = …, bin_ps = …, bins = … }"),
                 AxisKind::U => ("projector column", "projector = \"all\""),
                 AxisKind::V => ("projector row", "projector = \"all\""),
@@ -71,7 +71,7 @@ impl<'a> Source<'a> {
             FigureError::MissingAxis {
                 slice: self.slice.to_owned(),
                 axis,
-                mend,
+                fix,
             }
         })
     }

@@ -189,7 +189,7 @@ impl<'a> Applications<'a> {
                 continue;
             }
             let report = now.report().map_err(|e| match e {
-                // What cannot be captured is mended in the chain, or by another view.
+                // What cannot be captured is fixed in the chain, or by another view.
                 ApplicationError::Captured(e) if !matches!(e, LinksError::Interrupted) => {
                     let help = "correct the chain, or leave the view out";
                     FigureFileError::Input(source.error(run.at, e.to_string(), help))

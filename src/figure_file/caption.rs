@@ -9,12 +9,12 @@ pub enum Value {
     Number(f64),
 }
 
-/// What is wrong with a caption, and the mend.
+/// What is wrong with a caption, and the fix.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CaptionError {
     /// What is wrong.
     pub message: String,
-    /// How to mend it.
+    /// How to fix it.
     pub help: String,
 }
 

@@ -13,7 +13,7 @@ use super::kept::{Fit, Point};
 use crate::applications::curves;
 use crate::applications::links::{self, Links, Part, WHOLE};
 
-/// What is wrong with a view, and the mend.
+/// What is wrong with a view, and the fix.
 type Fault = (String, String);
 
 /// Words that tell what a view runs its application through from what others do.

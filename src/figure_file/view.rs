@@ -234,7 +234,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
     drawn.map_err(|e| e.to_string())
 }
 
-/// The length in the picture at the depth of what is seen; else what is wrong and the mend.
+/// The length in the picture at the depth of what is seen; else what is wrong and the fix.
 pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar, (String, String)> {
     let camera = &scene.camera;
     let [w, h] = camera.resolution.map(f64::from);

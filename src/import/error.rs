@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use transport::geometry::mesh::MeshError;
 
-/// Why a file could not be imported; prints as one line: `file:line: what is wrong; how to mend it`.
+/// Why a file could not be imported; prints as one line: `file:line: what is wrong; how to fix it`.
 #[derive(Debug)]
 pub struct ImportError {
     /// The file, where it is known.
@@ -33,28 +33,28 @@ pub enum ImportProblem {
     #[error("the file is empty; export it again")]
     EmptyFile,
     /// The file breaks its format.
-    #[error("{what}; {mend}")]
+    #[error("{what}; {fix}")]
     Malformed {
         /// What is wrong.
         what: String,
         /// What to do about it.
-        mend: &'static str,
+        fix: &'static str,
     },
     /// The file is sound but uses something that Sunstone does not read.
-    #[error("{what}; {mend}")]
+    #[error("{what}; {fix}")]
     Unsupported {
         /// What is not supported.
         what: String,
         /// What to do about it.
-        mend: &'static str,
+        fix: &'static str,
     },
     /// The file is sound, and nothing in it has an area.
-    #[error("there are no triangles in it{notes}; {mend}")]
+    #[error("there are no triangles in it{notes}; {fix}")]
     NoArea {
         /// What was left out, each after a semicolon.
         notes: String,
         /// What to do about it.
-        mend: &'static str,
+        fix: &'static str,
     },
     /// A mesh in the file cannot be used.
     #[error("{} {cause}", if name.is_empty() { "the mesh".into() } else { format!("mesh {name:?}") })]
@@ -97,14 +97,14 @@ impl From<ImportProblem> for ImportError {
 }
 
 impl ImportError {
-    pub(super) fn malformed(what: impl Into<String>, mend: &'static str) -> Self {
+    pub(super) fn malformed(what: impl Into<String>, fix: &'static str) -> Self {
         let what = what.into();
-        ImportProblem::Malformed { what, mend }.into()
+        ImportProblem::Malformed { what, fix }.into()
     }
 
-    pub(super) fn unsupported(what: impl Into<String>, mend: &'static str) -> Self {
+    pub(super) fn unsupported(what: impl Into<String>, fix: &'static str) -> Self {
         let what = what.into();
-        ImportProblem::Unsupported { what, mend }.into()
+        ImportProblem::Unsupported { what, fix }.into()
     }
 
     pub(super) fn at_line(mut self, line: usize) -> Self {
@@ -113,9 +113,9 @@ impl ImportError {
     }
 }
 
-const MEND: &str = "export the file again, with an exporter that passes the glTF validator";
+const FIX: &str = "export the file again, with an exporter that passes the glTF validator";
 
 /// Something wrong with a glTF file itself.
 pub(super) fn broken(what: impl Into<String>) -> ImportError {
-    ImportError::malformed(what, MEND)
+    ImportError::malformed(what, FIX)
 }

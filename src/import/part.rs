@@ -98,8 +98,8 @@ impl Parts {
         let notes = self.notes.into_sentences();
         if self.list.is_empty() {
             let notes: String = notes.iter().map(|note| format!("; {note}")).collect();
-            let mend = otherwise;
-            return Err(ImportProblem::NoArea { notes, mend }.into());
+            let fix = otherwise;
+            return Err(ImportProblem::NoArea { notes, fix }.into());
         }
         Ok(Model {
             parts: self.list,

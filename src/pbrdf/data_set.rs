@@ -14,7 +14,7 @@ use transport::material::measured::error::PbsdfError;
 use transport::material::measured::table::{Options, Table};
 use transport::material::measured::write::slab;
 
-/// Why there is no data set, and the mend.
+/// Why there is no data set, and the fix.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// The folder cannot be listed.
@@ -267,7 +267,7 @@ mod tests {
         assert!(matches!(few, Err(DataError::Axes(PbsdfError::Sources { .. }))));
     }
 
-    /// Faults are named, with their mend.
+    /// Faults are named, with their fix.
     #[test]
     fn faults_are_named() {
         let folder = tempfile::tempdir().unwrap();

@@ -32,7 +32,7 @@ pub struct PhaseTable {
 /// of them in any order; without any, those of the file.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and mend.
+/// [`InputError`] naming file, place and fix.
 pub fn tables(
     file: &Path,
     name: &str,

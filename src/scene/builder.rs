@@ -162,7 +162,7 @@ impl SceneBuilder {
         let name = name.into();
         let place = format!("mesh(\"{name}\")");
         if let Err(e) = mesh.validate() {
-            self.refuse(fault(&place, format!("the mesh {e}"), "mend the mesh"));
+            self.refuse(fault(&place, format!("the mesh {e}"), "fix the mesh"));
             return self;
         }
         if !matches!(ShapeFile::mesh(name.as_str()), ShapeFile::Ply(_)) {
@@ -335,13 +335,13 @@ impl SceneBuilder {
 }
 
 /// An error about what was given at a place.
-fn fault(place: &str, message: String, mend: &str) -> InputError {
+fn fault(place: &str, message: String, fix: &str) -> InputError {
     InputError {
         file: format!("{IN_CODE}: {place}").into(),
         text: "".into(),
         span: None,
         message,
-        help: Some(mend.to_owned()),
+        help: Some(fix.to_owned()),
     }
 }
 

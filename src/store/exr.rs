@@ -26,7 +26,7 @@ pub enum ExrError {
     NoImage {
         /// Name of the tensor.
         name: String,
-        /// What is missing and how to mend it.
+        /// What is missing and how to fix it.
         reason: String,
     },
     /// The slice cannot be probed.

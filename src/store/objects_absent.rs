@@ -116,7 +116,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn every_address_is_refused_with_a_mend() {
+    fn every_address_is_refused_with_a_fix() {
         let address = Path::new("s3://bucket/a.zarr");
         let made = TensorStore::create(address, &[], &Map::new(), None, false);
         for told in [

@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_with_a_mend() {
+    fn what_does_not_fit_is_refused_with_a_fix() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("s");
         let mut sound = sink(&path, false, false);

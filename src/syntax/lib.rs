@@ -41,7 +41,7 @@ macro_rules! syntax {
     ($($file:ty),*) => {
         $(impl Syntax for $file {
             fn read(path: &Path, text: &str) -> Result<Self, InputError> {
-                document::parse(path, text, mend)
+                document::parse(path, text, fix)
             }
         })*
     };
@@ -49,7 +49,7 @@ macro_rules! syntax {
 
 syntax!(scene::SceneFile, material::MaterialSetFile, medium::MediumSetFile);
 
-pub(crate) fn mend(message: &str) -> String {
+pub(crate) fn fix(message: &str) -> String {
     if message.contains("unknown field") || message.contains("unknown variant") {
         "use one of the names listed; `sunstone schema` prints all of them".into()
     } else if message.contains("missing field") {

@@ -71,7 +71,7 @@ fn position(list: &[Spanned<DeValue>], key: &str) -> Option<usize> {
         .or_else(|| key.parse().ok().filter(|i| *i < list.len()))
 }
 
-/// What keys there are, as a mend.
+/// What keys there are, as a fix.
 fn known<'k>(keys: impl Iterator<Item = &'k str>) -> String {
     let mut all: Vec<&str> = keys.collect();
     let more = all.len().saturating_sub(12);

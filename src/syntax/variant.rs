@@ -9,7 +9,7 @@
 use crate::path::{article, find, find_in, keys};
 use crate::scene::SceneFile;
 use crate::vary::{AnyValue, ParameterFile, RangeFile};
-use crate::{Syntax, mend};
+use crate::{Syntax, fix};
 use base::document;
 use base::locate::{InputError, Located};
 use optics::sampling::mix::mix;
@@ -119,7 +119,7 @@ impl<'a> Vary<'a> {
         let read = DeTable::parse(self.text);
         read.map(Spanned::into_inner).map_err(|e| {
             let span = e.span().unwrap_or(0..0);
-            self.error(span, e.message().to_owned(), mend(e.message()))
+            self.error(span, e.message().to_owned(), fix(e.message()))
         })
     }
 
@@ -336,7 +336,7 @@ impl<'a> Vary<'a> {
             }
         }
         let table = Spanned::new(0..self.text.len(), document);
-        let file = document::parse_table(self.path, self.text, table, mend)?;
+        let file = document::parse_table(self.path, self.text, table, fix)?;
         Ok(Variant { file, values })
     }
 }

@@ -53,7 +53,7 @@ pub struct SceneTables {
     pub text: String,
     /// Which of the variants that the file describes this is; absent: the scene as it is written.
     pub variant: Option<Variant>,
-    /// What the scene's files hold that is not used, and what was mended in them, a sentence each.
+    /// What the scene's files hold that is not used, and what was fixed in them, a sentence each.
     pub notes: Vec<String>,
     /// Files that it was made of, by the names that they have in its text: paths from its own folder, sorted.
     pub files: Vec<String>,

@@ -157,9 +157,9 @@ pub fn fault(folder: &Path, name: &str, text: &str, case: &Case, arguments: &[&s
     if !shown.contains(says) {
         return complain(format!("does not say `{says}`"));
     }
-    let mend = shown.lines().find_map(|l| l.trim().strip_prefix("mend: "));
-    if mend.is_none_or(|m| m.len() < 8) {
-        return complain("no mend".into());
+    let fix = shown.lines().find_map(|l| l.trim().strip_prefix("fix: "));
+    if fix.is_none_or(|m| m.len() < 8) {
+        return complain("no fix".into());
     }
     None
 }

@@ -119,8 +119,8 @@ pub fn cases() -> Vec<Case> {
         cases.push(make("in a new folder", &format!("a/b/{out}")).expect(Expect::Accepted));
         let writes_below_addresses = ["render ", "merge "].iter().any(|l| line.starts_with(l));
         let (address, page) = if writes_below_addresses && !cfg!(feature = "object-stores") {
-            let mend = "--features object-stores";
-            (make("an address", &format!("s3://bucket/{out}")).says(mend), mend)
+            let fix = "--features object-stores";
+            (make("an address", &format!("s3://bucket/{out}")).says(fix), fix)
         } else if writes_below_addresses {
             // They write below addresses, but not of these.
             (

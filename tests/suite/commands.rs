@@ -324,7 +324,7 @@ fn a_store_in_shards_answers_as_before() {
 }
 
 #[test]
-fn bad_input_is_refused_with_a_mend() {
+fn bad_input_is_refused_with_a_fix() {
     let dir = rendered();
     let d = dir.path();
     let cases: [(&[&str], &str); 9] = [

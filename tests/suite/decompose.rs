@@ -159,7 +159,7 @@ fn slices_of_stores() {
     assert_eq!(found["retardance"].shape.iter().product::<usize>() % 5, 0);
 }
 
-/// What is not an array of matrices is refused with a mend, and nothing is written.
+/// What is not an array of matrices is refused with a fix, and nothing is written.
 #[test]
 fn other_inputs_are_refused() {
     let folder = rendered();

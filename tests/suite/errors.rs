@@ -1,4 +1,4 @@
-//! Broken input: exit code 2, the place, a mend, and nothing written.
+//! Broken input: exit code 2, the place, a fix, and nothing written.
 
 use crate::harness::{Case, edit, fault, files, mirror_room, run, shipped, stderr};
 
@@ -148,7 +148,7 @@ const CASES: &[Case] = &[
 ];
 
 #[test]
-fn every_broken_scene_is_told_where_and_how_to_mend_it() {
+fn every_broken_scene_is_told_where_and_how_to_fix_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let faults: Vec<String> = CASES
         .iter()

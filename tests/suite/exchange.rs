@@ -70,7 +70,7 @@ fn refusals_write_nothing() {
         "{message}"
     );
     assert!(
-        message.contains("scene.toml:") && message.contains("mend:"),
+        message.contains("scene.toml:") && message.contains("fix:"),
         "{message}"
     );
     assert_eq!(files(at), before);

@@ -301,7 +301,7 @@ fn a_render_that_was_stopped_goes_on() {
 }
 
 /// Processes at one folder of renders end alike, one that only looks whether they are finished disturbs nobody, and what is no
-/// render under a render's name is told with its mend.
+/// render under a render's name is told with its fix.
 #[test]
 fn renders_are_shared_and_damage_is_told() {
     let (_scenes, text) = sound();

@@ -182,10 +182,10 @@ fn light_that_is_shared_is_the_same() {
         damaged[first.len() / 3] ^= 16;
         for damaged in [&damaged[..], &first[..first.len() - 5], &[]] {
             std::fs::write(file(1), damaged).expect("a file");
-            let mended = name("mended");
-            let _ = std::fs::remove_dir_all(&mended);
-            one(2, &mended);
-            for store in [&mended, &again] {
+            let fixed = name("fixed");
+            let _ = std::fs::remove_dir_all(&fixed);
+            one(2, &fixed);
+            for store in [&fixed, &again] {
                 assert_eq!(values(store), values(&paths[1]));
             }
         }

@@ -67,7 +67,7 @@ const CASES: &[Case] = &[
 ];
 
 #[test]
-fn every_broken_file_is_told_where_and_how_to_mend_it() {
+fn every_broken_file_is_told_where_and_how_to_fix_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let told = |case: &Case| {
         let from = case.1;

@@ -420,7 +420,7 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
         told.contains("--most-spp 64") && told.contains("more than 0.10 %"),
         "{told}"
     );
-    for (more, mend) in [
+    for (more, fix) in [
         (&["--target-slice", "none"][..], "sum, mueller, flight"),
         (&["--target-share", "1.5"], "--target-share"),
         (&["--spp", "2"], "--spp"),
@@ -428,7 +428,7 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
         (&["--part", "1/2"], "--rounds"),
     ] {
         let out = with(&[more, &["-o", "t"]].concat(), 2);
-        assert!(stderr(&out).contains(mend), "{}", stderr(&out));
+        assert!(stderr(&out).contains(fix), "{}", stderr(&out));
         assert!(!at("t").exists());
     }
 }

@@ -245,8 +245,8 @@ fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
     let last = damaged.len() - 1;
     damaged[last] ^= 1;
     std::fs::write(&fit, &damaged).expect("writes");
-    let mended = draw();
-    assert_eq!((&mended.0, &mended.2), (&first.0, &first.2));
+    let fixed = draw();
+    assert_eq!((&fixed.0, &fixed.2), (&first.0, &first.2));
     // Another render, which took another time: the same light, and so the same numbers under another key.
     let renders = std::fs::read_dir(at.join("out/apply/renders")).expect("renders");
     let mut stores = renders.map(|e| e.expect("one").path()).filter(|p| p.is_dir());

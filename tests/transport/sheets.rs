@@ -385,7 +385,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
     }
 }
 
-/// Scene syntax: mistakes are named with their place and mend.
+/// Scene syntax: mistakes are named with their place and fix.
 #[test]
 fn mistakes_are_named() {
     for (text, words) in [
@@ -444,7 +444,7 @@ fn mistakes_are_named() {
         };
         let shown = error.to_string();
         assert!(
-            shown.contains(words) && shown.starts_with("m.toml:3:") && shown.contains("mend:"),
+            shown.contains(words) && shown.starts_with("m.toml:3:") && shown.contains("fix:"),
             "{text}: {shown}"
         );
     }

@@ -59,7 +59,7 @@ class InstrumentError(RuntimeError):
     fault
         Kind of the failure, which says what the session does about it.
     what
-        What happened and how to mend it, in words.
+        What happened and how to fix it, in words.
     instrument
         Its name in the session; the session fills it in.
     """

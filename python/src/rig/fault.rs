@@ -14,7 +14,7 @@ pub struct Thrown(Arc<Mutex<Option<(Failure, PyErr)>>>);
 
 impl Thrown {
     /// What an exception means to a session: what `InstrumentError` says; a timeout; a line that is gone (`OSError`, and so
-    /// pyserial's and PyUSB's errors); all others are told to the user, since trying again does not mend a program.
+    /// pyserial's and PyUSB's errors); all others are told to the user, since trying again does not fix a program.
     pub fn failure(&self, py: Python<'_>, instrument: &str, method: &str, error: PyErr) -> Failure {
         let failure = told(py, instrument, &error).unwrap_or_else(|| {
             let fault = if error.is_instance_of::<PyTimeoutError>(py) || of_name(py, &error, "TimeoutError") {

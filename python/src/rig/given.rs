@@ -113,7 +113,7 @@ impl RotationStage for Stage {
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure> {
         let [least, most] = self.limits.range_deg;
         if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
-            let what = format!("{angle_deg}° is not within {least}° to {most}°; mend the plan");
+            let what = format!("{angle_deg}° is not within {least}° to {most}°; correct the plan");
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell("begin_move", (angle_deg,))
@@ -294,7 +294,7 @@ impl GalvoScanner for Galvo {
         let mut both = angles_deg.iter().zip(self.limits.range_deg);
         if !both.all(|(a, most)| a.is_finite() && a.abs() <= most) {
             let what = format!(
-                "{angles_deg:?}° is beyond ±{:?}°; mend the plan",
+                "{angles_deg:?}° is beyond ±{:?}°; correct the plan",
                 self.limits.range_deg
             );
             return Err(self.failure(Fault::Limit, what));
@@ -319,7 +319,7 @@ impl PulsedLaser for Laser {
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure> {
         let [least, most] = self.limits.rate_hz;
         if on && !(rate_hz >= least && rate_hz <= most) {
-            let what = format!("{rate_hz} Hz is not within {least} to {most}; mend the plan");
+            let what = format!("{rate_hz} Hz is not within {least} to {most}; correct the plan");
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell("emit", (on, rate_hz, within.as_secs_f64()))
@@ -368,7 +368,7 @@ impl PhotonCounter for Counter {
             && s.dwell <= limits.longest
             && (limits.tags.is_some() || !s.tags);
         if !fits {
-            let what = format!("{s:?} is not within {limits:?}; mend the plan");
+            let what = format!("{s:?} is not within {limits:?}; correct the plan");
             return Err(self.of.failure(Fault::Limit, what));
         }
         self.of.state = Counting::default();

@@ -142,7 +142,7 @@ fn all_samples() -> Located<Vec<Sample>> {
     Located::at(0..0, vec![Sample::Air, Sample::Mirror, Sample::Polarizer])
 }
 
-const MEND: &str = "a chain has `scheme` and, as it has them, `optics`, `calibration`, `samples`, `exposure`, `seed`, [cmos] and [spad]";
+const FIX: &str = "a chain has `scheme` and, as it has them, `optics`, `calibration`, `samples`, `exposure`, `seed`, [cmos] and [spad]";
 
 /// Most captures of a scheme.
 const MOST_CAPTURES: usize = 1000;
@@ -150,7 +150,7 @@ const MOST_CAPTURES: usize = 1000;
 /// Reads a chain.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and mend.
+/// [`InputError`] naming file, place and fix.
 pub fn load(path: &Path) -> Result<Chain, InputError> {
     let text = document::read(path, "chain", "there are examples in rigs/chains")?;
     from_toml(path, &text)
@@ -161,13 +161,13 @@ pub fn load(path: &Path) -> Result<Chain, InputError> {
 /// # Errors
 /// As [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
-    let file: ChainFile = document::parse(path, text, |_| MEND.to_owned())?;
-    let fault = |span: Range<usize>, message: String, mend: &str| InputError {
+    let file: ChainFile = document::parse(path, text, |_| FIX.to_owned())?;
+    let fault = |span: Range<usize>, message: String, fix: &str| InputError {
         file: path.to_owned(),
         text: text.into(),
         span: Some(span),
         message,
-        help: Some(mend.to_owned()),
+        help: Some(fix.to_owned()),
     };
     let beside = |p: &Path| path.parent().unwrap_or(Path::new("")).join(p);
     let nominal = match &*file.scheme {
@@ -193,12 +193,12 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     };
     // Few captures with a prior are chosen by the command itself; a chain stands without one.
     if let Err(e) = DesignMatrix::new(&nominal, &Ray::axial(550.0)).pseudo_inverse() {
-        let mend = format!("give at least {} captures of different settings", e.least);
+        let fix = format!("give at least {} captures of different settings", e.least);
         let message = format!(
             "{} captures of rank {} do not determine a Mueller matrix",
             e.captures, e.rank
         );
-        return Err(fault(file.scheme.span(), message, &mend));
+        return Err(fault(file.scheme.span(), message, &fix));
     }
     let optics = match file.optics.as_deref() {
         None => Optics::Drawn(Tolerances::default()),
@@ -215,8 +215,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             }
             if !(0.0..=1.0).contains(&t.extinction) {
                 let message = format!("`extinction` is {}", t.extinction);
-                let mend = "give least over greatest transmittance, 0 to 1: 1e-3 of a polarizer of 1000:1";
-                return Err(fault(span, message, mend));
+                let fix = "give least over greatest transmittance, 0 to 1: 1e-3 of a polarizer of 1000:1";
+                return Err(fault(span, message, fix));
             }
             Optics::Drawn(*t)
         }
@@ -227,15 +227,15 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             fault(
                 at.span(),
                 e.to_string(),
-                "mend it, or leave it out for the default",
+                "fix it, or leave it out for the default",
             )
         })?;
         if file.cmos.is_none() && file.spad.is_none() {
-            let mend = "add [cmos] for a camera's noise, or [spad] for a counter's; all their settings have defaults";
+            let fix = "add [cmos] for a camera's noise, or [spad] for a counter's; all their settings have defaults";
             return Err(fault(
                 at.span(),
                 "there is an exposure, and no detector".into(),
-                mend,
+                fix,
             ));
         }
     }
@@ -269,7 +269,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             return Err(fault(
                 camera.span(),
                 message,
-                "mend it, or leave it out for the default",
+                "fix it, or leave it out for the default",
             ));
         }
     }

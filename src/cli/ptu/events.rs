@@ -133,8 +133,8 @@ fn event(line: &str) -> Option<Event> {
 pub fn write(a: &FromText) -> Result<(), Failure> {
     places::files([Some(&a.events)], [Some(&a.output)])?;
     places::extension(&a.output, "photons are", &["ptu"])?;
-    let mend = "give lines of kind,time,dtime,channel,markers, as `sunstone ptu records` prints them";
-    let text = document::read(&a.events, "events", mend)?;
+    let fix = "give lines of kind,time,dtime,channel,markers, as `sunstone ptu records` prints them";
+    let text = document::read(&a.events, "events", fix)?;
     let description = Description {
         record: a.record,
         resolution_s: a.resolution_ps * 1e-12,
@@ -148,7 +148,7 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
     };
     if text.trim().is_empty() {
         return Err(Failure::input(format!(
-            "{}: it has no events; {mend}",
+            "{}: it has no events; {fix}",
             a.events.display()
         )));
     }
@@ -166,7 +166,7 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
                 text: text.as_str().into(),
                 span: Some(span.clone()),
                 message,
-                help: Some(mend.into()),
+                help: Some(fix.into()),
             };
             let Some(event) = event(line) else {
                 wrong = Some(refused(format!("`{}` is no event", line.trim())));

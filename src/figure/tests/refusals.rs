@@ -1,4 +1,4 @@
-//! What cannot be drawn is refused with the mend.
+//! What cannot be drawn is refused with the fix.
 
 use super::*;
 use AxisKind::{StokesIn, StokesOut, T, U, Wavelength, X, Y};
@@ -8,7 +8,7 @@ fn message(view: &View, t: &Tensor) -> String {
 }
 
 #[test]
-fn missing_axes_are_named_with_their_mend() {
+fn missing_axes_are_named_with_their_fix() {
     let still = tensor(axes([(Y, 2), (X, 2), (Wavelength, 3)]), |_| 1.0);
     let time = "slice `s` has no time axis; draw a slice with `time = {";
     for view in [

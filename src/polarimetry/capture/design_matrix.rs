@@ -20,7 +20,7 @@ pub const RANK_TOLERANCE: f64 = 1e-9;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error(
     "scheme `{name}` has rank {rank} of 16: its {captures} captures do not determine a Mueller matrix; {}",
-    mend(*captures, *least)
+    fix(*captures, *least)
 )]
 pub struct RankError {
     /// Name of the scheme.
@@ -33,7 +33,7 @@ pub struct RankError {
     pub least: usize,
 }
 
-fn mend(captures: usize, least: usize) -> String {
+fn fix(captures: usize, least: usize) -> String {
     if captures < least {
         format!("with its sensor it takes at least {least} captures, or a prior (--prior)")
     } else {

@@ -70,7 +70,7 @@ pub enum SchemeError {
     #[error("a scheme has at least one capture; give settings for it")]
     Empty,
     /// A setting is not finite.
-    #[error("the setting of `{name}` at capture {capture} is not a finite number; mend it")]
+    #[error("the setting of `{name}` at capture {capture} is not a finite number; fix it")]
     NotFinite {
         /// Name of the element.
         name: String,

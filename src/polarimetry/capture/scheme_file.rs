@@ -40,10 +40,10 @@ use std::path::Path;
 /// Reads a scheme: TOML, or CSV if the name ends so.
 ///
 /// # Errors
-/// [`InputError`] naming file, line, column and mend.
+/// [`InputError`] naming file, line, column and fix.
 pub fn load(path: &Path) -> Result<Scheme, InputError> {
-    let mend = "make one: sunstone scheme drr -k 36 -o scheme.toml";
-    let text = document::read(path, "scheme", mend)?;
+    let fix = "make one: sunstone scheme drr -k 36 -o scheme.toml";
+    let text = document::read(path, "scheme", fix)?;
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         from_csv(path, &text)
     } else {
@@ -104,15 +104,15 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
             ];
             for (result, field) in checks {
                 result.map_err(|must| {
-                    place.error(None, format!("`coaxial.{name}.{field}` {must}"), "mend it")
+                    place.error(None, format!("`coaxial.{name}.{field}` {must}"), "fix it")
                 })?;
             }
         }
         if let Some(galvo) = &coaxial.galvo {
             for (value, field) in [(&galvo.n, "n"), (&galvo.k, "k")] {
-                value.check(0.0, 1e6).map_err(|must| {
-                    place.error(None, format!("`coaxial.galvo.{field}` {must}"), "mend it")
-                })?;
+                value
+                    .check(0.0, 1e6)
+                    .map_err(|must| place.error(None, format!("`coaxial.galvo.{field}` {must}"), "fix it"))?;
             }
         }
         scheme.coaxial = Some(coaxial.clone());

@@ -13,7 +13,7 @@
 use super::{Size, Values};
 
 /// How far above the others an outlier is. Where paths are few, light that is met once is most of the light: three times was found to lose
-/// more of a mirror room's glints than it mends (`tests/suite/denoise.rs`), five times loses nothing there.
+/// more of a mirror room's glints than it fixes (`tests/suite/denoise.rs`), five times loses nothing there.
 const ABOVE: f32 = 5.0;
 
 /// Least standard error over the value: that of sixteen equal contributions among many samples without.

@@ -91,23 +91,23 @@ struct SecondMomentOut<'a> {
     second_moment: Vec<Vec<f64>>,
 }
 
-const MEND: &str = "make one: sunstone pbrdf pca --prior prior.toml -o components.png";
+const FIX: &str = "make one: sunstone pbrdf pca --prior prior.toml -o components.png";
 
 /// Reads a second moment.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and mend: if it is not 16 × 16, symmetric and without negative eigenvalues.
+/// [`InputError`] naming file, place and fix: if it is not 16 × 16, symmetric and without negative eigenvalues.
 pub fn load(path: &Path) -> Result<Moment, InputError> {
-    let text = document::read(path, "prior", MEND)?;
+    let text = document::read(path, "prior", FIX)?;
     let whole: std::sync::Arc<str> = text.as_str().into();
     let error = |span, message: String| InputError {
         file: path.to_owned(),
         text: whole.clone(),
         span,
         message,
-        help: Some(MEND.to_owned()),
+        help: Some(FIX.to_owned()),
     };
-    let file: SecondMomentFile = document::parse(path, &text, |_| MEND.to_owned())?;
+    let file: SecondMomentFile = document::parse(path, &text, |_| FIX.to_owned())?;
     // Its name is for people.
     let _ = file.name;
     let rows = &file.second_moment;

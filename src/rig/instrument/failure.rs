@@ -58,7 +58,7 @@ pub struct Failure {
     pub fault: Fault,
     /// The instrument's name in the rig file.
     pub instrument: String,
-    /// What happened and how to mend it, in words.
+    /// What happened and how to fix it, in words.
     pub what: String,
 }
 

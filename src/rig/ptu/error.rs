@@ -5,7 +5,7 @@ use thiserror::Error;
 
 /// What is wrong, in which file, at which byte, and what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{}: {}{what}; {mend}", file.display(), offset.map_or(String::new(), |at| format!("byte {at}: ")))]
+#[error("{}: {}{what}; {fix}", file.display(), offset.map_or(String::new(), |at| format!("byte {at}: ")))]
 pub struct PtuError {
     /// The file.
     pub file: PathBuf,
@@ -13,29 +13,29 @@ pub struct PtuError {
     pub offset: Option<u64>,
     /// What is wrong.
     pub what: String,
-    /// How to mend it.
-    pub mend: String,
+    /// How to fix it.
+    pub fix: String,
     /// True if the system refused, not the file.
     pub of_system: bool,
 }
 
 impl PtuError {
     /// Of what stands at a byte of a file.
-    pub(super) fn new(file: &Path, offset: u64, what: impl Into<String>, mend: impl Into<String>) -> Self {
+    pub(super) fn new(file: &Path, offset: u64, what: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
             file: file.to_owned(),
             offset: Some(offset),
             what: what.into(),
-            mend: mend.into(),
+            fix: fix.into(),
             of_system: false,
         }
     }
 
     /// Of what is asked of a file as a whole.
-    pub(super) fn of_request(file: &Path, what: impl Into<String>, mend: impl Into<String>) -> Self {
+    pub(super) fn of_request(file: &Path, what: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
             offset: None,
-            ..Self::new(file, 0, what, mend)
+            ..Self::new(file, 0, what, fix)
         }
     }
 

@@ -32,8 +32,8 @@ struct Bytes<'a, R> {
 }
 
 impl<R: Read> Bytes<'_, R> {
-    fn error(&self, what: impl Into<String>, mend: &str) -> PtuError {
-        PtuError::new(self.file, self.at, what, mend)
+    fn error(&self, what: impl Into<String>, fix: &str) -> PtuError {
+        PtuError::new(self.file, self.at, what, fix)
     }
 
     fn fill(&mut self, out: &mut [u8], what: &str) -> Result<(), PtuError> {
@@ -178,7 +178,7 @@ impl Header {
     /// [`PtuError`] if the header does not say, or names one that is not known or not of `Measurement_Mode`, or records are
     /// not of 32 bits.
     pub fn record_type(&self, file: &Path) -> Result<RecordType, PtuError> {
-        let wrong = |what: String, mend: &str| PtuError::of_request(file, what, mend);
+        let wrong = |what: String, fix: &str| PtuError::of_request(file, what, fix);
         let Some(code) = self.int("TTResultFormat_TTTRRecType") else {
             let what = "the header does not say what the records are (TTResultFormat_TTTRRecType)";
             return Err(wrong(what.into(), DAMAGED));
@@ -195,8 +195,8 @@ impl Header {
         let known = u32::try_from(code).ok().and_then(RecordType::of_code);
         let record = known.ok_or_else(|| {
             let names: Vec<&str> = RecordType::ALL.iter().map(|r| r.name()).collect();
-            let mend = format!("known are those of {}", names.join(", "));
-            wrong(format!("records of type {code:#x}"), &mend)
+            let fix = format!("known are those of {}", names.join(", "));
+            wrong(format!("records of type {code:#x}"), &fix)
         })?;
         let mode = match record.mode() {
             Mode::T2 => 2.0,

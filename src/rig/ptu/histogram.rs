@@ -291,8 +291,8 @@ pub fn possibly_empty_histogram<R: Read>(
 ) -> Result<(Histograms, Option<PtuError>), PtuError> {
     let record = reader.record_type();
     let file = reader.file().to_owned();
-    if let Some((what, mend)) = plan.fault(record) {
-        return Err(PtuError::of_request(&file, what, mend));
+    if let Some((what, fix)) = plan.fault(record) {
+        return Err(PtuError::of_request(&file, what, fix));
     }
     let row = plan.bins * plan.channels.len();
     let elements = row * plan.pixels().unwrap_or(1);

@@ -207,7 +207,7 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
                     ))
                 })?;
                 let port = file.port.as_deref().unwrap_or_default();
-                let told = |e: String| AssembleError(format!("`{name}`: {e}; plug it in, or mend `port`"));
+                let told = |e: String| AssembleError(format!("`{name}`: {e}; plug it in, or fix `port`"));
                 let line = SerialLine::open(port, 115_200, true).map_err(|e| told(e.to_string()))?;
                 Box::new(AptStage::new(name, Box::new(line), model).map_err(|e| told(e.to_string()))?)
             }
@@ -334,7 +334,7 @@ fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn
     let found = camera.limits().size;
     if found != limits.size {
         return Err(AssembleError(format!(
-            "`camera` has {found:?} pixels, and the rig file says {:?}; mend `size`",
+            "`camera` has {found:?} pixels, and the rig file says {:?}; fix `size`",
             limits.size
         )));
     }

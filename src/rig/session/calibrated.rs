@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-const MEND: &str = "make one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
+const FIX: &str = "make one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
 
 /// What is believed of the instruments with which light is read and seen.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,30 +56,30 @@ impl Believed {
         let mut out = self;
         for file in files {
             let path = rig.parent().unwrap_or(Path::new("")).join(file);
-            let text = document::read(&path, "calibration", MEND)?;
-            let found: Document = calibration_file::parse(&path, &text, MEND)?;
-            let wrong = |span: Option<std::ops::Range<usize>>, message: String, mend: &str| InputError {
+            let text = document::read(&path, "calibration", FIX)?;
+            let found: Document = calibration_file::parse(&path, &text, FIX)?;
+            let wrong = |span: Option<std::ops::Range<usize>>, message: String, fix: &str| InputError {
                 file: path.clone(),
                 text: text.as_str().into(),
                 span,
                 message,
-                help: Some(mend.to_owned()),
+                help: Some(fix.to_owned()),
             };
             let pair = found.camera.as_ref().zip(found.projector.as_ref());
             if found.detector.cmos.is_none() && found.detector.spad.is_none() && pair.is_none() {
                 let message =
                     "it has neither [detector.cmos] nor [detector.spad], nor [camera] with [projector]";
-                return Err(wrong(None, message.into(), MEND));
+                return Err(wrong(None, message.into(), FIX));
             }
             if let Some(cmos) = &found.detector.cmos {
                 let new = overlaid(&out.cmos, cmos).map_err(|e| e.to_string());
                 let new = new.and_then(|c: Cmos| c.check().map(|()| c).map_err(|e| e.to_string()));
-                out.cmos = new.map_err(|e| wrong(None, format!("[detector.cmos]: {e}"), MEND))?;
+                out.cmos = new.map_err(|e| wrong(None, format!("[detector.cmos]: {e}"), FIX))?;
             }
             if let Some(spad) = &found.detector.spad {
                 let new = overlaid(&out.spad, spad).map_err(|e| e.to_string());
                 let new = new.and_then(|s: Spad| s.check().map(|()| s).map_err(|e| e.to_string()));
-                out.spad = new.map_err(|e| wrong(None, format!("[detector.spad]: {e}"), MEND))?;
+                out.spad = new.map_err(|e| wrong(None, format!("[detector.spad]: {e}"), FIX))?;
             }
             if let Some((camera, projector)) = pair {
                 for ((table, size), name) in [camera, projector]
@@ -92,12 +92,12 @@ impl Believed {
                         let message = format!(
                             "[{name}] was calibrated with {w} × {h} pixels, and the rig's has {x} × {y}"
                         );
-                        let mend = "calibrate with images of the rig's size, or mend `size` in the rig file";
-                        return Err(wrong(Some(table.span()), message, mend));
+                        let fix = "calibrate with images of the rig's size, or fix `size` in the rig file";
+                        return Err(wrong(Some(table.span()), message, fix));
                     }
                 }
                 let geometry = Geometry::calibrated(camera, projector);
-                let geometry = geometry.map_err(|e| wrong(Some(camera.span()), e, MEND))?;
+                let geometry = geometry.map_err(|e| wrong(Some(camera.span()), e, FIX))?;
                 out.geometry = Some(geometry);
             }
         }

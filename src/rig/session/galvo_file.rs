@@ -23,7 +23,7 @@ const RESOLUTION_DEG: f64 = 2.0 * 20.0 / 65_536.0 / 0.8;
 /// Mirrors behind a card, and the card.
 type Behind = (Wiring, AnalogLimits);
 
-/// Limits of a galvo, and its wiring where a card drives it; or what is wrong, and the mend.
+/// Limits of a galvo, and its wiring where a card drives it; or what is wrong, and the fix.
 pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), (String, &'static str)> {
     let good = file.range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
     let settle = Duration::try_from_secs_f64(file.settle_us / 1e6);

@@ -57,7 +57,7 @@ impl Lens {
         }
         if !k.iter().all(|v| v.is_finite()) {
             return Err(format!(
-                "`{name}.distortion` has a number that is not finite; mend it"
+                "`{name}.distortion` has a number that is not finite; fix it"
             ));
         }
         Self::of(file.matrix, Opencv::from_list(k).into(), name)
@@ -120,7 +120,7 @@ impl Geometry {
     /// From what a rig file says.
     ///
     /// # Errors
-    /// What is wrong with it, and the mend, in words.
+    /// What is wrong with it, and the fix, in words.
     pub fn new(file: &GeometryFile) -> Result<Self, String> {
         let camera = Lens::new(&file.camera, "camera")?;
         let projector = Lens::new(&file.projector, "projector")?;

@@ -143,7 +143,7 @@ pub struct ScanWork {
 /// Reads a plan.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and mend.
+/// [`InputError`] naming file, place and fix.
 pub fn load(path: &Path) -> Result<Plan, InputError> {
     let text = document::read(
         path,

@@ -11,7 +11,7 @@ use std::time::Duration;
 /// What the flash of a DLPC350 holds, its diodes that shine, and its triggers.
 pub type FlashPlan = (Flash, u8, Triggers);
 
-/// What is wrong, and the mend.
+/// What is wrong, and the fix.
 type Fault = (String, &'static str);
 
 /// Checks the table of a rig file at `path`, beside which images of the flash are.
@@ -40,7 +40,7 @@ pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, 
         "write the plan's patterns by `sunstone rig flash`, and name the images: flash = [\"flash_00.png\"]";
     let held = flash::load(&files).map_err(|e| (e, help))?;
     let triggers = p.triggers.commands();
-    triggers.map_err(|e| (format!("triggers: {e}"), "mend `triggers`, or leave them out"))?;
+    triggers.map_err(|e| (format!("triggers: {e}"), "fix `triggers`, or leave them out"))?;
     let leds = p.leds.iter().fold(0, |all, led| all | *led as u8);
     Ok((limits, Some((held, leds, p.triggers))))
 }

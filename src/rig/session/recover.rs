@@ -42,7 +42,7 @@ impl Tries {
 ///
 /// # Errors
 /// The next [`Failure`].
-pub fn mend(rig: &mut Rig, failure: &Failure, within: Duration) -> Result<(), Failure> {
+pub fn fix(rig: &mut Rig, failure: &Failure, within: Duration) -> Result<(), Failure> {
     if failure.fault == Fault::Disconnected {
         // One dead line is often all of them: ask everybody.
         for instrument in rig.instruments() {

@@ -130,7 +130,7 @@ pub struct RigPlan {
 /// Reads a rig file.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and mend.
+/// [`InputError`] naming file, place and fix.
 pub fn load(path: &Path) -> Result<RigPlan, InputError> {
     let text = document::read(
         path,
@@ -270,9 +270,9 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let cmos = file.detector.cmos.clone().unwrap_or_default();
     let spad = file.detector.spad.clone().unwrap_or_default();
     let detector = cmos.check().map_err(|e| e.to_string());
-    detector.map_err(|e| fault(0..0, format!("[detector.cmos]: {e}"), "mend it, or leave it out"))?;
+    detector.map_err(|e| fault(0..0, format!("[detector.cmos]: {e}"), "fix it, or leave it out"))?;
     let detector = spad.check().map_err(|e| e.to_string());
-    detector.map_err(|e| fault(0..0, format!("[detector.spad]: {e}"), "mend it, or leave it out"))?;
+    detector.map_err(|e| fault(0..0, format!("[detector.spad]: {e}"), "fix it, or leave it out"))?;
     let geometry = match &file.geometry {
         None => None,
         Some(g) => {
@@ -342,7 +342,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     })
 }
 
-/// How a TimeHarp 260 is set and found, if one is meant; or what is wrong, and the mend.
+/// How a TimeHarp 260 is set and found, if one is meant; or what is wrong, and the fix.
 fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'static str)> {
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {
@@ -355,7 +355,7 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'st
         return Ok(None);
     }
     let settings = file.th260.clone().unwrap_or_default();
-    settings.check().map_err(|e| (e, "mend [counter.th260]"))?;
+    settings.check().map_err(|e| (e, "fix [counter.th260]"))?;
     // A name alone is looked for where the system keeps libraries.
     let library = file.library.clone().map(|l| {
         if l.components().count() > 1 {
@@ -449,7 +449,7 @@ fn bench(
         fault(
             file.span(),
             format!("[bench.cmos]: {e}"),
-            "mend it, or leave it out",
+            "fix it, or leave it out",
         )
     })?;
     let diode = file.spad.clone().unwrap_or_else(|| spad.clone());
@@ -458,7 +458,7 @@ fn bench(
         fault(
             file.span(),
             format!("[bench.spad]: {e}"),
-            "mend it, or leave it out",
+            "fix it, or leave it out",
         )
     })?;
     Ok(BenchPlan {

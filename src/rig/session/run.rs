@@ -7,7 +7,7 @@ use super::journal::{Event, FrameRecord};
 use super::lab::{Rig, absent};
 use super::plan::{ScanWork, Work};
 pub use super::progress::{Outcome, Progress, RunError};
-use super::recover::{Tries, mend};
+use super::recover::{Tries, fix};
 use super::steps::{Step, Steps, pointing};
 use super::time_tags::Tags;
 use super::writer::{Recovered, Writer, checksum};
@@ -167,7 +167,7 @@ impl Session<'_> {
                     // A camera that was switched off counts anew.
                     self.last_number = None;
                 }
-                match mend(self.rig, &failure, self.within) {
+                match fix(self.rig, &failure, self.within) {
                     Ok(()) => break,
                     Err(next) => failure = next,
                 }
@@ -257,7 +257,7 @@ impl Session<'_> {
                 noted = true;
             }
             if self.rig.clock.now() >= until {
-                let what = format!("{why}, and was for {} s; mend it and resume", limits.suspend_s);
+                let what = format!("{why}, and was for {} s; fix it and resume", limits.suspend_s);
                 return Ok(Err(Failure::new(Fault::Refused, "laser", what)));
             }
             if stop.load(Ordering::Relaxed) {

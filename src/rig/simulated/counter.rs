@@ -151,7 +151,7 @@ impl PhotonCounter for SimulatedCounter {
         if !fits {
             return Err(self.failure(
                 Fault::Limit,
-                format!("{settings:?} is not within {:?}; mend the plan", self.limits),
+                format!("{settings:?} is not within {:?}; correct the plan", self.limits),
             ));
         }
         self.settings = Some(*settings);

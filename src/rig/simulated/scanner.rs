@@ -46,7 +46,7 @@ impl GalvoScanner for SimulatedScanner {
         let inside = angles_deg.iter().zip(self.limits.range_deg);
         if !inside.clone().all(|(a, most)| a.is_finite() && a.abs() <= most) {
             let what = format!(
-                "{angles_deg:?}° is beyond ±{:?}°; mend the plan",
+                "{angles_deg:?}° is beyond ±{:?}°; correct the plan",
                 self.limits.range_deg
             );
             return Err(Failure::new(Fault::Limit, &self.name, what));

@@ -29,7 +29,7 @@ pub fn read(path: &Path) -> Result<String, InputError> {
 /// Reads and builds a scene file.
 ///
 /// # Errors
-/// [`InputError`] naming file, line, column and mend.
+/// [`InputError`] naming file, line, column and fix.
 pub fn load(path: &Path) -> Result<Scene, InputError> {
     from_text(path, &read(path)?)
 }
@@ -206,7 +206,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     if let (Some(at), Some(p)) = (slices.iter().position(uses_epipolar), &projector)
         && (camera.parallel || Epipolar::new(&camera, &p.pinhole).is_none())
     {
-        let (what, mend) = if camera.parallel {
+        let (what, fix) = if camera.parallel {
             (
                 "an orthographic camera has no centre, so there are no epipolar lines",
                 "give it a field of view, or take the slice away",
@@ -217,7 +217,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
                 "move the projector, or use projector = \"coaxial\"",
             )
         };
-        return Err(ctx.error(file.slices[at].span(), what, mend));
+        return Err(ctx.error(file.slices[at].span(), what, fix));
     }
     let name = file.name.clone().unwrap_or_else(|| default_name(&ctx.file));
     let scene = Scene::new(SceneTables {

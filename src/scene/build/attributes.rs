@@ -89,16 +89,16 @@ pub(super) fn give(
     corners: &Corners,
     mirrored: bool,
 ) -> Result<Mesh, InputError> {
-    let fault = |ctx: &Context, what: String, mend: &str| {
+    let fault = |ctx: &Context, what: String, fix: &str| {
         Err(ctx.error(
             asked.name.span(),
             format!("the attribute `{}` of {file} {what}", *asked.name),
-            mend,
+            fix,
         ))
     };
     if asked.number && corners.coloured {
-        let mend = "name an attribute of one property";
-        return fault(ctx, "is a colour, and a number is asked for".into(), mend);
+        let fix = "name an attribute of one property";
+        return fault(ctx, "is a colour, and a number is asked for".into(), fix);
     }
     let first = ctx.attributes.corners.len();
     if first + corners.values.len() > MOST_CORNERS {

@@ -9,7 +9,7 @@ use std::ops::Range;
 use syntax::device::{PinholeFile, ProjectorFile};
 use syntax::scene::SceneFile;
 
-const MEND: &str =
+const FIX: &str =
     "name a file of `sunstone calibrate board` or `projector`; paths are relative to the scene file";
 
 /// What such a file has for a scene.
@@ -47,7 +47,7 @@ fn camera(ctx: &Context, given: &PinholeFile) -> Result<PinholeFile, InputError>
     };
     let (document, within) = read(ctx, key)?;
     let Some(found) = document.camera else {
-        return Err(ctx.error(key.span(), format!("{} has no [camera]", **key), MEND));
+        return Err(ctx.error(key.span(), format!("{} has no [camera]", **key), FIX));
     };
     let nested = found.calibration.as_ref().map(Located::span);
     sound(&within, &found, found.span(), nested)?;
@@ -90,13 +90,13 @@ fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), Inp
         ctx.error(
             key.span(),
             format!("cannot read {}: {e}", ctx.path(key).display()),
-            MEND,
+            FIX,
         )
     };
     let bytes = ctx.peek(key, u64::MAX).map_err(|e| unreadable(&e))?;
     let text = String::from_utf8(bytes).map_err(|e| unreadable(&e))?;
     let path = ctx.path(key);
-    let document = calibration_file::parse(&path, &text, MEND)?;
+    let document = calibration_file::parse(&path, &text, FIX)?;
     let wavelengths = Located::nowhere(ctx.listed.nm().to_vec());
     Ok((document, Context::new(&path, &text, &wavelengths)?))
 }
@@ -293,7 +293,7 @@ mod tests {
         ];
         for (text, calibration, words) in cases {
             let told = scene(&text, &calibration).err().expect("a fault");
-            assert!(told.contains(words) && told.contains("mend:"), "{words}: {told}");
+            assert!(told.contains(words) && told.contains("fix:"), "{words}: {told}");
         }
     }
 

@@ -30,7 +30,7 @@ pub(crate) struct Context {
     /// Wavelengths that lists of the file belong to; the same but where a file of materials is built for others.
     pub listed: Wavelengths,
     pub hash: Sha256,
-    /// What files hold that is not used, and what was mended, a sentence each.
+    /// What files hold that is not used, and what was fixed, a sentence each.
     pub notes: Vec<String>,
     /// Attributes of meshes that materials ask for.
     pub attributes: Attributes,
@@ -78,7 +78,7 @@ impl Context {
         Self { memory, ..self }
     }
 
-    /// An error at a place, with its mend.
+    /// An error at a place, with its fix.
     pub fn error(
         &self,
         span: Range<usize>,

@@ -48,7 +48,7 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     }
     let at = lens.span.unwrap_or(span);
     let mut device = Pinhole::new([w, h], focal, principal, lens.distortion, origin, axes)
-        .map_err(|e| ctx.error(at, e, lens.mend))?;
+        .map_err(|e| ctx.error(at, e, lens.fix))?;
     device.parallel = p.orthographic_width.is_some();
     if let Some(aperture) = &p.aperture {
         let ApertureFile { radius, focus } = **aperture;

@@ -15,7 +15,7 @@ pub(super) fn grid(ctx: &mut Context, file: &Located<GridFile>, most: f64) -> Re
     let path = ctx.path(&file.file).display().to_string();
     let bytes = ctx.read(&file.file, at.clone())?;
     let fault =
-        |ctx: &Context, what: String, mend: &str| Err(ctx.error(at.clone(), format!("{path}: {what}"), mend));
+        |ctx: &Context, what: String, fix: &str| Err(ctx.error(at.clone(), format!("{path}: {what}"), fix));
     let vol = match parse_vol(&bytes) {
         Ok(vol) => vol,
         Err(e) => {

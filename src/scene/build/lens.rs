@@ -109,7 +109,7 @@ fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, 
 pub(crate) struct Lens {
     pub(crate) distortion: Distortion,
     pub(crate) span: Option<Range<usize>>,
-    pub(crate) mend: &'static str,
+    pub(crate) fix: &'static str,
 }
 
 /// The distortion of a device.
@@ -128,7 +128,7 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
             "keep one of distortion, opencv and fisheye",
         ));
     }
-    let (distortion, coefficients, mend) = match (&p.opencv, &p.fisheye) {
+    let (distortion, coefficients, fix) = match (&p.opencv, &p.fisheye) {
         (Some(list), _) => {
             let file = by_order(list).ok_or_else(|| {
                 ctx.error(
@@ -169,7 +169,7 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
     Ok(Lens {
         distortion,
         span,
-        mend,
+        fix,
     })
 }
 

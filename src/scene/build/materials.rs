@@ -44,7 +44,7 @@ impl MaterialSet {
     /// Reads and builds a file of materials: `wavelengths_nm` and `[materials]` as in a scene file.
     ///
     /// # Errors
-    /// [`InputError`] naming file, line, column and mend.
+    /// [`InputError`] naming file, line, column and fix.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "material file")?)
     }
@@ -315,9 +315,9 @@ impl<'a> Builder<'_, 'a> {
         };
         let refused = |e: PbsdfError| {
             let text = e.to_string();
-            let (fault, mend) = text.split_once("; ").unwrap_or((&text, "give another file"));
+            let (fault, fix) = text.split_once("; ").unwrap_or((&text, "give another file"));
             let message = format!("{} {fault}", path.display());
-            self.ctx.error(m.file.span(), message, mend)
+            self.ctx.error(m.file.span(), message, fix)
         };
         let table = Table::open(&path, &options).map_err(refused)?;
         let pieces = pieces(&path, &table).map_err(|e| refused(PbsdfError::Read(e)))?;

@@ -39,7 +39,7 @@ impl MediumSet {
     /// the file's own, between which its lists are interpolated.
     ///
     /// # Errors
-    /// [`InputError`] naming file, line, column and mend.
+    /// [`InputError`] naming file, line, column and fix.
     pub fn load(
         path: &Path,
         only: Option<&str>,
@@ -158,7 +158,7 @@ fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, InputError> {
 
 /// What the theory refuses, at a place.
 fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
-    let mend = match e {
+    let fix = match e {
         BulkError::Mie(_) => "change the radii, the index or wavelengths_nm",
         BulkError::Size(_) => "correct the sizes; `sunstone schema` describes them",
         BulkError::Density(_) => "give the density of the particles' matter",
@@ -166,7 +166,7 @@ fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
         BulkError::Constants(ConstantsError::Unknown { .. }) => "use one of these names, or give numbers",
         BulkError::Constants(ConstantsError::Range { .. }) => "change wavelengths_nm",
     };
-    ctx.error(span, e.to_string(), mend)
+    ctx.error(span, e.to_string(), fix)
 }
 
 /// n and k on the wavelengths.

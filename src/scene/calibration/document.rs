@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// The largest text that is read, bytes: calibrations are kilobytes.
 const LARGEST: u64 = 64 << 20;
 
-const MEND: &str = "give a calibration as .yaml, .yml, .json or .npz";
+const FIX: &str = "give a calibration as .yaml, .yml, .json or .npz";
 
 /// A file that has been read.
 pub(super) struct Document {
@@ -28,7 +28,7 @@ impl Document {
             text: "".into(),
             span: None,
             message,
-            help: Some(MEND.into()),
+            help: Some(FIX.into()),
         };
         let mut bytes = vec![];
         base::input::open(path)
@@ -52,7 +52,7 @@ impl Document {
             text: text.into(),
             span: at.map(|at| at..at),
             message,
-            help: Some(MEND.into()),
+            help: Some(FIX.into()),
         };
         let (text, root) = if extension == "npz" {
             let root = npz::read(bytes).map_err(|e| error("", None, e))?;

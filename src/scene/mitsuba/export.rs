@@ -380,10 +380,10 @@ fn shape(
     needs: Needs,
     out: &mut Output,
 ) -> Result<Element, InputError> {
-    let cannot = |what: &str, mend: &str| {
+    let cannot = |what: &str, fix: &str| {
         let name = object.name.as_deref().unwrap_or(&object.material);
         let message = format!("Mitsuba cannot express {what} (object `{name}`)");
-        Err(ctx.error(object.shape.span(), message, mend))
+        Err(ctx.error(object.shape.span(), message, fix))
     };
     // A mirror turns Mitsuba's spheres inside out, and ours not.
     let mut flipped = placed.flipped;

@@ -68,8 +68,8 @@ impl EmitterWriter<'_> {
         Ok(done)
     }
 
-    fn cannot<T>(&self, at: Range<usize>, what: &str, mend: &str) -> Result<T, InputError> {
-        Err(self.ctx.error(at, format!("Mitsuba cannot express {what}"), mend))
+    fn cannot<T>(&self, at: Range<usize>, what: &str, fix: &str) -> Result<T, InputError> {
+        Err(self.ctx.error(at, format!("Mitsuba cannot express {what}"), fix))
     }
 
     fn unpolarized(&self, light: &Polarized, at: Range<usize>) -> Result<(), InputError> {

@@ -128,10 +128,10 @@ impl<'a> MaterialWriter<'a> {
     }
 
     /// That Mitsuba cannot express something of a material.
-    fn cannot<T>(&self, id: u32, what: &str, mend: &str) -> Result<T, InputError> {
+    fn cannot<T>(&self, id: u32, what: &str, fix: &str) -> Result<T, InputError> {
         let name = self.names[&id];
         let message = format!("Mitsuba cannot express {what} (material `{name}`)");
-        Err(self.ctx.error(self.files[name].span(), message, mend))
+        Err(self.ctx.error(self.files[name].span(), message, fix))
     }
 
     /// One element with an id, as seen from both sides.

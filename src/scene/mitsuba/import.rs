@@ -57,7 +57,7 @@ impl Import {
     /// `$name` (as Mitsuba's `-D`).
     ///
     /// # Errors
-    /// [`ImportError`]: everything that is not understood, with file, line, column and mend.
+    /// [`ImportError`]: everything that is not understood, with file, line, column and fix.
     pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, ImportError> {
         let text = read_text(xml).map_err(|e| InputError {
             file: xml.to_owned(),

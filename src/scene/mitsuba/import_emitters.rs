@@ -329,8 +329,8 @@ fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([
         .transpose()?;
     let name = file.flatten().unwrap_or_default();
     let refused = |what: String| {
-        let mend = "give an image file that can be read";
-        importer.source.error(&node.span, what, mend)
+        let fix = "give an image file that can be read";
+        importer.source.error(&node.span, what, fix)
     };
     let path = importer.path(name);
     let bytes = base::input::read(&path).map_err(|e| refused(format!("cannot read {name}: {e}")))?;

@@ -62,10 +62,10 @@ impl<'a> Groups<'a> {
         }
         if node.children().is_empty() {
             let message = "the shapegroup is empty";
-            let mend = "put shapes into it, or take it and its instances away";
+            let fix = "put shapes into it, or take it and its instances away";
             importer
                 .source
-                .report(importer.source.error(&node.span, message, mend));
+                .report(importer.source.error(&node.span, message, fix));
         }
         node.finish(importer.source, &[]);
         self.groups

@@ -23,7 +23,7 @@ pub(super) fn parse<'t>(
         source.error(
             &(at..at),
             format!("this is no XML: {message}"),
-            "mend the file; Mitsuba's documentation shows its form",
+            "fix the file; Mitsuba's documentation shows its form",
         )
     })
 }

@@ -455,8 +455,8 @@ impl<'s> Reader<'s> {
     fn spectrum_file(&self, xml: &roxmltree::Node, name: &str) -> Result<Vec<[f64; 2]>, InputError> {
         let path = self.folders.find(name);
         let wrong = |what: String| {
-            let mend = "give lines of a wavelength in nanometres and a value, wavelengths rising";
-            self.source.error(&self.start_tag(xml), what, mend)
+            let fix = "give lines of a wavelength in nanometres and a value, wavelengths rising";
+            self.source.error(&self.start_tag(xml), what, fix)
         };
         let text = read_text(&path).map_err(|e| wrong(format!("cannot read {}: {e}", path.display())))?;
         let lines = text
@@ -490,8 +490,8 @@ impl<'s> Reader<'s> {
     }
 
     fn operation(&mut self, op: &roxmltree::Node) -> Result<DAffine3, InputError> {
-        let wrong = |reader: &Self, message: &str, mend: &str| {
-            Err(reader.source.error(&reader.start_tag(op), message, mend))
+        let wrong = |reader: &Self, message: &str, fix: &str| {
+            Err(reader.source.error(&reader.start_tag(op), message, fix))
         };
         Ok(match op.tag_name().name() {
             "translate" => {

@@ -56,7 +56,7 @@ fn what_is_written_is_read() {
     }
 }
 
-/// Other kinds of numbers are taken, and those that are none refused with a mend.
+/// Other kinds of numbers are taken, and those that are none refused with a fix.
 #[test]
 fn kinds_of_numbers() {
     let of = |kind: &str, order: &str, data: &[u8]| {

@@ -96,7 +96,7 @@ fn errors_say_what_is_to_be_done() {
         store: "S3",
         source: text.to_owned().into(),
     };
-    for (text, scheme, what, mend) in [
+    for (text, scheme, what, fix) in [
         (
             "404: <Code>NoSuchBucket</Code>",
             "s3",
@@ -129,7 +129,7 @@ fn errors_say_what_is_to_be_done() {
     ] {
         let told = refusal(scheme, &generic(text));
         assert!(
-            told.what.contains(what) && told.mend.contains(mend),
+            told.what.contains(what) && told.fix.contains(fix),
             "{text}: {told}"
         );
     }
@@ -199,7 +199,7 @@ fn web_servers_are_read_only() {
         .may_be_written()
         .expect_err("refused");
     assert!(
-        told.what.contains("read only") && told.mend.contains("s3://"),
+        told.what.contains("read only") && told.fix.contains("s3://"),
         "{told}"
     );
     assert_eq!(below("s3://bucket/s.zarr").may_be_written(), Ok(()));

@@ -21,7 +21,7 @@ pub enum ProbeError {
     Selection {
         /// The axis.
         axis: &'static str,
-        /// What is wrong and how to mend it.
+        /// What is wrong and how to fix it.
         reason: String,
     },
     /// A pattern does not fit the projector axes.
@@ -33,7 +33,7 @@ pub enum ProbeError {
         width: u32,
         /// Height of the pattern in pixels.
         height: u32,
-        /// What is wrong and how to mend it.
+        /// What is wrong and how to fix it.
         reason: String,
     },
     /// A Stokes state is given, but the slice was stored for unpolarized light alone.
@@ -49,7 +49,7 @@ pub enum ProbeError {
     Pulse {
         /// Name of the slice.
         slice: String,
-        /// What is wrong and how to mend it.
+        /// What is wrong and how to fix it.
         reason: String,
     },
     /// The result does not fit in memory.

@@ -1,4 +1,4 @@
-//! What can go wrong with a store, one enum per kind of operation. Every message names the path and the mend.
+//! What can go wrong with a store, one enum per kind of operation. Every message names the path and the fix.
 
 use crate::refusal::Refusal;
 use base::lock::LockError;
@@ -35,7 +35,7 @@ pub enum CreateError {
     Slice {
         /// Name of the slice.
         name: String,
-        /// What is wrong and how to mend it.
+        /// What is wrong and how to fix it.
         reason: String,
     },
     /// Another process writes there.
@@ -51,7 +51,7 @@ pub enum CreateError {
     Remote {
         /// Where the store should go.
         path: PathBuf,
-        /// The refusal, with its mend.
+        /// The refusal, with its fix.
         refusal: Refusal,
     },
     /// The file system or the Zarr library refused.
@@ -194,7 +194,7 @@ pub enum OpenError {
     Remote {
         /// The store.
         path: PathBuf,
-        /// The refusal, with its mend.
+        /// The refusal, with its fix.
         refusal: Refusal,
     },
     /// A file could not be read, or a leftover could not be removed.
@@ -309,7 +309,7 @@ pub enum AccessError {
         path: PathBuf,
         /// Index of the chunk in the chunk grid.
         chunk: Vec<u64>,
-        /// The refusal, with its mend.
+        /// The refusal, with its fix.
         refusal: Box<Refusal>,
     },
     /// An object store did not take a file.
@@ -317,7 +317,7 @@ pub enum AccessError {
     Put {
         /// The array.
         path: PathBuf,
-        /// The refusal, with its mend.
+        /// The refusal, with its fix.
         refusal: Box<Refusal>,
     },
     /// A file could not be written.

@@ -30,7 +30,7 @@ pub enum RemoveError {
     Remote {
         /// The store.
         path: PathBuf,
-        /// The refusal, with its mend.
+        /// The refusal, with its fix.
         refusal: Refusal,
     },
     /// The file system refused.

@@ -218,13 +218,13 @@ fn mistakes_are_told_where_they_stand() {
             "\"materials.wall\"",
         ),
     ];
-    for (vary, mend, at) in cases {
+    for (vary, fix, at) in cases {
         // Albedos above 1 are refused where the scene is built.
         let Err(e) = read(&vary, 0) else {
             assert!(vary.contains("1.5"), "{vary}");
             continue;
         };
-        assert!(e.help.as_deref().unwrap_or("").contains(mend), "{e}\n{vary}");
+        assert!(e.help.as_deref().unwrap_or("").contains(fix), "{e}\n{vary}");
         assert!(
             at.is_empty() || place(&e) == at,
             "`{}` instead of `{at}`: {e}",

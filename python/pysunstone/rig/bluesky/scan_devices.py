@@ -168,7 +168,7 @@ class CounterOfDevice(PhotonCounter):
         if settings.bin_ps != self._limits.finest_ps or settings.offset_ps != 0 or settings.tags:
             raise InstrumentError(
                 "limit",
-                f"it has bins of {self._limits.finest_ps} ps from the sync pulse on, and no time tags; mend bin_ps, offset_ps, time_tags",
+                f"it has bins of {self._limits.finest_ps} ps from the sync pulse on, and no time tags; correct bin_ps, offset_ps, time_tags",
             )
         if self._dwell is not None:
             self._dwell.wait(self._dwell.begin(self._dwell.device.set, settings.dwell_s), within_s)

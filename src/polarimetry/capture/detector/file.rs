@@ -102,10 +102,10 @@ struct Calibrated {
 /// camera.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and mend.
+/// [`InputError`] naming file, place and fix.
 pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
-    let mend = "write a file with the line [cmos] or [spad]; all settings have defaults";
-    let text = document::read(path, "detector", mend)?;
+    let fix = "write a file with the line [cmos] or [spad]; all settings have defaults";
+    let text = document::read(path, "detector", fix)?;
     from_toml(path, &text, timed)
 }
 
@@ -131,7 +131,7 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
             error(
                 Some(span),
                 e.to_string(),
-                "mend it, or leave it out for the default",
+                "fix it, or leave it out for the default",
             )
         })
     };
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_have_places_and_mends() {
+    fn faults_have_places_and_fixes() {
         assert!(fault("[cmos]\nexposure = 1").contains("d.toml:2:1: unknown field `exposure`"));
         assert!(
             fault("[cmos]\nbit_depth = 12\n  exposure_s = -1").contains("d.toml:3:3: `exposure_s` is -1")

@@ -69,7 +69,7 @@ fn what_is_written_is_read() {
 }
 
 #[test]
-fn faults_have_places_and_mends() {
+fn faults_have_places_and_fixes() {
     let head = "sensor = { kind = \"intensity\" }\n[[generator]]\n";
     let with = |rest: &str| fault(&format!("{head}{rest}"));
     assert!(with("kind = \"polariser\"\nangle_deg = 0").contains("s.toml:3:8"));

@@ -79,7 +79,7 @@ impl Weight {
     }
 }
 
-/// Why there is no data set, and the mend.
+/// Why there is no data set, and the fix.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// Nothing to learn from.

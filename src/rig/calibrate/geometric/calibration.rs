@@ -288,9 +288,9 @@ impl Calibration {
     /// # Errors
     /// [`InputError`] if it is no calibration, or one of no device.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        let mend = "give a calibration as `sunstone calibrate` writes it";
-        let text = document::read(path, "calibration", mend)?;
-        let calibration: Self = calibration_file::parse(path, &text, mend)?;
+        let fix = "give a calibration as `sunstone calibrate` writes it";
+        let text = document::read(path, "calibration", fix)?;
+        let calibration: Self = calibration_file::parse(path, &text, fix)?;
         let sound = |d: &DeviceTable| d.device().is_some() && d.pose().is_some();
         if sound(&calibration.camera) && calibration.projector.as_ref().is_none_or(sound) {
             return Ok(calibration);
@@ -300,7 +300,7 @@ impl Calibration {
             text: text.into(),
             span: None,
             message: "the matrix, the coefficients or the pose of a device are none".into(),
-            help: Some(mend.into()),
+            help: Some(fix.into()),
         })
     }
 }

@@ -49,12 +49,12 @@ pub enum Fault {
         unknown: usize,
     },
     /// The views leave a combination of parameters open.
-    #[error("these views cannot tell {what}; {mend}")]
+    #[error("these views cannot tell {what}; {fix}")]
     NotDetermined {
         /// Parameters, or combinations of them.
         what: String,
         /// What would.
-        mend: String,
+        fix: String,
     },
     /// The fit went nowhere.
     #[error(

@@ -22,7 +22,7 @@ pub struct Image {
 pub struct ImageError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it, and the mend.
+    /// What is wrong with it, and the fix.
     pub message: String,
 }
 

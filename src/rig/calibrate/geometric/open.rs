@@ -54,7 +54,7 @@ fn title(device: usize) -> &'static str {
 pub(super) fn singular() -> Fault {
     Fault::NotDetermined {
         what: "all parameters apart".into(),
-        mend: format!("{TILT}, or fix parameters"),
+        fix: format!("{TILT}, or fix parameters"),
     }
 }
 
@@ -82,7 +82,7 @@ pub(super) fn refuse_undetermined(state: &State, root: &Root) -> Result<(), Faul
         } else {
             format!("{} from each other and from the boards' poses", those.join(", "))
         },
-        mend: if lens {
+        fix: if lens {
             "take fewer coefficients of distortion, or views that reach the corners of the image".into()
         } else {
             format!("{TILT}, or fix parameters")
@@ -105,7 +105,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
             if bad || !error(i).is_finite() {
                 return Err(Fault::NotDetermined {
                     what: format!("{} {name}: {size:.0} ± {:.0} pixels", title(d), error(i)),
-                    mend: match device.model {
+                    fix: match device.model {
                         Model::Eight | Model::Twelve => format!("take 5 coefficients, or {TILT}"),
                         _ => format!("{TILT}, or fix it"),
                     },
@@ -124,7 +124,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
                     "how the projector is turned to the camera: ± {:.1} degrees",
                     worst.to_degrees()
                 ),
-                mend: TILT.into(),
+                fix: TILT.into(),
             });
         }
     }

@@ -72,7 +72,7 @@ pub enum TemporalError {
     Capture {
         /// Its place in the list.
         index: usize,
-        /// What is wrong, and the mend.
+        /// What is wrong, and the fix.
         what: String,
     },
     /// No pulse to be seen.

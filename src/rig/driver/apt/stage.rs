@@ -226,7 +226,7 @@ impl RotationStage for AptStage {
         if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
             return Err(self.failure(
                 Fault::Limit,
-                format!("{angle_deg}° is not within {least}° to {most}°; mend the plan"),
+                format!("{angle_deg}° is not within {least}° to {most}°; correct the plan"),
             ));
         }
         if !self.homed {

@@ -111,7 +111,7 @@ impl Wiring {
     /// Whether a card can drive these mirrors over all of their range.
     ///
     /// # Errors
-    /// What it cannot and how to mend it, in words.
+    /// What it cannot and how to fix it, in words.
     pub fn check(&self, card: &AnalogLimits) -> Result<(), String> {
         if !self
             .volts_per_degree

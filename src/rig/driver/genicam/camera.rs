@@ -170,7 +170,7 @@ impl GenICamCamera {
         let found = n.number("ExposureTime")?;
         let off = (found / micros - 1.0).abs();
         if off.is_nan() || off > EXPOSURE_OFF {
-            let what = format!("it exposes for {found} us instead of {micros}; mend the plan");
+            let what = format!("it exposes for {found} us instead of {micros}; correct the plan");
             return Err(n.failure(Fault::Limit, what));
         }
         n.set_number("Gain", settings.gain_db)?;

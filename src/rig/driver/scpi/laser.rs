@@ -92,7 +92,7 @@ impl PulsedLaser for ScpiLaser {
         }
         let [least, most] = self.table.rate_hz;
         if !(rate_hz >= least && rate_hz <= most) {
-            let what = format!("{rate_hz} Hz is not within {least} to {most}; mend the plan");
+            let what = format!("{rate_hz} Hz is not within {least} to {most}; correct the plan");
             return Err(self.talk.failure(Fault::Limit, what));
         }
         if let Some(question) = self.table.ask_interlock.clone() {

@@ -24,7 +24,7 @@ pub const GREATEST_CHANNEL_OFFSET_PS: i32 = 99_999;
 /// No board at this index.
 pub const OPEN_FAIL: i32 = -1;
 
-/// What a code is to a session. Where connecting anew mends it, it is [`Fault::Disconnected`].
+/// What a code is to a session. Where connecting anew fixes it, it is [`Fault::Disconnected`].
 #[must_use]
 pub fn fault(code: i32) -> Fault {
     match code {
@@ -47,7 +47,7 @@ pub fn fault(code: i32) -> Fault {
 
 /// What to do about a code, where there is something to do.
 #[must_use]
-pub fn mend(code: i32) -> &'static str {
+pub fn fix(code: i32) -> &'static str {
     match code {
         OPEN_FAIL => "; is the board in the machine, and its driver installed?",
         -2 | -11 | -16 => "; close the program that uses the board",

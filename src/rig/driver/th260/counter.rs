@@ -52,7 +52,7 @@ impl Th260Counter {
     pub fn new(name: &str, library: Box<dyn Th260>, settings: Th260Settings) -> Result<Self, Failure> {
         settings
             .check()
-            .map_err(|e| Failure::new(Fault::Limit, name, format!("{e}; mend the rig file")))?;
+            .map_err(|e| Failure::new(Fault::Limit, name, format!("{e}; correct the rig file")))?;
         let now = Instant::now();
         let mut counter = Self {
             name: name.to_owned(),
@@ -86,7 +86,7 @@ impl Th260Counter {
     /// What a code of the library means.
     fn told(&mut self, doing: &str, number: i32) -> Failure {
         let words = self.library.explain(number);
-        let what = format!("{doing}: error {number} ({words}){}", code::mend(number));
+        let what = format!("{doing}: error {number} ({words}){}", code::fix(number));
         self.failure(code::fault(number), what)
     }
 
@@ -173,7 +173,7 @@ impl Th260Counter {
         let s = self.settings.clone();
         let inputs = self.ask(Question::Inputs)?;
         if s.channel >= inputs {
-            let what = format!("there is no input {} of {inputs}; mend `channel`", s.channel);
+            let what = format!("there is no input {} of {inputs}; fix `channel`", s.channel);
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell(Order::SyncDivider(s.sync_divider))?;
@@ -271,7 +271,7 @@ impl PhotonCounter for Th260Counter {
             return Err(self.failure(Fault::Limit, what));
         }
         let measurement = Measurement::new(settings, self.limits.finest_ps, self.binnings)
-            .map_err(|e| self.failure(Fault::Limit, format!("{e}; mend the plan")))?;
+            .map_err(|e| self.failure(Fault::Limit, format!("{e}; correct the plan")))?;
         if self.running.take().is_some() {
             self.tell(Order::Stop)?;
         }

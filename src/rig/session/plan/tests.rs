@@ -22,7 +22,7 @@ fn a_plan_is_read() {
 }
 
 #[test]
-fn faults_name_their_place_and_mend() {
+fn faults_name_their_place_and_fix() {
     let cases = [
         ("\"full\"", "\"ful\"", "no mask is called `ful`"),
         ("stripes = 8", "stripes = 0", "`stripes` is 0"),
@@ -37,7 +37,7 @@ fn faults_name_their_place_and_mend() {
     for (old, new, want) in cases {
         let message = read(&GOOD.replacen(old, new, 1)).expect_err("a fault");
         assert!(
-            message.contains(want) && message.contains("mend"),
+            message.contains(want) && message.contains("fix"),
             "{new}: {message}"
         );
     }

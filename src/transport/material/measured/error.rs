@@ -1,6 +1,6 @@
 //! What can be wrong with a `.pbsdf` file.
 
-/// Why a table was refused, and the mend, after one semicolon. The caller puts the path in front.
+/// Why a table was refused, and the fix, after one semicolon. The caller puts the path in front.
 #[derive(Debug, thiserror::Error)]
 pub enum PbsdfError {
     /// The file cannot be opened or mapped.

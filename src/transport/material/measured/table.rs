@@ -11,7 +11,7 @@
 //! is interpolated from the corners that are there, their weights made to sum to 1 again; it is 0 where none is.
 //! Matrices are taken as measured: where noise made them slightly unphysical (more polarized light out than light in)
 //! they stay so, and interpolation, being a convex sum, makes no matrix that its corners could not make. Only M00 < 0
-//! is mended: that lane is black as a whole, since polarization without light would be worse.
+//! is fixed: that lane is black as a whole, since polarization without light would be worse.
 
 use super::axes::{ANGLES, Axes, Axis, even_axis};
 use super::error::PbsdfError;
@@ -123,7 +123,7 @@ impl Table {
     /// Wavelengths outside the table take its nearest band; that is said once, as a warning.
     ///
     /// # Errors
-    /// [`PbsdfError`] naming the fault and the mend, not the path.
+    /// [`PbsdfError`] naming the fault and the fix, not the path.
     pub fn open(path: &Path, options: &Options) -> Result<Self, PbsdfError> {
         let map = bytes_of(path).map_err(PbsdfError::Read)?;
         Self::of(Arc::new(map), options, path)
