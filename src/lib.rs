@@ -26,6 +26,9 @@ pub mod rigs;
 pub mod rounds;
 pub mod studio;
 
+/// Clients of object stores. A program of your own calls `objects::install()` once.
+#[cfg(feature = "object-stores")]
+pub use objects;
 pub use {apply, base, figure, optics, pbrdf, polarimetry, rig, scene, store, tensor, transport};
 
 pub use base::locate::InputError;

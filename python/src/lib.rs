@@ -32,6 +32,7 @@ fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> PyResult<u8> {
 #[pymodule]
 fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     off_python::imported();
+    sunstone::objects::install();
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     error::register(m)?;
     rig::register(m)?;

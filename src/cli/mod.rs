@@ -131,6 +131,8 @@ pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
             return u8::try_from(e.exit_code()).unwrap_or(2);
         }
     };
+    #[cfg(feature = "object-stores")]
+    sunstone::objects::install();
     start_logging(arguments.verbose);
     let result = match arguments.command {
         Command::Render(a) => render::run(&a),

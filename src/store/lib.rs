@@ -9,8 +9,7 @@ pub mod exr;
 pub mod merge;
 pub mod npz_layers;
 pub mod numpy;
-#[cfg_attr(not(feature = "object-stores"), path = "objects_absent.rs")]
-mod objects;
+pub mod objects;
 pub mod place;
 pub mod probe;
 pub mod refusal;

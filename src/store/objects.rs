@@ -1,331 +1,187 @@
-//! Object stores: Amazon S3 and what speaks like it, Google Cloud Storage, Azure Blob Storage, and plain web servers to read from.
+//! Object stores as this crate uses them: [`ObjectClient`] is what a client implements, [`install`] makes one known.
 //!
-//! Calls block; requests run on a small runtime of their own, those of one call beside each other. Requests that fail for a
-//! passing reason (5xx, a cut connection) are made again. Credentials, endpoint and region are those of the environment, by the
-//! names that each cloud gives them.
+//! The clients of S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`, because they need more crates
+//! than all other reading and writing together. Without a client, every address is refused.
 
-pub(crate) mod get;
+#[cfg(test)]
+pub(crate) mod fake;
 pub(crate) mod lock;
-mod put;
+#[cfg(test)]
+mod tests;
 
 use crate::refusal::Refusal;
-use futures_util::stream::TryStreamExt;
-use object_store::aws::AmazonS3Builder;
-use object_store::azure::MicrosoftAzureBuilder;
-use object_store::gcp::GoogleCloudStorageBuilder;
-use object_store::http::HttpBuilder;
-use object_store::path::Path as Key;
-use object_store::{BackoffConfig, ClientOptions, Error, ObjectStore, RetryConfig, UpdateVersion};
+use bytes::Bytes;
 use std::fmt;
+use std::ops::Range;
 use std::path::Path;
-use std::sync::{Arc, LazyLock, Once, mpsc};
-use std::time::{Duration, Instant};
-use tokio::runtime::{Builder, Runtime};
+use std::sync::{Arc, OnceLock};
 
-/// Requests that are under way at once.
-const AT_ONCE: usize = 32;
-/// How often a body that breaks off is asked for again where the server does not say what version it was of.
-const ATTEMPTS: usize = 6;
-/// How long a request waits before it is made again first.
-const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
-/// How long requests are made again at most: what failed for longer has been made again by the client, which waits longer and longer.
-const PATIENCE: Duration = Duration::from_secs(10);
-static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
-    Builder::new_multi_thread()
-        .worker_threads(2)
-        .thread_name("objects")
-        .enable_all()
-        .build()
-});
+/// The bytes of an object that are read.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Ask {
+    /// All bytes.
+    Whole,
+    /// The bytes of a range.
+    Bytes(Range<u64>),
+    /// The last bytes, by their number; and the size of the object where it is known.
+    End(u64, Option<u64>),
+}
 
-/// Waits for what runs on the runtime. (Not `block_on`, which may not be called from another runtime's threads.)
-fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> Result<T, Refusal> {
-    let runtime = RUNTIME
-        .as_ref()
-        .map_err(|e| Refusal::new(format!("no threads for requests: {e}"), "end other programs"))?;
-    let (tell, told) = mpsc::sync_channel(1);
-    runtime.spawn(async move {
-        let _ = tell.send(future.await);
-    });
-    told.recv()
-        .map_err(|_| Refusal::new("its request was broken off", "try again"))
+impl Ask {
+    /// Cuts the requested bytes out of a whole object.
+    #[must_use]
+    pub fn of(&self, whole: &Bytes) -> Bytes {
+        let size = whole.len();
+        let at = |offset: u64| usize::try_from(offset).map_or(size, |o| o.min(size));
+        match self {
+            Self::Whole => whole.clone(),
+            Self::Bytes(range) => whole.slice(at(range.start)..at(range.end).max(at(range.start))),
+            Self::End(length, _) => whole.slice(size - at(*length)..),
+        }
+    }
+}
+
+/// The version of an object, by which a put can be made conditional.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Version {
+    /// The entity tag.
+    pub e_tag: Option<String>,
+    /// The version, in stores that number them.
+    pub version: Option<String>,
+}
+
+/// The condition of a put.
+#[derive(Clone, Debug)]
+pub enum Condition {
+    /// There is no object (`If-None-Match: *`).
+    Absent,
+    /// The object has this version (`If-Match`).
+    Is(Version),
+}
+
+/// The result of a conditional put.
+#[derive(Debug)]
+pub enum Put {
+    /// The object was written and has this version.
+    Done(Version),
+    /// The condition does not hold. The object may still be the one that was put, by a request whose answer was lost.
+    Other,
+}
+
+/// The client of an object store, for the objects below one address. Keys are relative to the address. Calls block.
+pub trait ObjectClient: Send + Sync + fmt::Debug {
+    /// Reads parts of objects, in the order of the requests: the bytes, and the size of the object. `None` where there is no object.
+    ///
+    /// # Errors
+    ///
+    /// If the store refuses or cannot be reached.
+    fn ask(&self, asks: Vec<(String, Ask)>) -> Result<Vec<Option<(Bytes, u64)>>, Refusal>;
+
+    /// Lists the keys and sizes of all objects, sorted by key.
+    ///
+    /// # Errors
+    ///
+    /// If the store refuses or cannot be reached.
+    fn list(&self) -> Result<Vec<(String, u64)>, Refusal>;
+
+    /// Returns an error if the store is read-only.
+    ///
+    /// # Errors
+    ///
+    /// If the store is read-only.
+    fn may_be_written(&self) -> Result<(), Refusal>;
+
+    /// Writes objects, and replaces those that exist. Each is written whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// If the store refuses or cannot be reached.
+    fn put_many(&self, objects: Vec<(String, Bytes)>) -> Result<(), Refusal>;
+
+    /// Writes an object if the condition holds.
+    ///
+    /// # Errors
+    ///
+    /// If the store refuses or cannot be reached.
+    fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal>;
+
+    /// Reads an object with its version; `None` where there is no object.
+    ///
+    /// # Errors
+    ///
+    /// If the store refuses or cannot be reached.
+    fn get_version(&self, key: &str) -> Result<Option<(Bytes, Version)>, Refusal>;
+
+    /// Removes objects. Objects that do not exist are ignored.
+    ///
+    /// # Errors
+    ///
+    /// If the store refuses or cannot be reached.
+    fn delete(&self, keys: Vec<String>) -> Result<(), Refusal>;
+}
+
+/// Opens a client for the objects below an address, given its scheme and the address.
+pub type Open = fn(&str, &Path) -> Result<Arc<dyn ObjectClient>, Refusal>;
+
+static OPEN: OnceLock<Open> = OnceLock::new();
+
+/// Makes the client of object stores known to this process. Later calls have no effect.
+pub fn install(open: Open) {
+    let _ = OPEN.set(open);
 }
 
 /// The objects below an address.
-#[derive(Clone)]
-pub(crate) struct Objects {
-    scheme: String,
-    store: Arc<dyn ObjectStore>,
-    below: Key,
-    #[cfg(test)]
-    requests: Arc<std::sync::atomic::AtomicU64>,
-}
-
-/// Without what the store is asked with: credentials.
-impl fmt::Debug for Objects {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Objects({}://.. {})", self.scheme, self.below)
-    }
-}
+#[derive(Clone, Debug)]
+pub(crate) struct Objects(Arc<dyn ObjectClient>);
 
 impl Objects {
-    /// What lies below an address. Nothing is asked yet.
+    /// Returns the objects below an address. Sends no request.
     pub(crate) fn open(scheme: &str, address: &Path) -> Result<Self, Refusal> {
-        let whole = address.to_str().unwrap_or_default().trim_end_matches('/');
-        let rest = whole.split_once("://").map_or("", |(_, rest)| rest);
-        let (host, path) = rest.split_once('/').unwrap_or((rest, ""));
-        if host.is_empty() {
-            return Err(Refusal::new(
-                "the address names no bucket or server",
-                format!("write {scheme}://NAME/STORE.zarr"),
-            ));
-        }
-        provider();
-        let store: Result<Arc<dyn ObjectStore>, Error> = match scheme {
-            "s3" => AmazonS3Builder::from_env()
-                .with_bucket_name(host)
-                .with_retry(retry())
-                .build()
-                .map(|s| Arc::new(s) as _),
-            "gs" => GoogleCloudStorageBuilder::from_env()
-                .with_bucket_name(host)
-                .with_retry(retry())
-                .build()
-                .map(|s| Arc::new(s) as _),
-            "az" => MicrosoftAzureBuilder::from_env()
-                .with_container_name(host)
-                .with_retry(retry())
-                .build()
-                .map(|s| Arc::new(s) as _),
-            "http" | "https" if whole.contains(['?', '#']) => {
-                return Err(Refusal::new(
-                    "an address with `?` or `#` names one file, and a store is many",
-                    "give the address of the store's folder",
-                ));
-            }
-            "http" | "https" => HttpBuilder::new()
-                .with_url(whole)
-                .with_client_options(ClientOptions::new().with_allow_http(true))
-                .with_retry(retry())
-                .build()
-                .map(|s| Arc::new(s) as _),
-            #[cfg(test)]
-            "memory" => Ok(tests::memory(host)),
-            #[cfg(test)]
-            "flaky" | "mortal" => Ok(tests::faulty::faulty(scheme, host)),
-            _ => {
-                return Err(Refusal::new(
-                    format!("{scheme}:// is no place of stores that is known"),
-                    "give s3://, gs://, az://, http:// or https://, or the path of a folder",
-                ));
-            }
-        };
-        let path = if scheme.starts_with("http") { "" } else { path };
-        Ok(Self {
-            scheme: scheme.to_owned(),
-            below: Key::parse(path).map_err(|e| {
-                Refusal::new(
-                    format!("its path cannot be that of an object: {e}"),
-                    "give another",
-                )
-            })?,
-            store: store.map_err(|e| refusal(scheme, &e))?,
-            #[cfg(test)]
-            requests: Arc::default(),
-        })
-    }
-
-    fn key(&self, key: &str) -> Key {
-        key.split('/').fold(self.below.clone(), Key::join)
-    }
-
-    fn refusal(&self, error: &Error) -> Refusal {
-        refusal(&self.scheme, error)
-    }
-
-    fn note(&self, requests: usize) {
         #[cfg(test)]
-        self.requests
-            .fetch_add(requests as u64, std::sync::atomic::Ordering::Relaxed);
-        tracing::trace!("{requests} requests");
-    }
-
-    /// Paths below the address of all objects there, sorted, with their sizes.
-    pub(crate) fn list(&self) -> Result<Vec<(String, u64)>, Refusal> {
-        self.note(1);
-        let (store, below) = (self.store.clone(), self.below.clone());
-        let prefix = below.clone();
-        let list = async move { again(|| store.list(Some(&prefix)).try_collect::<Vec<_>>()).await };
-        let all = wait(list)?.map_err(|e| self.refusal(&e))?;
-        let name = |key: &Key| Some(key.prefix_match(&below)?.collect::<Key>().to_string());
-        let mut names: Vec<(String, u64)> = all
-            .iter()
-            .filter_map(|meta| Some((name(&meta.location)?, meta.size)))
-            .collect();
-        names.sort_unstable();
-        Ok(names)
-    }
-}
-
-/// The provider of cryptography of HTTPS, unless the program has chosen one.
-fn provider() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| {
-        let _ = rustls::crypto::ring::default_provider().install_default();
-    });
-}
-
-fn retry() -> RetryConfig {
-    RetryConfig {
-        backoff: BackoffConfig {
-            init_backoff: PAUSE,
-            max_backoff: Duration::from_secs(5),
-            base: 2.0,
-        },
-        max_retries: 8,
-        retry_timeout: Duration::from_secs(60),
-    }
-}
-
-/// Makes a request again, which may be made twice, where its answer was lost or broke off: the client itself does not do so with
-/// requests that change something.
-async fn again<T, F: Future<Output = Result<T, Error>>>(ask: impl FnMut() -> F) -> Result<T, Error> {
-    up_to(ATTEMPTS, ask).await
-}
-
-async fn up_to<T, F: Future<Output = Result<T, Error>>>(
-    attempts: usize,
-    mut ask: impl FnMut() -> F,
-) -> Result<T, Error> {
-    let begun = Instant::now();
-    let mut pause = PAUSE;
-    for _ in 1..attempts {
-        match ask().await {
-            Err(Error::Generic { .. }) if begun.elapsed() < PATIENCE => {}
-            result => return result,
+        if let Some(client) = fake::open(scheme, address) {
+            return Ok(Self(client));
         }
-        tokio::time::sleep(pause).await;
-        pause *= 2;
+        let open = OPEN.get().ok_or_else(|| {
+            Refusal::new(
+                format!("this program was built without object stores and cannot open {scheme}://"),
+                "build it with `cargo build --release --features object-stores`, or copy the store to a folder",
+            )
+        })?;
+        open(scheme, address).map(Self)
     }
-    ask().await
-}
 
-/// An error with all its causes.
-fn chain(error: &Error) -> String {
-    let mut text = error.to_string();
-    let mut next = std::error::Error::source(error);
-    while let Some(cause) = next {
-        let more = cause.to_string();
-        if !text.contains(&more) {
-            text = format!("{text}: {more}");
-        }
-        next = cause.source();
+    /// Reads an object whole.
+    pub(crate) fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
+        Ok(self.get_many(&[key.to_owned()])?.pop().flatten())
     }
-    text
-}
 
-/// Variables of the environment by which a scheme is given credentials; where none are needed; where the server is.
-fn variables(scheme: &str) -> [&'static str; 3] {
-    match scheme {
-        "gs" => [
-            "GOOGLE_APPLICATION_CREDENTIALS",
-            "GOOGLE_SKIP_SIGNATURE=true",
-            "GOOGLE_BASE_URL",
-        ],
-        "az" => [
-            "AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
-            "AZURE_SKIP_SIGNATURE=true",
-            "AZURE_ENDPOINT",
-        ],
-        _ => [
-            "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
-            "AWS_SKIP_SIGNATURE=true",
-            "AWS_ENDPOINT",
-        ],
+    /// Reads objects whole, in their order.
+    pub(crate) fn get_many(&self, keys: &[String]) -> Result<Vec<Option<Bytes>>, Refusal> {
+        let asks = keys.iter().map(|key| (key.clone(), Ask::Whole)).collect();
+        let found = self.0.ask(asks)?;
+        Ok(found.into_iter().map(|f| f.map(|(bytes, _)| bytes)).collect())
+    }
+
+    /// Writes one object.
+    pub(crate) fn put(&self, key: &str, bytes: Bytes) -> Result<(), Refusal> {
+        self.0.put_many(vec![(key.to_owned(), bytes)])
+    }
+
+    /// Writes an object where none exists.
+    pub(crate) fn put_new(&self, key: &str, bytes: Bytes) -> Result<Put, Refusal> {
+        self.0.put_if(key, bytes, Condition::Absent)
+    }
+
+    /// Writes an object in the place of one version of it.
+    pub(crate) fn put_over(&self, key: &str, bytes: Bytes, old: Version) -> Result<Put, Refusal> {
+        self.0.put_if(key, bytes, Condition::Is(old))
     }
 }
 
-/// What an error means, in words.
-fn refusal(scheme: &str, error: &Error) -> Refusal {
-    let text = chain(error);
-    let says = |words: &[&str]| words.iter().any(|word| text.contains(word));
-    let [credentials, public, server] = variables(scheme);
-    let web = scheme.starts_with("http");
-    if says(&["NoSuchBucket", "ContainerNotFound"]) {
-        return Refusal::new(
-            "there is no such bucket",
-            format!("check its name, and {server} if the server is one of your own"),
-        );
-    }
-    if says(&[
-        "169.254.169.254",
-        "metadata.google",
-        "MissingCredential",
-        "Account must be",
-    ]) {
-        return Refusal::new(
-            "no credentials were found",
-            format!("set {credentials}, or {public} for what is public"),
-        );
-    }
-    if says(&["scheme is not allowed", "HTTP URLs are not", "AllowHttp"]) {
-        return Refusal::new(
-            "the server is asked over http://, which is not encrypted",
-            "set AWS_ALLOW_HTTP=true if it is a server of your own, or give it https://",
-        );
-    }
-    if says(&["501 ", "not supported", "not implemented", "not yet implemented"]) {
-        return Refusal::new(
-            "the server does not offer what is asked of it",
-            "use an object store (s3://, gs://, az://)",
-        );
-    }
-    if says(&[
-        "301 Moved",
-        "PermanentRedirect",
-        "AuthorizationHeaderMalformed",
-        "bare redirect",
-    ]) {
-        return Refusal::new("the bucket is of another region", "set AWS_REGION to its region");
-    }
-    if matches!(
-        error,
-        Error::Unauthenticated { .. } | Error::PermissionDenied { .. }
-    ) || says(&["InvalidAccessKeyId", "SignatureDoesNotMatch", "AccessDenied"])
-    {
-        return Refusal::new(
-            "access is denied",
-            if web {
-                "ask who keeps the server for the right to read it".to_owned()
-            } else {
-                format!(
-                    "check {credentials}, whether they may read it, and whether it is there (who may not list a bucket is told so of what is not)"
-                )
-            },
-        );
-    }
-    if says(&["timed out"]) {
-        return Refusal::new(
-            "the server did not answer in time",
-            "try again, or check the network",
-        );
-    }
-    if says(&["error sending request", "Connect", "dns error", "connection"]) {
-        return Refusal::new(
-            "the server cannot be reached",
-            if web {
-                "check the address and the network".to_owned()
-            } else {
-                format!("check the network, and {server} if the server is one of your own")
-            },
-        );
-    }
-    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    Refusal::new(
-        format!("the server refused: {line}"),
-        "check the address and the rights to it",
-    )
-}
+impl std::ops::Deref for Objects {
+    type Target = dyn ObjectClient;
 
-#[cfg(test)]
-pub(crate) mod tests;
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}

@@ -8,8 +8,8 @@ use bytes::Bytes;
 use std::io;
 use std::path::{Path, PathBuf};
 
+pub(crate) use crate::objects::Ask;
 pub(crate) use crate::objects::Objects;
-pub(crate) use crate::objects::get::Ask;
 
 /// The scheme of an address as of a web page or a bucket, at least two letters before `://`; `None` for a path.
 #[must_use]

@@ -5,8 +5,7 @@
 //! where it has not been renewed: its holder is dead. No two clocks are compared. A holder whose last renewal began longer ago than
 //! a lease writes no more.
 
-use super::put::Put;
-use super::{Objects, UpdateVersion};
+use super::{Objects, Put, Version};
 use crate::refusal::Refusal;
 use base::lock::holder_name;
 use bytes::Bytes;
@@ -187,7 +186,7 @@ impl Drop for ObjectLock {
 }
 
 /// Gets the lock's object, in its version, and says since when it is held.
-fn acquire(objects: &Objects, owner: &Owner) -> Result<(UpdateVersion, Instant), NoLock> {
+fn acquire(objects: &Objects, owner: &Owner) -> Result<(Version, Instant), NoLock> {
     'free: loop {
         let begun = Instant::now();
         if let Put::Done(version) = objects.put_new(FILE, owner.text())? {
@@ -231,7 +230,7 @@ fn acquire(objects: &Objects, owner: &Owner) -> Result<(UpdateVersion, Instant),
 fn renew(
     objects: &Objects,
     mut owner: Owner,
-    mut version: UpdateVersion,
+    mut version: Version,
     stopped: &mpsc::Receiver<()>,
     hold: &Hold,
 ) {

@@ -566,11 +566,8 @@ fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
     assert_eq!(all.iter().filter(|v| **v != 0.0).count(), values.len());
 }
 
-#[cfg(feature = "object-stores")]
 mod remote;
-#[cfg(feature = "object-stores")]
 mod remote_shards;
-#[cfg(feature = "object-stores")]
 mod remote_writing;
 mod remove;
 mod shards;

@@ -1,7 +1,7 @@
 //! Stores below an address read as those in a folder do, in few requests, and damage is found there.
 
 use super::*;
-use crate::objects::tests::{memory, put, remove, upload};
+use crate::objects::fake::{memory, put, remove, requests, upload};
 
 /// A finished store in a folder, and below `memory://NAME/a/out.zarr`.
 fn both(name: &str) -> (tempfile::TempDir, TensorStore, PathBuf) {
@@ -26,10 +26,6 @@ fn both(name: &str) -> (tempfile::TempDir, TensorStore, PathBuf) {
     upload(&path, name, "a/out.zarr");
     let address = PathBuf::from(format!("memory://{name}/a/out.zarr"));
     (dir, TensorStore::open(&path).expect("opens"), address)
-}
-
-fn requests(store: &TensorStore) -> u64 {
-    store.storage.remote().expect("an address").objects().requests()
 }
 
 #[test]
@@ -62,10 +58,10 @@ fn an_address_reads_as_a_folder() {
 fn requests_are_few() {
     let (_dir, _, address) = both("few");
     let store = TensorStore::open(&address).expect("opens");
-    assert_eq!(requests(&store), 2);
+    assert_eq!(requests("few"), 2);
     let slice = store.slice("timed").expect("a slice");
     let axes = slice.layout().axes.len() as u64;
-    let opened = requests(&store);
+    let opened = requests("few");
     assert!(opened <= 2 + axes, "{opened}");
     let shape = slice.layout().shape();
     let mut profile = shape.clone();
@@ -74,27 +70,27 @@ fn requests_are_few() {
     (at[0], at[1]) = (5, 6);
     let values = slice.read(Field::Mean, &at, &profile).expect("reads");
     assert!(values.iter().all(|v| *v != 0.0));
-    assert_eq!(requests(&store), opened + 1, "a pixel's profile");
+    assert_eq!(requests("few"), opened + 1, "a pixel's profile");
     // A dark one is known from the manifest.
     at[0] = 1;
     slice.read(Field::Mean, &at, &profile).expect("reads");
-    assert_eq!(requests(&store), opened + 1);
+    assert_eq!(requests("few"), opened + 1);
     slice.read_all(Field::Mean).expect("reads");
-    assert_eq!(requests(&store), opened + 1 + 3, "a row of three tiles is lit");
+    assert_eq!(requests("few"), opened + 1 + 3, "a row of three tiles is lit");
     let chunks: Vec<_> = slice.chunks(Field::StdError).expect("has it").collect();
     let fields = [Field::StdError, Field::Mean];
     assert_eq!(
         slice.fetch_ahead(&fields, &chunks).expect("fetches"),
         chunks.len()
     );
-    let fetched = requests(&store);
+    let fetched = requests("few");
     for (start, shape) in &chunks {
         for field in fields {
             slice.read(field, start, shape).expect("reads");
         }
     }
     assert_eq!(
-        requests(&store),
+        requests("few"),
         fetched,
         "what is fetched ahead is not fetched again"
     );

@@ -3,12 +3,8 @@
 use super::remote_writing::{address, kill_everywhere, objects_of};
 use super::shards::{SMALL, both, same, shards};
 use super::*;
-use crate::objects::tests::{memory, put, remove, upload};
+use crate::objects::fake::{memory, put, remove, requests, upload};
 use crate::shard::{ShardError, shard_to};
-
-fn requests(store: &TensorStore) -> u64 {
-    store.storage.remote().expect("an address").objects().requests()
-}
 
 #[test]
 fn a_profile_is_few_ranges() {
@@ -20,11 +16,16 @@ fn a_profile_is_few_ranges() {
         verify(&address).expect("a store"),
         verify(&sharded).expect("a store")
     );
+    let earlier = requests("ranges");
     let store = TensorStore::open(&address).expect("opens");
-    assert_eq!(requests(&store), 2);
+    assert_eq!(requests("ranges") - earlier, 2);
     let slice = store.slice("timed").expect("a slice");
-    let opened = requests(&store);
-    assert_eq!(opened, 2, "its coordinates came with the root's description");
+    let opened = requests("ranges");
+    assert_eq!(
+        opened - earlier,
+        2,
+        "its coordinates came with the root's description"
+    );
     let shape = slice.layout().shape();
     let region = |y, x| {
         let (mut at, mut profile) = (vec![0; shape.len()], shape.clone());
@@ -37,24 +38,24 @@ fn a_profile_is_few_ranges() {
         slice.read(Field::Mean, &at, &profile).expect("reads")
     };
     assert!(read(5, 6).iter().all(|v| *v != 0.0));
-    let first = requests(&store) - opened;
+    let first = requests("ranges") - opened;
     let _ = read(5, 7);
-    let second = requests(&store) - opened - first;
+    let second = requests("ranges") - opened - first;
     // The tail of the shard, and what of it a pixel has; a neighbour's takes no other tail.
     assert!(second >= 1 && first == second + 1, "{first}, then {second}");
     // Of a dark pixel, nothing is asked but the tail, at most.
-    let before = requests(&store);
+    let before = requests("ranges");
     assert!(read(1, 6).iter().all(|v| *v == 0.0));
-    assert!(requests(&store) - before <= 1);
+    assert!(requests("ranges") - before <= 1);
     // All of it is the tails and, of what lies beside each other, one request.
     let all = shards(&sharded);
     let of_error = all
         .iter()
         .filter(|(p, _)| p.starts_with("timed/std_error"))
         .count() as u64;
-    let before = requests(&store);
+    let before = requests("ranges");
     slice.read_all(Field::StdError).expect("reads");
-    let asked = requests(&store) - before;
+    let asked = requests("ranges") - before;
     assert!(
         (of_error + 1..=2 * of_error).contains(&asked),
         "{asked} of {of_error} shards"
@@ -65,11 +66,11 @@ fn a_profile_is_few_ranges() {
     slice
         .fetch_together(&fields.map(|f| (f, at.clone(), profile.clone())))
         .expect("fetches");
-    let fetched = requests(&store);
+    let fetched = requests("ranges");
     for field in fields {
         slice.read(field, &at, &profile).expect("reads");
     }
-    assert_eq!(requests(&store), fetched);
+    assert_eq!(requests("ranges"), fetched);
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Stores written below an address are those of a folder, byte for byte, whatever fails or is killed on the way.
 
 use super::*;
+use crate::objects::fake::life;
+use crate::objects::fake::{memory, put, remove};
 use crate::objects::lock::ObjectLock;
-use crate::objects::tests::faulty::life;
-use crate::objects::tests::{memory, put, remove};
 use crate::sink::{SinkError, Target, ZarrSink};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicI64, Ordering};

@@ -1,8 +1,6 @@
 //! Stores that are removed.
 
-#[cfg(feature = "object-stores")]
 use crate::zarr::build::ORIGIN;
-#[cfg(feature = "object-stores")]
 use crate::zarr::remote_store::{self, ROOT};
 use crate::zarr::{RemoveError, TensorStore, remove};
 use std::path::Path;
@@ -35,7 +33,6 @@ fn stores_go_whole_and_may_be_made_again() {
     assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
 }
 
-#[cfg(feature = "object-stores")]
 #[test]
 fn below_an_address_it_is_the_same() {
     let path = Path::new("memory://remove/a.zarr");

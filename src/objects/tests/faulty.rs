@@ -1,7 +1,7 @@
 //! Object stores in memory that fail: as servers and networks do now and then, and for good, as for a process that is killed.
 
 use super::memory;
-use crate::objects::Key;
+use crate::Key;
 use futures_util::stream::{self, BoxStream, StreamExt, TryStreamExt};
 use object_store::memory::InMemory;
 use object_store::{

@@ -1,22 +1,14 @@
-//! Objects that are written: a put appears whole or not at all, and may hang on what is there.
+//! Writes and removes objects. An object appears whole or not at all.
 
 use super::{AT_ONCE, Key, Objects, again, wait};
-use crate::refusal::Refusal;
 use bytes::Bytes;
 use futures_util::stream::{self, StreamExt, TryStreamExt};
 use object_store::{Error, ObjectStoreExt, PutMode, PutOptions, UpdateVersion};
-
-/// A put that hangs on what is there.
-pub(crate) enum Put {
-    /// It is there now, in this version.
-    Done(UpdateVersion),
-    /// Something else is; or itself, put by a request whose answer was lost.
-    Other,
-}
+use store::objects::{Condition, Put, Version};
+use store::refusal::Refusal;
 
 impl Objects {
-    /// Refuses places that are read only.
-    pub(crate) fn may_be_written(&self) -> Result<(), Refusal> {
+    pub(crate) fn check_writable(&self) -> Result<(), Refusal> {
         if self.scheme.starts_with("http") {
             return Err(Refusal::new(
                 format!("{}:// is a web server, which is read only", self.scheme),
@@ -26,14 +18,7 @@ impl Objects {
         Ok(())
     }
 
-    /// Puts an object, whatever was there.
-    pub(crate) fn put(&self, key: &str, bytes: Bytes) -> Result<(), Refusal> {
-        self.put_many(vec![(key.to_owned(), bytes)])
-    }
-
-    /// Puts objects beside each other.
-    pub(crate) fn put_many(&self, all: Vec<(String, Bytes)>) -> Result<(), Refusal> {
-        self.note(all.len());
+    pub(crate) fn write(&self, all: Vec<(String, Bytes)>) -> Result<(), Refusal> {
         let all: Vec<(Key, Bytes)> = all
             .into_iter()
             .map(|(key, bytes)| (self.key(&key), bytes))
@@ -50,39 +35,34 @@ impl Objects {
         wait(put)?.map_err(|e| self.refusal(&e))
     }
 
-    fn put_if(&self, key: &str, bytes: Bytes, mode: PutMode) -> Result<Put, Refusal> {
-        self.note(1);
+    pub(crate) fn write_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal> {
         let (store, key) = (self.store.clone(), self.key(key));
         // What is to be replaced may be gone; where there was to be nothing, it is the bucket that is not there.
-        let replaces = matches!(mode, PutMode::Update(_));
+        let (replaces, mode) = match condition {
+            Condition::Absent => (false, PutMode::Create),
+            Condition::Is(Version { e_tag, version }) => {
+                (true, PutMode::Update(UpdateVersion { e_tag, version }))
+            }
+        };
         let options = PutOptions::from(mode);
         let put = async move { again(|| store.put_opts(&key, bytes.clone().into(), options.clone())).await };
         match wait(put)? {
-            Ok(result) => Ok(Put::Done(result.into())),
+            Ok(result) => Ok(Put::Done(Version {
+                e_tag: result.e_tag,
+                version: result.version,
+            })),
             Err(Error::AlreadyExists { .. } | Error::Precondition { .. }) => Ok(Put::Other),
             Err(Error::NotFound { .. }) if replaces => Ok(Put::Other),
             Err(e) => Err(self.refusal(&e)),
         }
     }
 
-    /// Puts an object where none is (`If-None-Match: *`).
-    pub(crate) fn put_new(&self, key: &str, bytes: Bytes) -> Result<Put, Refusal> {
-        self.put_if(key, bytes, PutMode::Create)
-    }
-
-    /// Puts an object in the place of one version of it (`If-Match`).
-    pub(crate) fn put_over(&self, key: &str, bytes: Bytes, old: UpdateVersion) -> Result<Put, Refusal> {
-        self.put_if(key, bytes, PutMode::Update(old))
-    }
-
-    /// An object with its version.
-    pub(crate) fn get_version(&self, key: &str) -> Result<Option<(Bytes, UpdateVersion)>, Refusal> {
-        self.note(1);
+    pub(crate) fn read_version(&self, key: &str) -> Result<Option<(Bytes, Version)>, Refusal> {
         let (store, key) = (self.store.clone(), self.key(key));
         let get = async move {
             let found = again(|| async {
                 let found = store.get(&key).await?;
-                let version = UpdateVersion {
+                let version = Version {
                     e_tag: found.meta.e_tag.clone(),
                     version: found.meta.version.clone(),
                 };
@@ -97,13 +77,10 @@ impl Objects {
         wait(get)?.map_err(|e| self.refusal(&e))
     }
 
-    /// Removes objects, whether they are there or not.
-    pub(crate) fn delete(&self, keys: Vec<String>) -> Result<(), Refusal> {
+    pub(crate) fn remove(&self, keys: Vec<String>) -> Result<(), Refusal> {
         if keys.is_empty() {
             return Ok(());
         }
-        // A thousand go in one request, where the store takes so many.
-        self.note(keys.len().div_ceil(1000));
         let keys: Vec<Key> = keys.iter().map(|key| self.key(key)).collect();
         let store = self.store.clone();
         let delete = async move {

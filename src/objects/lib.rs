@@ -1,0 +1,347 @@
+//! Clients of object stores: Amazon S3 and compatible servers, Google Cloud Storage, Azure Blob Storage, and web servers to read from.
+//!
+//! Calls block; requests run on a runtime of two threads, those of one call concurrently. Requests that fail for a temporary reason
+//! (5xx, a closed connection) are repeated. Credentials, endpoint and region come from the environment variables of each cloud.
+
+mod get;
+mod put;
+#[cfg(test)]
+mod tests;
+
+use bytes::Bytes;
+use futures_util::stream::TryStreamExt;
+use object_store::aws::AmazonS3Builder;
+use object_store::azure::MicrosoftAzureBuilder;
+use object_store::gcp::GoogleCloudStorageBuilder;
+use object_store::http::HttpBuilder;
+use object_store::path::Path as Key;
+use object_store::{BackoffConfig, ClientOptions, Error, ObjectStore, RetryConfig};
+use std::fmt;
+use std::path::Path;
+use std::sync::{Arc, LazyLock, Once, mpsc};
+use std::time::{Duration, Instant};
+use store::objects::{Ask, Condition, ObjectClient, Put, Version};
+use store::refusal::Refusal;
+use tokio::runtime::{Builder, Runtime};
+
+/// Requests that are under way at once.
+const AT_ONCE: usize = 32;
+/// How often a body that breaks off is asked for again where the server does not say what version it was of.
+const ATTEMPTS: usize = 6;
+/// How long a request waits before it is made again first.
+const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
+/// How long requests are made again at most: what failed for longer has been made again by the client, which waits longer and longer.
+const PATIENCE: Duration = Duration::from_secs(10);
+static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
+    Builder::new_multi_thread()
+        .worker_threads(2)
+        .thread_name("objects")
+        .enable_all()
+        .build()
+});
+
+/// Waits for what runs on the runtime. (Not `block_on`, which may not be called from another runtime's threads.)
+fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> Result<T, Refusal> {
+    let runtime = RUNTIME
+        .as_ref()
+        .map_err(|e| Refusal::new(format!("no threads for requests: {e}"), "end other programs"))?;
+    let (tell, told) = mpsc::sync_channel(1);
+    runtime.spawn(async move {
+        let _ = tell.send(future.await);
+    });
+    told.recv()
+        .map_err(|_| Refusal::new("its request was broken off", "try again"))
+}
+
+/// The objects below an address.
+#[derive(Clone)]
+struct Objects {
+    scheme: String,
+    store: Arc<dyn ObjectStore>,
+    below: Key,
+}
+
+/// Without what the store is asked with: credentials.
+impl fmt::Debug for Objects {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Objects({}://.. {})", self.scheme, self.below)
+    }
+}
+
+impl Objects {
+    fn open(scheme: &str, address: &Path) -> Result<Self, Refusal> {
+        let whole = address.to_str().unwrap_or_default().trim_end_matches('/');
+        let rest = whole.split_once("://").map_or("", |(_, rest)| rest);
+        let (host, path) = rest.split_once('/').unwrap_or((rest, ""));
+        if host.is_empty() {
+            return Err(Refusal::new(
+                "the address names no bucket or server",
+                format!("write {scheme}://NAME/STORE.zarr"),
+            ));
+        }
+        provider();
+        let store: Result<Arc<dyn ObjectStore>, Error> = match scheme {
+            "s3" => AmazonS3Builder::from_env()
+                .with_bucket_name(host)
+                .with_retry(retry())
+                .build()
+                .map(|s| Arc::new(s) as _),
+            "gs" => GoogleCloudStorageBuilder::from_env()
+                .with_bucket_name(host)
+                .with_retry(retry())
+                .build()
+                .map(|s| Arc::new(s) as _),
+            "az" => MicrosoftAzureBuilder::from_env()
+                .with_container_name(host)
+                .with_retry(retry())
+                .build()
+                .map(|s| Arc::new(s) as _),
+            "http" | "https" if whole.contains(['?', '#']) => {
+                return Err(Refusal::new(
+                    "an address with `?` or `#` names one file, and a store is many",
+                    "give the address of the store's folder",
+                ));
+            }
+            "http" | "https" => HttpBuilder::new()
+                .with_url(whole)
+                .with_client_options(ClientOptions::new().with_allow_http(true))
+                .with_retry(retry())
+                .build()
+                .map(|s| Arc::new(s) as _),
+            #[cfg(test)]
+            "memory" => Ok(tests::memory(host)),
+            #[cfg(test)]
+            "flaky" | "mortal" => Ok(tests::faulty::faulty(scheme, host)),
+            _ => {
+                return Err(Refusal::new(
+                    format!("{scheme}:// is no place of stores that is known"),
+                    "give s3://, gs://, az://, http:// or https://, or the path of a folder",
+                ));
+            }
+        };
+        let path = if scheme.starts_with("http") { "" } else { path };
+        Ok(Self {
+            scheme: scheme.to_owned(),
+            below: Key::parse(path).map_err(|e| {
+                Refusal::new(
+                    format!("its path cannot be that of an object: {e}"),
+                    "give another",
+                )
+            })?,
+            store: store.map_err(|e| refusal(scheme, &e))?,
+        })
+    }
+
+    fn key(&self, key: &str) -> Key {
+        key.split('/').fold(self.below.clone(), Key::join)
+    }
+
+    fn refusal(&self, error: &Error) -> Refusal {
+        refusal(&self.scheme, error)
+    }
+}
+
+/// Makes these clients known to this process, for every path with a scheme (`s3://`, `gs://`, `az://`, `http://`, `https://`).
+pub fn install() {
+    store::objects::install(|scheme, address| Ok(Arc::new(Objects::open(scheme, address)?)));
+}
+
+impl ObjectClient for Objects {
+    fn ask(&self, asks: Vec<(String, Ask)>) -> Result<Vec<Option<(Bytes, u64)>>, Refusal> {
+        self.read(asks)
+    }
+
+    fn list(&self) -> Result<Vec<(String, u64)>, Refusal> {
+        let (store, below) = (self.store.clone(), self.below.clone());
+        let prefix = below.clone();
+        let list = async move { again(|| store.list(Some(&prefix)).try_collect::<Vec<_>>()).await };
+        let all = wait(list)?.map_err(|e| self.refusal(&e))?;
+        let name = |key: &Key| Some(key.prefix_match(&below)?.collect::<Key>().to_string());
+        let mut names: Vec<(String, u64)> = all
+            .iter()
+            .filter_map(|meta| Some((name(&meta.location)?, meta.size)))
+            .collect();
+        names.sort_unstable();
+        Ok(names)
+    }
+
+    fn may_be_written(&self) -> Result<(), Refusal> {
+        self.check_writable()
+    }
+
+    fn put_many(&self, objects: Vec<(String, Bytes)>) -> Result<(), Refusal> {
+        self.write(objects)
+    }
+
+    fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal> {
+        self.write_if(key, bytes, condition)
+    }
+
+    fn get_version(&self, key: &str) -> Result<Option<(Bytes, Version)>, Refusal> {
+        self.read_version(key)
+    }
+
+    fn delete(&self, keys: Vec<String>) -> Result<(), Refusal> {
+        self.remove(keys)
+    }
+}
+
+/// The provider of cryptography of HTTPS, unless the program has chosen one.
+fn provider() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let _ = rustls::crypto::ring::default_provider().install_default();
+    });
+}
+
+fn retry() -> RetryConfig {
+    RetryConfig {
+        backoff: BackoffConfig {
+            init_backoff: PAUSE,
+            max_backoff: Duration::from_secs(5),
+            base: 2.0,
+        },
+        max_retries: 8,
+        retry_timeout: Duration::from_secs(60),
+    }
+}
+
+/// Makes a request again, which may be made twice, where its answer was lost or broke off: the client itself does not do so with
+/// requests that change something.
+async fn again<T, F: Future<Output = Result<T, Error>>>(ask: impl FnMut() -> F) -> Result<T, Error> {
+    up_to(ATTEMPTS, ask).await
+}
+
+async fn up_to<T, F: Future<Output = Result<T, Error>>>(
+    attempts: usize,
+    mut ask: impl FnMut() -> F,
+) -> Result<T, Error> {
+    let begun = Instant::now();
+    let mut pause = PAUSE;
+    for _ in 1..attempts {
+        match ask().await {
+            Err(Error::Generic { .. }) if begun.elapsed() < PATIENCE => {}
+            result => return result,
+        }
+        tokio::time::sleep(pause).await;
+        pause *= 2;
+    }
+    ask().await
+}
+
+/// An error with all its causes.
+fn chain(error: &Error) -> String {
+    let mut text = error.to_string();
+    let mut next = std::error::Error::source(error);
+    while let Some(cause) = next {
+        let more = cause.to_string();
+        if !text.contains(&more) {
+            text = format!("{text}: {more}");
+        }
+        next = cause.source();
+    }
+    text
+}
+
+/// Variables of the environment by which a scheme is given credentials; where none are needed; where the server is.
+fn variables(scheme: &str) -> [&'static str; 3] {
+    match scheme {
+        "gs" => [
+            "GOOGLE_APPLICATION_CREDENTIALS",
+            "GOOGLE_SKIP_SIGNATURE=true",
+            "GOOGLE_BASE_URL",
+        ],
+        "az" => [
+            "AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
+            "AZURE_SKIP_SIGNATURE=true",
+            "AZURE_ENDPOINT",
+        ],
+        _ => [
+            "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
+            "AWS_SKIP_SIGNATURE=true",
+            "AWS_ENDPOINT",
+        ],
+    }
+}
+
+/// What an error means, in words.
+fn refusal(scheme: &str, error: &Error) -> Refusal {
+    let text = chain(error);
+    let says = |words: &[&str]| words.iter().any(|word| text.contains(word));
+    let [credentials, public, server] = variables(scheme);
+    let web = scheme.starts_with("http");
+    if says(&["NoSuchBucket", "ContainerNotFound"]) {
+        return Refusal::new(
+            "there is no such bucket",
+            format!("check its name, and {server} if the server is one of your own"),
+        );
+    }
+    if says(&[
+        "169.254.169.254",
+        "metadata.google",
+        "MissingCredential",
+        "Account must be",
+    ]) {
+        return Refusal::new(
+            "no credentials were found",
+            format!("set {credentials}, or {public} for what is public"),
+        );
+    }
+    if says(&["scheme is not allowed", "HTTP URLs are not", "AllowHttp"]) {
+        return Refusal::new(
+            "the server is asked over http://, which is not encrypted",
+            "set AWS_ALLOW_HTTP=true if it is a server of your own, or give it https://",
+        );
+    }
+    if says(&["501 ", "not supported", "not implemented", "not yet implemented"]) {
+        return Refusal::new(
+            "the server does not offer what is asked of it",
+            "use an object store (s3://, gs://, az://)",
+        );
+    }
+    if says(&[
+        "301 Moved",
+        "PermanentRedirect",
+        "AuthorizationHeaderMalformed",
+        "bare redirect",
+    ]) {
+        return Refusal::new("the bucket is of another region", "set AWS_REGION to its region");
+    }
+    if matches!(
+        error,
+        Error::Unauthenticated { .. } | Error::PermissionDenied { .. }
+    ) || says(&["InvalidAccessKeyId", "SignatureDoesNotMatch", "AccessDenied"])
+    {
+        return Refusal::new(
+            "access is denied",
+            if web {
+                "ask who keeps the server for the right to read it".to_owned()
+            } else {
+                format!(
+                    "check {credentials}, whether they may read it, and whether it is there (who may not list a bucket is told so of what is not)"
+                )
+            },
+        );
+    }
+    if says(&["timed out"]) {
+        return Refusal::new(
+            "the server did not answer in time",
+            "try again, or check the network",
+        );
+    }
+    if says(&["error sending request", "Connect", "dns error", "connection"]) {
+        return Refusal::new(
+            "the server cannot be reached",
+            if web {
+                "check the address and the network".to_owned()
+            } else {
+                format!("check the network, and {server} if the server is one of your own")
+            },
+        );
+    }
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    Refusal::new(
+        format!("the server refused: {line}"),
+        "check the address and the rights to it",
+    )
+}
