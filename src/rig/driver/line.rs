@@ -1,21 +1,21 @@
-//! Lines of bytes to instruments: a serial port, or a pair of ends in memory, of which an emulator has the other.
+//! Byte lines to instruments: a serial port, or a pair of ends in memory, one of which an emulator uses.
 
 use std::io::{ErrorKind, Read, Write};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-/// Why no bytes went or came.
+/// Reason why sending or receiving failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError {
-    /// None before the deadline.
+    /// Nothing arrived before the deadline.
     #[error("no answer before the deadline")]
     Timeout,
-    /// The line is gone.
+    /// The line is closed or disconnected.
     #[error("the line is gone: {0}")]
     Gone(String),
 }
 
-/// A line of bytes, both ways.
+/// A bidirectional byte line.
 pub trait Line: Send {
     /// Sends all bytes.
     ///
@@ -23,13 +23,13 @@ pub trait Line: Send {
     /// [`LineError`].
     fn send(&mut self, bytes: &[u8]) -> Result<(), LineError>;
 
-    /// Waits for bytes and returns what came, at least one.
+    /// Waits for bytes and returns at least one.
     ///
     /// # Errors
-    /// [`LineError`] after `within` at the latest.
+    /// [`LineError`], at the latest after `within`.
     fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError>;
 
-    /// Opens it anew after it was gone; bytes under way are lost.
+    /// Reopens the line after a disconnection; bytes in transit are lost.
     ///
     /// # Errors
     /// [`LineError`].
@@ -45,10 +45,10 @@ pub struct SerialLine {
 }
 
 impl SerialLine {
-    /// Opens a port; with `hardware` flow control by RTS and CTS.
+    /// Opens a port; `hardware` selects RTS/CTS flow control.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with what the system says.
+    /// [`LineError::Gone`] with the system's error message.
     pub fn open(path: &str, baud: u32, hardware: bool) -> Result<Self, LineError> {
         let mut line = Self {
             path: path.to_owned(),
@@ -71,7 +71,7 @@ impl Line for SerialLine {
         let Some(port) = &mut self.port else {
             return Err(LineError::Gone(self.path.clone()));
         };
-        // A port that takes no bytes for two seconds never will.
+        // A port that accepts no bytes for two seconds has failed.
         let sent = port
             .set_timeout(Duration::from_secs(2))
             .map_err(std::io::Error::from)
@@ -126,7 +126,7 @@ pub struct MemoryLine {
 }
 
 impl MemoryLine {
-    /// Both ends.
+    /// Creates both ends of a line.
     #[must_use]
     pub fn pair() -> (Self, Self) {
         let ((to_b, from_a), (to_a, from_b)) = (channel(), channel());

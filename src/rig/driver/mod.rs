@@ -1,4 +1,4 @@
-//! Drivers that speak the protocols of real instruments over any line of bytes, each tried against an emulator.
+//! Drivers for the protocols of real instruments over any byte line, each tested with an emulator.
 
 pub mod apt;
 pub mod dlpc350;

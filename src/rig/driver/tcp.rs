@@ -1,11 +1,11 @@
-//! A line of bytes over TCP.
+//! A byte line over TCP.
 
 use super::line::{Line, LineError};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
-/// Within which a connection is made, and the other side takes bytes, or never will.
+/// Timeout for connecting and for sending.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// A connection to `host:port`.
@@ -18,7 +18,7 @@ impl TcpLine {
     /// Connects.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with what the system says.
+    /// [`LineError::Gone`] with the system's error message.
     pub fn open(address: &str) -> Result<Self, LineError> {
         let mut line = Self {
             address: address.to_owned(),
@@ -33,7 +33,7 @@ impl TcpLine {
         LineError::Gone(format!("{}: {}", self.address, cause.to_string()))
     }
 
-    /// What a system's error means here.
+    /// Converts a system error to a line error.
     fn told(&mut self, e: &std::io::Error) -> LineError {
         match e.kind() {
             ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => LineError::Timeout,
@@ -55,7 +55,7 @@ impl Line for TcpLine {
             return Err(LineError::Gone(self.address.clone()));
         };
         let mut buffer = [0; 4096];
-        // A timeout of zero would be none at all.
+        // A timeout of zero would mean no timeout.
         let got = stream
             .set_read_timeout(Some(within.max(Duration::from_millis(1))))
             .and_then(|()| stream.read(&mut buffer));

@@ -1,4 +1,5 @@
-//! An emulated controller with its stage: it answers as the protocol's document says, moves in time, and fails on purpose.
+//! An emulated controller with its stage. It replies as the protocol document specifies, moves in real time
+//! and can be set to fail.
 
 use super::super::line::{Line, LineError};
 use super::message::{CONTROLLER, HOST, Message, Parser, Status, bits};
@@ -7,21 +8,20 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
-/// What is wrong with it. May be set while it runs.
+/// Fault of the emulator; can be set while it runs.
 #[derive(Clone, Debug, Default)]
 pub struct Trouble(Arc<AtomicU8>);
 
 impl Trouble {
-    /// Nothing.
     pub const NONE: u8 = 0;
-    /// It does not answer.
+    /// The controller does not reply.
     pub const SILENT: u8 = 1;
-    /// It stops half way.
+    /// The stage stops half way.
     pub const STALLS: u8 = 2;
-    /// Noise comes before every answer.
+    /// Noise precedes every reply.
     pub const NOISE: u8 = 3;
 
-    /// Sets it.
+    /// Sets the fault.
     pub fn set(&self, trouble: u8) {
         self.0.store(trouble, Ordering::SeqCst);
     }
@@ -31,7 +31,7 @@ impl Trouble {
     }
 }
 
-/// A motion: from where, to where, from when, how long.
+/// A motion: start, goal, start time, duration.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     from: f64,
@@ -41,7 +41,6 @@ struct Motion {
     homing: bool,
 }
 
-/// The controller.
 struct Controller {
     model: Model,
     position: f64,
@@ -53,7 +52,7 @@ struct Controller {
 }
 
 impl Controller {
-    /// Lets time pass; a motion that ended is told by its message.
+    /// Advances time; returns the message that reports the end of a motion.
     fn pass(&mut self) -> Option<Message> {
         let motion = self.motion?;
         let share = motion.begun.elapsed().as_secs_f64() / motion.time.as_secs_f64().max(1e-6);
@@ -133,7 +132,8 @@ impl Controller {
     }
 }
 
-/// Runs a controller on its end of a line until the other is gone. Its stage begins somewhere, its zero not known.
+/// Runs a controller on its end of a line until the other end closes. The stage starts at 40° without a known
+/// zero.
 pub fn run(mut line: impl Line, model: Model, trouble: Trouble) {
     let mut parser = Parser::new(CONTROLLER);
     let mut controller = Controller {

@@ -1,89 +1,82 @@
-//! Messages: six bytes of header, of which the fifth's highest bit says that data follow.
+//! Messages: a header of six bytes, followed by data if the highest bit of the fifth byte is set.
 //!
-//! > id u16 | parameter u8 | parameter u8 | destination u8 | source u8, or id u16 | length u16 | destination u8 or 0x80 | source u8 | data
+//! - without data: id u16 | parameter u8 | parameter u8 | destination u8 | source u8
+//! - with data: id u16 | length u16 | destination u8 or 0x80 | source u8 | data
 //!
-//! All little-endian.
+//! All numbers are little-endian.
 
-/// The host.
+/// Address of the host.
 pub const HOST: u8 = 0x01;
-/// A controller on USB, with one channel.
+/// Address of a USB controller with one channel.
 pub const CONTROLLER: u8 = 0x50;
-/// The channel.
 const CHANNEL: u8 = 1;
-/// No message's data are longer.
+/// Maximum length of a message's data, in bytes.
 const LONGEST: usize = 255;
 
 /// Bits of a status.
 pub mod bits {
-    /// A limit switch.
+    /// A limit switch is active.
     pub const LIMITS: u32 = 0x3;
-    /// Under way, either way.
+    /// The stage is moving, in either direction.
     pub const MOVING: u32 = 0x30 | 0xC0;
-    /// Finding its zero.
+    /// The stage is homing.
     pub const HOMING: u32 = 0x200;
-    /// Zero is known.
+    /// The stage is homed: its zero is known.
     pub const HOMED: u32 = 0x400;
-    /// At rest where it was sent.
+    /// The stage has settled at its goal.
     pub const SETTLED: u32 = 0x2000;
     /// Motion error: the motor cannot follow.
     pub const MOTION_ERROR: u32 = 0x4000;
-    /// The channel is on.
+    /// The channel is enabled.
     pub const ENABLED: u32 = 0x8000_0000;
 }
 
-/// Where a stage is: 14 bytes of many messages.
+/// Status of a stage: 14 bytes that several messages contain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
-    /// Position, counts.
+    /// Position, in encoder counts.
     pub position: i32,
-    /// Encoder counts, or of DC controllers the velocity (i16) and a word that is reserved.
+    /// Encoder counts; for DC controllers, the velocity (i16) and a reserved word.
     pub extra: u32,
-    /// [`bits`].
+    /// Status bits, see [`bits`].
     pub bits: u32,
 }
 
-/// A message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Message {
     /// MGMSG_HW_REQ_INFO.
     RequestInfo,
-    /// MGMSG_HW_GET_INFO: serial number, model, type, firmware (minor, interim, major, unused), hardware version,
-    /// modification, channels.
+    /// MGMSG_HW_GET_INFO: serial number, model, type, firmware (minor, interim, major, unused), hardware
+    /// version, modification, channels.
     Info {
-        /// Serial number.
         serial: u32,
         /// Model, up to 8 bytes.
         model: String,
-        /// Firmware: minor, interim and major.
+        /// Firmware: minor, interim and major version.
         firmware: [u8; 3],
     },
     /// MGMSG_MOD_IDENTIFY: flash the front panel.
     Identify,
     /// MGMSG_MOD_SET_CHANENABLESTATE.
     Enable(bool),
-    /// MGMSG_HW_STOP_UPDATEMSGS: no status but those that are asked for.
+    /// MGMSG_HW_STOP_UPDATEMSGS: send a status only on request.
     StopUpdates,
-    /// MGMSG_MOT_SET_VELPARAMS: acceleration and greatest velocity in the controller's units.
-    SetVelocity {
-        /// Acceleration.
-        acceleration: i32,
-        /// Velocity.
-        velocity: i32,
-    },
+    /// MGMSG_MOT_SET_VELPARAMS: acceleration and maximum velocity in the controller's units.
+    SetVelocity { acceleration: i32, velocity: i32 },
     /// MGMSG_MOT_MOVE_HOME.
     Home,
     /// MGMSG_MOT_MOVE_HOMED.
     Homed,
-    /// MGMSG_MOT_MOVE_ABSOLUTE with its position, counts.
+    /// MGMSG_MOT_MOVE_ABSOLUTE with the position in counts.
     MoveAbsolute(i32),
-    /// MGMSG_MOT_MOVE_COMPLETED, with a status or without.
+    /// MGMSG_MOT_MOVE_COMPLETED, with or without a status.
     MoveCompleted(Option<Status>),
-    /// MGMSG_MOT_MOVE_STOP; at once, or with a ramp.
+    /// MGMSG_MOT_MOVE_STOP: immediate or with a ramp.
     Stop {
-        /// Without a ramp.
+        /// Stop without a ramp.
         abrupt: bool,
     },
-    /// MGMSG_MOT_MOVE_STOPPED, with a status or without.
+    /// MGMSG_MOT_MOVE_STOPPED, with or without a status.
     MoveStopped(Option<Status>),
     /// MGMSG_MOT_REQ_STATUSUPDATE.
     RequestStatus,
@@ -93,9 +86,9 @@ pub enum Message {
     RequestDcStatus,
     /// MGMSG_MOT_GET_DCSTATUSUPDATE.
     DcStatus(Status),
-    /// MGMSG_MOT_ACK_DCSTATUSUPDATE: the host is alive; asked for by controllers on USB each second.
+    /// MGMSG_MOT_ACK_DCSTATUSUPDATE: the host is alive; controllers on USB require it every second.
     AckDcStatus,
-    /// Anything else: id, parameters, data.
+    /// Any other message: id, parameters, data.
     Other(u16, [u8; 2], Vec<u8>),
 }
 
@@ -119,7 +112,7 @@ impl Status {
 }
 
 impl Message {
-    /// Its bytes from `source` to `destination`.
+    /// Encodes the message, sent from `source` to `destination`.
     #[must_use]
     pub fn bytes(&self, destination: u8, source: u8) -> Vec<u8> {
         let short = |id: u16, a: u8, b: u8| {
@@ -190,7 +183,7 @@ impl Message {
         }
     }
 
-    /// From a header's id and parameters and the data behind it.
+    /// Decodes a message from its header's id and parameters and its data.
     fn of(id: u16, parameters: [u8; 2], data: &[u8]) -> Self {
         let other = || Self::Other(id, parameters, data.to_vec());
         let status = || Status::of(data);
@@ -238,32 +231,32 @@ impl Message {
     }
 }
 
-/// Messages out of a stream of bytes. What is no header is left out byte by byte, until one fits.
+/// Parser of messages in a byte stream. It skips bytes until a valid header begins.
 #[derive(Debug)]
 pub struct Parser {
-    /// Who is spoken to: headers to others are none.
+    /// Address of the receiver; headers with other destinations are invalid.
     own: u8,
     held: Vec<u8>,
 }
 
 impl Parser {
-    /// Of what comes to `own`.
+    /// Creates a parser for messages to `own`.
     #[must_use]
     pub fn new(own: u8) -> Self {
         Self { own, held: vec![] }
     }
 
-    /// Takes bytes in.
+    /// Appends received bytes.
     pub fn feed(&mut self, bytes: &[u8]) {
         self.held.extend_from_slice(bytes);
     }
 
-    /// Forgets what is held.
+    /// Discards all bytes.
     pub fn clear(&mut self) {
         self.held.clear();
     }
 
-    /// The next message that is whole.
+    /// Returns the next complete message.
     pub fn next_message(&mut self) -> Option<Message> {
         let mut at = 0;
         let found = loop {

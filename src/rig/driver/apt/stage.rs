@@ -1,32 +1,32 @@
-//! A rotation stage behind an APT controller (PRM1-Z8 on KDC101 or TDC001, and its family).
+//! A rotation stage with an APT controller (PRM1-Z8 on KDC101 or TDC001, and related models).
 
 use super::super::line::{Line, LineError};
 use super::message::{CONTROLLER, HOST, Message, Parser, Status, bits};
 use crate::instrument::{Failure, Fault, Identity, Instrument, RotationStage, StageLimits, StageReading};
 use std::time::{Duration, Instant};
 
-/// How often a stage under way is asked where it is.
+/// Polling interval of a moving stage.
 const ASK: Duration = Duration::from_millis(100);
-/// A stage that stands for so many answers, and not at its goal, has stalled.
+/// Number of equal positions away from the goal after which a stage counts as stalled.
 const STANDS: u32 = 3;
 
-/// What a model's numbers mean.
+/// Units and limits of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// Encoder counts a degree.
+    /// Encoder counts per degree.
     pub counts_per_degree: f64,
-    /// Controller's units of a degree a second.
+    /// Controller units per degree per second.
     pub velocity: f64,
-    /// Controller's units of a degree a second squared.
+    /// Controller units per degree per second squared.
     pub acceleration: f64,
-    /// What it can do.
     pub limits: StageLimits,
 }
 
 impl Model {
-    /// By the name that it is sold by.
+    /// Returns a model by its product name.
     ///
-    /// PRM1-Z8: 1919.6418578623391 counts a degree, sampled each 2048/6e6 s (Thorlabs' protocol, appendix on scaling).
+    /// PRM1-Z8: 1919.6418578623391 counts per degree, sampled every 2048/6e6 s (Thorlabs' protocol, appendix
+    /// on scaling).
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         const COUNTS: f64 = 1919.641857862339;
@@ -54,7 +54,6 @@ impl Model {
     }
 }
 
-/// A stage.
 pub struct AptStage {
     name: String,
     line: Box<dyn Line>,
@@ -65,10 +64,11 @@ pub struct AptStage {
 }
 
 impl AptStage {
-    /// A stage at the end of a line; the controller is told to be quiet and to drive, nothing moves.
+    /// Creates a stage on a line. Turns off the controller's status updates and enables its channel; nothing
+    /// moves.
     ///
     /// # Errors
-    /// [`Failure`] if the line is gone.
+    /// [`Failure`] if the line is disconnected.
     pub fn new(name: &str, line: Box<dyn Line>, model: Model) -> Result<Self, Failure> {
         let mut stage = Self {
             name: name.to_owned(),
@@ -108,7 +108,7 @@ impl AptStage {
         self.line.send(&bytes).map_err(|e| self.lost(e))
     }
 
-    /// The next message before an instant.
+    /// Returns the next message before the deadline.
     fn next(&mut self, until: Instant) -> Result<Message, Failure> {
         loop {
             if let Some(message) = self.parser.next_message() {
@@ -123,7 +123,7 @@ impl AptStage {
         }
     }
 
-    /// Asks for a status; events that come before it are kept in mind by `seen`.
+    /// Queries the status; passes every message that arrives to `seen`.
     fn status(&mut self, until: Instant, seen: &mut dyn FnMut(&Message)) -> Result<Status, Failure> {
         self.send(&Message::RequestDcStatus)?;
         loop {
@@ -245,10 +245,10 @@ impl RotationStage for AptStage {
         };
         let (mut stands, mut last) = (0, None);
         loop {
-            // At least one answer's time, so that a move that is done is never a timeout.
+            // Allow at least one polling interval, so that a completed move never times out.
             let status = self.status(until.max(Instant::now() + ASK), &mut |_| {})?;
             let reading = self.reading(status);
-            // Within two counts: the encoder's own noise.
+            // Tolerance of two counts: the encoder's noise.
             if !reading.moving && (status.position - goal).abs() <= 2 {
                 self.goal = None;
                 return Ok(reading);

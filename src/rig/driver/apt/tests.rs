@@ -1,4 +1,5 @@
-//! The protocol's bytes, the driver against the emulator in memory and behind a serial device, and streams that are none.
+//! Tests of the protocol's bytes, of the driver with the emulator in memory and behind a serial device, and
+//! of invalid streams.
 
 use super::super::line::{MemoryLine, SerialLine};
 use super::emulator::{self, Trouble};
@@ -9,7 +10,7 @@ use crate::instrument::{Fault, Instrument, RotationStage};
 use proptest::prelude::*;
 use std::time::{Duration, Instant};
 
-/// A quick stage, so that tests are.
+/// Returns a fast stage, to keep the tests fast.
 fn quick() -> Model {
     let mut model = Model::named("PRM1-Z8").expect("a model");
     model.limits.velocity = 1200.0;
@@ -28,7 +29,7 @@ fn emulated() -> (AptStage, Trouble) {
     )
 }
 
-/// Bytes that Thorlabs' document lists.
+/// Bytes listed in Thorlabs' document.
 #[test]
 fn bytes_are_the_documents() {
     let to = |m: Message| m.bytes(CONTROLLER, HOST);
@@ -94,7 +95,7 @@ fn a_cable_that_is_out_is_known() {
     assert!(missing.to_string().contains("/dev/no-such-port"));
 }
 
-/// Behind a serial device of the system: a pseudo-terminal, of which the emulator has the other end.
+/// Uses a serial device of the system: a pseudo-terminal with the emulator at its other end.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_driver_speaks_through_a_serial_device() {
@@ -208,7 +209,7 @@ fn messages_go_and_come_in_any_pieces() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
-    /// Streams that are none: no panic, no hang, and what comes whole behind them is found.
+    /// Invalid streams cause no panic and no hang, and a complete message after them is found.
     #[test]
     fn no_stream_panics(noise in prop::collection::vec(any::<u8>(), 0..200), damaged in any::<(prop::sample::Index, u8)>()) {
         let mut parser = Parser::new(HOST);
@@ -224,7 +225,7 @@ proptest! {
             count += 1;
         }
         prop_assert!(count <= bytes.len() / 6);
-        // Whatever was half read ends after the longest message.
+        // A partial message ends after at most the longest message length.
         parser.feed(&[0; 300]);
         while parser.next_message().is_some() {}
         parser.feed(&Message::Homed.bytes(HOST, CONTROLLER));

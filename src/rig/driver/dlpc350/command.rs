@@ -1,6 +1,6 @@
-//! Commands of pattern mode, their codes (CMD2 and CMD3 of the guide as one number) and data.
+//! Commands of pattern mode with their codes (the guide's CMD2 and CMD3 as one number) and data.
 
-/// Where patterns come from.
+/// Source of the patterns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// Bit planes of the video port.
@@ -9,59 +9,59 @@ pub enum Source {
     Flash,
 }
 
-/// What the sequence does.
+/// State of the pattern sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Run {
-    /// It stands, and begins anew when it is started.
+    /// Stopped; a start begins the sequence from its first pattern.
     Stop,
-    /// It stands, and goes on when it is started.
+    /// Paused; a start resumes the sequence.
     Pause,
-    /// It runs.
     Start,
 }
 
-/// What begins a pattern.
+/// Trigger that begins a pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Begin {
-    /// The controller's own clock.
+    /// The controller's internal clock.
     Internal,
     /// A rising edge.
     Rising,
     /// A falling edge.
     Falling,
-    /// The end of the one before.
+    /// The end of the previous pattern.
     Continue,
 }
 
 /// A pattern of a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-// Four bits of the controller's word, each of its own.
+// Each flag is one bit of the controller's word.
 #[allow(clippy::struct_excessive_bools)]
 pub struct Entry {
-    /// What begins it.
+    /// Trigger that begins the pattern.
     pub begin: Begin,
-    /// Which bits of the image: for one bit a pixel the plane, 0 to 23 from green's lowest on; [`Self::WHITE`] is all light.
+    /// Bit position in the image: for one-bit patterns the plane, 0 to 23, starting at green's lowest bit.
+    /// [`Self::WHITE`] lights all pixels.
     pub plane: u8,
-    /// Bits a pixel, 1 to 8.
+    /// Bits per pixel, 1 to 8.
     pub bits: u8,
-    /// Diodes: 1 red, 2 green, 4 blue.
+    /// LEDs as a bit mask: 1 red, 2 green, 4 blue.
     pub leds: u8,
-    /// Light where the image is dark.
+    /// Inverts the pattern.
     pub negative: bool,
-    /// Dark for 230 µs after it.
+    /// Inserts 230 µs of black after the pattern.
     pub dark_after: bool,
-    /// The image is fetched before it.
+    /// Loads a new image before the pattern.
     pub fetch: bool,
-    /// The trigger's output stays up from the one before.
+    /// Keeps the trigger output active from the previous pattern.
     pub joined: bool,
 }
 
 impl Entry {
-    /// The plane in which everything is light. The guide says "25, with a bit depth of 1" of numbers that it counts from 0; TI's
-    /// own program has 24, which is taken here.
+    /// Plane that lights all pixels. The guide says "25, with a bit depth of 1" of numbers that it counts
+    /// from 0; this driver uses 24, as TI's own program does.
     pub const WHITE: u8 = 24;
 
-    /// Its three bytes.
+    /// Encodes the entry as three bytes.
     #[must_use]
     pub fn bytes(&self) -> [u8; 3] {
         let flag = |on: bool, bit: u32| u8::from(on) << bit;
@@ -72,7 +72,7 @@ impl Entry {
         ]
     }
 
-    /// The entry of three bytes.
+    /// Decodes an entry from three bytes.
     #[must_use]
     pub fn read([a, b, c]: [u8; 3]) -> Self {
         Self {
@@ -88,83 +88,76 @@ impl Entry {
     }
 }
 
-/// A mailbox that takes data.
+/// A mailbox of the controller that receives data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mailbox {
-    /// None.
     Closed,
-    /// Numbers of images.
+    /// Image numbers.
     Images,
-    /// Patterns.
+    /// Pattern entries.
     Patterns,
 }
 
-/// What the host tells.
+/// A command from the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Pattern mode, or video.
+    /// Pattern mode if true, video mode if false.
     PatternMode(bool),
-    /// Where patterns come from.
+    /// Source of the patterns.
     Source(Source),
-    /// 0: the video's frames begin sequences; 1: triggers, the controller's own or from outside.
+    /// Trigger mode. 0: video frames begin sequences; 1: internal or external triggers begin patterns.
     TriggerMode(u8),
-    /// Output 1, of every pattern: edges in steps of 107.2 ns from 20.05 µs before it, 0 to 213.
+    /// Output 1, active for every pattern. Edges are 0 to 213 steps of 107.2 ns, counted from 20.05 µs before
+    /// the pattern.
     TriggerOut1 {
-        /// Low while it is active.
+        /// Active low.
         inverted: bool,
-        /// Rising edge.
         rise: u8,
-        /// Falling edge.
         fall: u8,
     },
-    /// Output 2, of the sequence: its rising edge alone.
+    /// Output 2, active once per sequence; only its rising edge is set.
     TriggerOut2 {
-        /// Low while it is active.
+        /// Active low.
         inverted: bool,
-        /// Rising edge.
         rise: u8,
     },
-    /// Delay of input 1, steps of 107.2 ns; 19 bits.
+    /// Delay of input 1 in steps of 107.2 ns (19 bits).
     TriggerIn1(u32),
-    /// Input 2 goes on at a falling edge; of trigger mode 2 alone.
+    /// Resumes the sequence at a falling edge of input 2 (only in trigger mode 2).
     TriggerIn2(bool),
-    /// Stops, pauses or starts.
+    /// Stops, pauses or starts the sequence.
     Run(Run),
-    /// Times of every pattern, microseconds: equal, or 230 µs apart.
-    Exposure {
-        /// How long it stands.
-        exposure_us: u32,
-        /// From one to the next.
-        period_us: u32,
-    },
-    /// The sequence's shape; counts from 1.
+    /// Exposure and period of every pattern, in microseconds. The period equals the exposure or exceeds it by
+    /// at least 230 µs.
+    Exposure { exposure_us: u32, period_us: u32 },
+    /// Shape of the sequence; counts start at 1.
     Config {
-        /// Patterns, 1 to 128.
+        /// Number of patterns, 1 to 128.
         entries: u8,
-        /// Begins again after its end.
+        /// Restarts the sequence after its end.
         repeat: bool,
-        /// Patterns for one pulse of the second trigger output.
+        /// Number of patterns per pulse of trigger output 2.
         per_pulse: u8,
-        /// Images, 1 to 64.
+        /// Number of images, 1 to 64.
         images: u8,
     },
     /// Opens a mailbox.
     Open(Mailbox),
-    /// Where in it data go.
+    /// Write offset in the open mailbox.
     Address(u8),
-    /// Images of the sequence by their numbers in flash. Two are written in the reverse order by TI's own program; the driver
-    /// writes one.
+    /// Flash numbers of the sequence's images. TI's own program writes two images in reverse order; the
+    /// driver writes only one.
     ImageTable(Vec<u8>),
     /// Patterns of the sequence.
     PatternTable(Vec<Entry>),
-    /// Checks what was set; the result is asked for by [`Question::Validation`].
+    /// Validates the sequence; [`Question::Validation`] returns the result.
     Validate,
-    /// Diodes: 1 red, 2 green, 4 blue by hand; 8 leaves them to the sequence.
+    /// LEDs: 1 red, 2 green, 4 blue under manual control; 8 lets the sequence control them.
     Leds(u8),
 }
 
 impl Command {
-    /// Its code.
+    /// Returns the command's code.
     #[must_use]
     pub fn code(&self) -> u16 {
         match self {
@@ -186,7 +179,7 @@ impl Command {
         }
     }
 
-    /// Its data.
+    /// Encodes the command's data.
     #[must_use]
     pub fn data(&self) -> Vec<u8> {
         match self {
@@ -220,25 +213,26 @@ impl Command {
     }
 }
 
-/// What the host asks.
+/// A query from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Question {
-    /// Initialization and errors of the sequencer.
+    /// State of initialization and errors of the sequencer.
     Hardware,
-    /// 1: mirrors parked; 2: sequence runs; 4: frames frozen.
+    /// Bit mask: 1 mirrors parked, 2 sequence running, 4 frames frozen.
     Main,
-    /// [`Command::Validate`]'s result: 0x80 while it is under way, then what is wrong.
+    /// Result of [`Command::Validate`]: 0x80 while validation runs, then a bit mask of faults.
     Validation,
-    /// Images in flash.
+    /// Number of images in flash.
     Images,
-    /// Versions, four times four bytes: patch (16 bits), minor, major; the application's first.
+    /// Four versions of four bytes each: patch (16 bits), minor, major. The application's version comes
+    /// first.
     Version,
-    /// What the firmware's maker called it.
+    /// Tag that the firmware's author assigned.
     Tag,
 }
 
 impl Question {
-    /// Its code.
+    /// Returns the query's code.
     #[must_use]
     pub fn code(self) -> u16 {
         match self {
@@ -252,7 +246,8 @@ impl Question {
     }
 }
 
-/// What a validation's bits say, in words; the first two are errors, the others warnings.
+/// Returns the messages for the bits of a validation result; the first two bits are errors, the others
+/// warnings.
 #[must_use]
 pub fn complaints(bits: u8) -> Vec<&'static str> {
     let all = [

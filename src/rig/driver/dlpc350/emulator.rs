@@ -1,4 +1,4 @@
-//! An emulated controller: a line whose other end does what the guide says, and fails on purpose.
+//! An emulated controller that follows the guide and can be set to fail.
 
 use super::super::line::LineError;
 use super::command::{Command, Entry, Mailbox, Question};
@@ -8,30 +8,28 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// What is wrong with it.
+/// Fault of the emulator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trouble {
-    /// Nothing.
     #[default]
     None,
-    /// It does not answer.
+    /// The controller does not reply.
     Silent,
-    /// It refuses everything.
+    /// The controller refuses every command.
     Refuses,
-    /// Noise comes before every answer.
+    /// Noise precedes every reply.
     Noise,
-    /// The cable is out.
+    /// The cable is disconnected.
     Out,
     /// Sequences are aborted.
     Aborts,
 }
 
-/// What its mirrors show.
+/// Pattern on the mirrors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Light {
-    /// Image in flash.
+    /// Image number in flash.
     pub image: u8,
-    /// Its pattern.
     pub entry: Entry,
 }
 
@@ -42,7 +40,7 @@ struct State {
     pattern_mode: bool,
     flash: bool,
     trigger: u8,
-    /// What was told of outputs and inputs, by code.
+    /// Data of the last trigger commands, by command code.
     triggers: BTreeMap<u16, Vec<u8>>,
     times: [u32; 2],
     config: [u8; 4],
@@ -50,7 +48,7 @@ struct State {
     table: Vec<u8>,
     list: Vec<u8>,
     leds: u8,
-    /// Answers "under way" so often, then whether the sequence is good.
+    /// Number of status queries that are still answered "in progress"; then `valid` is reported.
     busy: u8,
     valid: Option<u8>,
     running: bool,
@@ -58,12 +56,12 @@ struct State {
     answers: VecDeque<[u8; REPORT]>,
 }
 
-/// A controller; clones are the same one.
+/// An emulated controller; clones share its state.
 #[derive(Clone, Debug, Default)]
 pub struct Emulator(Arc<Mutex<State>>);
 
 impl Emulator {
-    /// One whose flash has so many images.
+    /// Creates a controller with `images` images in flash.
     #[must_use]
     pub fn new(images: u8) -> Self {
         let emulator = Self::default();
@@ -75,18 +73,18 @@ impl Emulator {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sets what is wrong.
+    /// Sets the fault.
     pub fn trouble(&self, trouble: Trouble) {
         self.state().trouble = trouble;
     }
 
-    /// What it was told of a trigger, by the command's code.
+    /// Returns the data last set for a trigger, by command code.
     #[must_use]
     pub fn trigger(&self, code: u16) -> Option<Vec<u8>> {
         self.state().triggers.get(&code).cloned()
     }
 
-    /// What light comes out, if any.
+    /// Returns the projected light, if any.
     #[must_use]
     pub fn light(&self) -> Option<Light> {
         let state = self.state();
@@ -98,11 +96,11 @@ impl Emulator {
 }
 
 impl State {
-    /// Does what it is told; `None` for what it does not know or cannot do now.
+    /// Executes a command; returns `None` if it is unknown or not allowed in this state.
     fn told(&mut self, code: u16, data: &[u8]) -> Option<()> {
         let is = |c: &Command| c.code() == code;
         let first = *data.first()?;
-        // While a sequence runs, it can be stopped, and diodes be switched.
+        // While a sequence runs, only stopping it and switching LEDs is allowed.
         let stands = !self.running || code == 0x1A24 || code == 0x1A07;
         if !stands {
             return None;
@@ -124,7 +122,7 @@ impl State {
                 self.triggers.insert(code, data.to_vec());
             }
             0x1A24 if first == 2 => {
-                // Only what was found good is started.
+                // Only a validated sequence can start.
                 if self.valid.is_none_or(|v| v & 3 != 0) || self.busy > 0 {
                     return None;
                 }
@@ -156,12 +154,12 @@ impl State {
             }
             _ => return None,
         }
-        // What was checked is no more what is set.
+        // A changed setting invalidates the last validation.
         self.valid = None;
         Some(())
     }
 
-    /// The bits of a validation.
+    /// Returns the validation bits.
     fn check(&self) -> u8 {
         let [exposure, period] = self.times;
         let times = exposure >= SHORTEST_US && (period == exposure || period >= exposure.saturating_add(230));

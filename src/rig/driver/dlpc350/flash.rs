@@ -1,7 +1,9 @@
-//! Images of the controller's flash as PNG: each holds 24 patterns of one bit, a plane each.
+//! Images of the controller's flash as PNG files. Each image holds 24 one-bit patterns, one per plane.
 //!
-//! TI's program builds the firmware from such images. Planes are counted as the controller counts them: 0 to 7 are the bits of
-//! green from the lowest, 8 to 15 those of red, 16 to 23 those of blue (programmer's guide DLPU010, pattern display LUT).
+//! TI's program builds the firmware from such images. Planes are numbered as in the controller: 0 to 7 are
+//! the bits of
+//! green from the lowest, 8 to 15 those of red, 16 to 23 those of blue (programmer's guide DLPU010, pattern
+//! display LUT).
 
 use super::projector::{Flash, SIZE};
 use crate::instrument::Pattern;
@@ -9,18 +11,18 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// Planes of an image.
+/// Planes per image.
 const PLANES: usize = 24;
 
-/// Byte of a pixel (red, green, blue) and bit in which a plane is.
+/// Returns the byte of an RGB pixel and the bit that contain a plane.
 fn place(plane: usize) -> (usize, usize) {
     ([1, 0, 2][plane / 8], plane % 8)
 }
 
-/// Reads images: PNG of 8 bits a colour, as large as the mirrors.
+/// Reads flash images: PNG files with 8 bits per color and the size of the mirror array.
 ///
 /// # Errors
-/// In words, naming the file.
+/// A message that names the file.
 pub fn load<P: AsRef<Path>>(files: &[P]) -> Result<Flash, String> {
     let image = |path: &P| -> Result<Vec<Pattern>, String> {
         let path = path.as_ref();
@@ -58,8 +60,8 @@ fn rgb(path: &Path) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Bytes of the images (red, green, blue of every pixel) that hold patterns of one bit, each of them once, and none that the
-/// controller makes itself: full light, none, and negatives of others.
+/// Packs one-bit patterns into RGB images and returns the bytes of each image. Skips duplicates, and patterns
+/// that the controller generates itself: white, black and negatives of other patterns.
 #[must_use]
 pub fn images(patterns: &[Pattern]) -> Vec<Vec<u8>> {
     let mut kept: Vec<&Pattern> = vec![];
@@ -83,7 +85,7 @@ pub fn images(patterns: &[Pattern]) -> Vec<Vec<u8>> {
     kept.chunks(PLANES).map(image).collect()
 }
 
-/// An image as PNG; `None` if it is not as large as the mirrors.
+/// Encodes an image as PNG; returns `None` if its size differs from that of the mirror array.
 #[must_use]
 pub fn to_png(rgb: &[u8]) -> Option<Vec<u8>> {
     let mut bytes = vec![];
@@ -131,7 +133,7 @@ mod tests {
         assert_eq!(held, made.iter().collect::<Vec<_>>());
     }
 
-    /// Plane 0 is the lowest bit of green, 8 that of red, 23 the highest of blue.
+    /// Plane 0 is the lowest bit of green, 8 the lowest of red, 23 the highest of blue.
     #[test]
     fn planes_are_counted_as_the_controller_counts() {
         let rgb = &images(&(1..=24).map(|k| pattern(|x, _| x == k)).collect::<Vec<_>>())[0];

@@ -1,18 +1,18 @@
-//! Reports of 64 bytes, and messages in one or more of them.
+//! HID reports of 64 bytes, and messages that span one or more reports.
 
 use super::super::line::LineError;
 use std::time::Duration;
 
-/// Bytes of a report.
+/// Size of a report in bytes.
 pub const REPORT: usize = 64;
-/// Longest message that is taken, bytes after its head.
+/// Longest accepted message, in bytes after its header.
 const LONGEST: usize = 512;
 /// Bits of the first byte.
 const READ: u8 = 0x80;
 const REPLY: u8 = 0x40;
 const NACK: u8 = 0x20;
 
-/// A line of reports, both ways.
+/// A bidirectional channel for HID reports.
 pub trait HidLine: Send {
     /// Sends one report.
     ///
@@ -20,34 +20,34 @@ pub trait HidLine: Send {
     /// [`LineError`].
     fn write(&mut self, report: &[u8; REPORT]) -> Result<(), LineError>;
 
-    /// Waits for one.
+    /// Waits for one report.
     ///
     /// # Errors
-    /// [`LineError`] after `within` at the latest.
+    /// [`LineError`], at the latest after `within`.
     fn read(&mut self, within: Duration) -> Result<[u8; REPORT], LineError>;
 
-    /// Opens it anew after it was gone.
+    /// Reopens the device after a disconnection.
     ///
     /// # Errors
     /// [`LineError`].
     fn reopen(&mut self) -> Result<(), LineError>;
 }
 
-/// A message: of the host, whose payload begins with the command's code, or of the controller, whose payload is the answer.
+/// A message. The host's payload begins with the command code; the controller's payload is the reply data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// It asks for an answer with data, or is one.
+    /// The message requests data or returns them.
     pub read: bool,
-    /// The controller says no.
+    /// The controller refused the command (NACK).
     pub refused: bool,
-    /// Its number, which the answer repeats.
+    /// Sequence number, which the reply repeats.
     pub number: u8,
-    /// What follows the head.
+    /// Bytes after the header.
     pub payload: Vec<u8>,
 }
 
 impl Message {
-    /// A command or question of the host; an answer is asked for in either case.
+    /// Creates a command or query of the host. Both request a reply.
     #[must_use]
     pub fn host(read: bool, number: u8, code: u16, data: &[u8]) -> Self {
         let mut payload = code.to_le_bytes().to_vec();
@@ -60,7 +60,8 @@ impl Message {
         }
     }
 
-    /// Its reports: flags, number, length of the payload (little-endian), payload; the last one is filled with zeros.
+    /// Encodes the message as reports: flags, number, payload length (little-endian), payload. The last
+    /// report is padded with zeros.
     #[must_use]
     pub fn reports(&self) -> Vec<[u8; REPORT]> {
         let flags = REPLY | if self.read { READ } else { 0 } | if self.refused { NACK } else { 0 };
@@ -76,23 +77,23 @@ impl Message {
     }
 }
 
-/// Puts messages together from reports.
+/// Assembles messages from reports.
 #[derive(Clone, Debug, Default)]
 pub struct Assembler {
     bytes: Vec<u8>,
 }
 
 impl Assembler {
-    /// Forgets a message that has begun.
+    /// Discards a partial message.
     pub fn clear(&mut self) {
         self.bytes.clear();
     }
 
-    /// The message that a report completes, if it does. Reports that begin no message are passed over.
+    /// Adds a report and returns the message that it completes. Skips reports that do not begin a message.
     pub fn feed(&mut self, report: &[u8; REPORT]) -> Option<Message> {
         if self.bytes.is_empty() {
             let (flags, length) = (report[0], u16::from_le_bytes([report[2], report[3]]));
-            // Reserved bits, another destination, or a length that no message has: noise.
+            // Reserved bits, another destination or an impossible length: not a message header.
             if flags & 0x1F != 0 || usize::from(length) > LONGEST {
                 return None;
             }

@@ -1,4 +1,4 @@
-//! The system's device files of HID (Linux): found by the maker's and the product's number, without a library.
+//! Linux device files for HID (hidraw), found by vendor and product ID without an external library.
 
 use super::super::line::LineError;
 use super::hid::{HidLine, REPORT};
@@ -8,20 +8,20 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// Maker's and product's number of a DLPC350.
+/// Vendor and product ID of a DLPC350.
 pub const DLPC350: [u16; 2] = [0x0451, 0x6401];
 
-/// A device file, whose reports a thread of its own reads.
+/// A device file whose reports are read by a background thread.
 pub struct HidRaw {
     ids: [u16; 2],
     open: Option<(File, Receiver<[u8; REPORT]>)>,
 }
 
 impl HidRaw {
-    /// Opens the first device with these numbers.
+    /// Opens the first device with this vendor and product ID.
     ///
     /// # Errors
-    /// [`LineError::Gone`] with what to do about it.
+    /// [`LineError::Gone`] with advice.
     pub fn open(ids: [u16; 2]) -> Result<Self, LineError> {
         let mut line = Self { ids, open: None };
         line.reopen()?;
@@ -29,7 +29,8 @@ impl HidRaw {
     }
 }
 
-/// Device files with a maker's and a product's number, of the system's list of HID devices (`/sys/class/hidraw`), in order.
+/// Returns the device files with a vendor and product ID in the system's list of HID devices
+/// (`/sys/class/hidraw`), sorted.
 #[must_use]
 pub fn find(class: &Path, [maker, product]: [u16; 2]) -> Vec<PathBuf> {
     let wanted = format!("{maker:08X}:{product:08X}");
@@ -54,7 +55,7 @@ impl HidLine for HidRaw {
         let Some((file, _)) = &mut self.open else {
             return Err(LineError::Gone("it is not open".into()));
         };
-        // The kernel wants the report's number first, 0 where reports have none.
+        // The kernel expects the report number first: 0 if the device does not number its reports.
         let mut bytes = [0; REPORT + 1];
         bytes[1..].copy_from_slice(report);
         let sent = file.write_all(&bytes);
@@ -97,7 +98,7 @@ impl HidLine for HidRaw {
             .map_err(gone)?;
         let mut source = file.try_clone().map_err(gone)?;
         let (to, reports) = channel();
-        // Ends with the device, or with the first report after the other end is dropped.
+        // The thread ends when the device disconnects, or at the first report after the receiver is dropped.
         std::thread::spawn(move || {
             let mut report = [0; REPORT];
             while source.read_exact(&mut report).is_ok() && to.send(report).is_ok() {}

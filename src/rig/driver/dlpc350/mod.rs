@@ -1,13 +1,21 @@
-//! TI's DLPC350, the controller of LightCrafter 4500 projectors, in pattern mode over USB HID (programmer's guide DLPU010).
+//! Driver for TI's DLPC350, the controller of LightCrafter 4500 projectors, in pattern mode over USB HID
+//! (programmer's guide DLPU010).
 //!
-//! **What pattern mode can do.** Its patterns are bit planes of images in the controller's flash, written there with its
-//! firmware by TI's own program, or of the video port; none can be sent over USB while it runs. The driver therefore takes a
-//! list of what its flash holds (`dlpc350::projector::Flash`), and loads patterns by finding them, or their negatives, there;
-//! white and black are always there. A pattern that is not is a limit, told as such. The video port is not driven.
+//! **Patterns.** In pattern mode the controller displays bit planes of images in its flash, or of the video
+//! port. TI's own
+//! program writes these images together with the firmware; they cannot be sent over USB while the sequence
+//! runs. The driver
+//! therefore takes a list of the flash contents (`dlpc350::projector::Flash`) and finds each pattern, or its
+//! negative, in
+//! that list. White and black are always available. Any other pattern fails with a limit error. The video
+//! port is not
+//! supported.
 //!
-//! What no machine of the project's could try is the real hardware: packets are those of the independent package
-//! `pycrafter4500` (`validation/dlpc350.py`), behaviour is that of this module's emulator, written after the guide; the
-//! device file of the system ([`hidraw`]) is only known to be found and opened.
+//! **Not tested with real hardware.** Packets are compared with those of the independent package
+//! `pycrafter4500`
+//! (`validation/dlpc350.py`). The behavior is tested against this module's emulator, which follows the guide.
+//! For the
+//! device file ([`hidraw`]), only finding and opening it is tested.
 
 pub mod command;
 pub mod emulator;

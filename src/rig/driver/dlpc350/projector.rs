@@ -1,4 +1,4 @@
-//! The driver: patterns that the flash holds, one at a time.
+//! The projector driver: displays patterns from flash, one at a time.
 
 use super::super::line::LineError;
 use super::command::{Command, Entry, Mailbox, Question, Run, Source, complaints};
@@ -7,22 +7,22 @@ use super::trigger::Triggers;
 use crate::instrument::{Failure, Fault, Identity, Instrument, Pattern, PatternProjector, ProjectorLimits};
 use std::time::{Duration, Instant};
 
-/// Pixels of its mirrors.
+/// Width and height of the mirror array, in pixels.
 pub const SIZE: [u32; 2] = [912, 1140];
-/// Shortest time of a pattern of one bit, microseconds (guide, table of pattern mode).
+/// Shortest period of a one-bit pattern, in microseconds (guide, table of pattern mode).
 pub const SHORTEST_US: u32 = 235;
-/// Black after a pattern, microseconds.
+/// Black time after a pattern, in microseconds.
 const BLACK_US: u32 = 230;
-/// Images that flash can hold.
+/// Maximum number of images in flash.
 const IMAGES: usize = 64;
-/// Planes of one bit in an image.
+/// Number of one-bit planes in an image.
 const PLANES: usize = 24;
 
-/// What the flash holds: `images[i][p]` is plane `p` of image `i`, patterns of one bit, 255 and 0.
+/// Contents of the flash: `images[i][p]` is plane `p` of image `i`, a one-bit pattern with pixels 0 and 255.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Flash(pub Vec<Vec<Pattern>>);
 
-/// One pattern as the controller finds it.
+/// Location of a pattern in the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Place {
     image: u8,
@@ -30,7 +30,7 @@ struct Place {
     negative: bool,
 }
 
-/// A projector.
+/// A projector with a DLPC350 controller.
 pub struct Dlpc350 {
     name: String,
     line: Box<dyn HidLine>,
@@ -44,10 +44,12 @@ pub struct Dlpc350 {
 }
 
 impl Dlpc350 {
-    /// Over a line that is open. `leds` are those that shine (1 red, 2 green, 4 blue); a pattern repeats every `period`.
+    /// Creates a projector on an open line. `leds` is a bit mask of the LEDs to use (1 red, 2 green, 4 blue).
+    /// A pattern repeats every `period`.
     ///
     /// # Errors
-    /// [`Failure`] with limit, for a flash that no controller has, no diode, a period that is too short or above a second.
+    /// [`Failure`] with limit: too many images or planes, wrong pixels in flash, no LED, or a period out of
+    /// range.
     pub fn new(
         name: &str,
         line: Box<dyn HidLine>,
@@ -87,11 +89,11 @@ impl Dlpc350 {
         })
     }
 
-    /// The same with triggers.
+    /// Adds triggers.
     ///
     /// # Errors
-    /// [`Failure`] with limit: times that the controller does not have; an input, which needs 230 µs of black after a pattern, where the
-    /// period leaves none.
+    /// [`Failure`] with limit: a time is out of range, or an input is set (which requires 230 µs of black
+    /// after a pattern) and the period is too short for it.
     pub fn with_triggers(mut self, triggers: Triggers) -> Result<Self, Failure> {
         triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         if triggers.input.is_some() && self.period_us < SHORTEST_US + BLACK_US {
@@ -116,7 +118,8 @@ impl Dlpc350 {
         }
     }
 
-    /// One message and its answer's payload. Answers with other numbers are late ones to what timed out before.
+    /// Sends one message and returns the payload of its reply. Replies with other numbers belong to earlier
+    /// messages that timed out and are skipped.
     fn exchange(&mut self, read: bool, code: u16, data: &[u8], until: Instant) -> Result<Vec<u8>, Failure> {
         self.number = self.number.wrapping_add(1);
         self.parser.clear();
@@ -146,7 +149,7 @@ impl Dlpc350 {
             .map(drop)
     }
 
-    /// The answer's bytes, of which there are at least `least`.
+    /// Sends a query and returns its reply of at least `least` bytes.
     fn ask(&mut self, question: Question, least: usize, until: Instant) -> Result<Vec<u8>, Failure> {
         let answer = self.exchange(true, question.code(), &[], until)?;
         if answer.len() < least {
@@ -159,7 +162,7 @@ impl Dlpc350 {
         Ok(answer)
     }
 
-    /// Where a pattern, or its negative, is.
+    /// Finds a pattern or its negative.
     fn find(&self, pattern: &Pattern) -> Option<Place> {
         let all = |value: u8| pattern.pixels.iter().all(|p| *p == value);
         if all(255) || all(0) {
@@ -185,7 +188,7 @@ impl Dlpc350 {
         None
     }
 
-    /// Sets a sequence of one pattern that repeats, lets the controller check it, and starts it.
+    /// Sets a sequence of one repeating pattern, has the controller validate it, and starts it.
     fn run(&mut self, place: Place, until: Instant) -> Result<(), Failure> {
         let outside = self.triggers.input.is_some();
         let exposure_us = self.period_us - if outside { BLACK_US } else { 0 };
@@ -199,7 +202,7 @@ impl Dlpc350 {
             fetch: true,
             joined: false,
         };
-        // The guide's order: everything is set while the sequence stands, validated last.
+        // Order of the guide: set everything while the sequence is stopped, then validate.
         let triggers = self
             .triggers
             .commands()
@@ -249,7 +252,7 @@ impl Dlpc350 {
         self.tell(&Command::Run(Run::Start), until)
     }
 
-    /// Waits until the mirrors follow.
+    /// Waits until the mirrors show the pattern.
     fn stands(&mut self, until: Instant) -> Result<(), Failure> {
         loop {
             let main = self.ask(Question::Main, 1, until)?[0];
@@ -258,7 +261,7 @@ impl Dlpc350 {
             }
             let period = Duration::from_micros(u64::from(self.period_us));
             if main & 2 != 0 {
-                // Light of the pattern before ends within a period.
+                // The previous pattern ends within one period.
                 std::thread::sleep(period);
                 return Ok(());
             }
@@ -274,7 +277,7 @@ impl Dlpc350 {
     }
 }
 
-/// Whether a pattern is as large as the mirrors, and of one bit.
+/// Returns whether a pattern has the size of the mirror array and is one-bit.
 fn fits(p: &Pattern) -> bool {
     [p.width, p.height] == SIZE
         && p.pixels.len() == SIZE[0] as usize * SIZE[1] as usize
@@ -286,7 +289,7 @@ impl Instrument for Dlpc350 {
         &self.name
     }
 
-    /// The protocol has no serial number; the firmware's tag stands for it, which its maker gives.
+    /// Returns the firmware's tag as the serial number, because the protocol has none.
     fn identify(&mut self, within: Duration) -> Result<Identity, Failure> {
         let until = Instant::now() + within;
         let v = self.ask(Question::Version, 4, until)?;
@@ -319,7 +322,7 @@ impl PatternProjector for Dlpc350 {
         }
     }
 
-    /// Finds patterns in flash: nothing is sent but a question for how many images it has.
+    /// Finds the patterns in flash; the only query sent is for the number of images.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         let limit = |what: String| Err(self.failure(Fault::Limit, what));
@@ -372,7 +375,7 @@ impl PatternProjector for Dlpc350 {
         self.stands(until)
     }
 
-    /// Diodes off by hand first: they are, whatever the sequence does.
+    /// Turns off the LEDs manually first, so that they are dark regardless of the sequence.
     fn dark(&mut self, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         self.tell(&Command::Leds(0), until)?;

@@ -1,4 +1,4 @@
-//! Packets, the driver against the emulator, and streams of reports that are none.
+//! Tests of packets, of the driver with the emulator, and of invalid report streams.
 
 use super::super::line::LineError;
 use super::command::{Begin, Command, Entry, Question, Run, complaints};
@@ -39,7 +39,7 @@ fn emulated() -> (Dlpc350, Emulator) {
     )
 }
 
-/// Bytes after the guide: flags, number, length, CMD3, CMD2, data.
+/// Compares bytes with the guide: flags, number, length, CMD3, CMD2, data.
 #[test]
 fn packets_are_the_guides() {
     let start = Command::Run(Run::Start);
@@ -48,7 +48,7 @@ fn packets_are_the_guides() {
     assert_eq!(reports[0][..8], [0x40, 7, 3, 0, 0x24, 0x1A, 2, 0]);
     let reports = Message::host(true, 0, Question::Main.code(), &[]).reports();
     assert_eq!(reports[0][..7], [0xC0, 0, 2, 0, 0x0C, 0x1A, 0]);
-    // 128 patterns are 384 bytes: 58 in the first report, 64 in each that follows.
+    // 128 patterns are 384 bytes: 58 in the first report, 64 in each subsequent one.
     let reports = Message::host(false, 1, 0x1A34, &[0xAB; 384]).reports();
     assert_eq!(reports.len(), 1 + (384_usize - 58).div_ceil(64));
     assert_eq!(reports[0][2..6], [0x82, 0x01, 0x34, 0x1A]);
@@ -104,7 +104,7 @@ fn patterns_are_found_in_flash() {
     projector
         .show(0, LONG)
         .expect("what was loaded before is still there");
-    // A list of another firmware.
+    // A flash list of another firmware.
     let small = Emulator::new(1);
     let flash = Flash(vec![vec![], vec![stripes(8)]]);
     let mut projector = Dlpc350::new("dmd", Box::new(small), flash, 2, PERIOD).expect("a projector");
@@ -177,8 +177,9 @@ fn what_no_controller_can_is_refused() {
     assert_eq!(complaints(0b11).len(), 2);
 }
 
-/// The emulator finds sequences wrong that the guide calls wrong: nothing else would test that the driver asks.
-/// Triggers are set before the sequence is checked, in steps of 107.2 ns: 0xBB is the pattern's begin (TI's own program).
+/// The emulator rejects sequences that the guide calls invalid; no other test checks that the driver asks for
+/// validation. Triggers are set before the sequence is validated, in steps of 107.2 ns: 0xBB is the begin of
+/// the pattern (TI's own program).
 #[test]
 fn triggers_are_the_guides() {
     let triggers = Triggers {
@@ -206,7 +207,7 @@ fn triggers_are_the_guides() {
     assert_eq!(emulator.trigger(0x1A35), Some(steps.to_le_bytes().to_vec()));
     let entry = emulator.light().expect("light").entry;
     assert!(entry.begin == Begin::Falling && entry.dark_after);
-    // An instrument that waits for triggers conforms all the same.
+    // An instrument that waits for triggers also passes the conformance suite.
     let faults: Vec<_> = conformance::pattern_projector(&mut dmd)
         .faults()
         .cloned()
@@ -319,7 +320,7 @@ fn device_files_are_found_by_their_numbers() {
     assert!(missing.to_string().contains("ffff:fffe"), "{missing}");
 }
 
-/// Reports that come whatever is sent, and then nothing.
+/// A line that returns fixed reports regardless of input, then nothing.
 struct Garbage(Vec<[u8; REPORT]>);
 
 impl HidLine for Garbage {
@@ -348,7 +349,7 @@ fn report() -> impl Strategy<Value = [u8; REPORT]> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-    /// Ten thousand streams at the driver, and at the emulator: no panic, no hang.
+    /// Ten thousand random streams cause no panic and no hang, in the driver or in the emulator.
     #[test]
     fn garbage_is_no_message(reports in prop::collection::vec(report(), 0..24), which in 0..4_u8) {
         let begun = Instant::now();

@@ -1,30 +1,32 @@
-//! Triggers: pulses that the controller gives with every pattern, and those that it waits for.
+//! Triggers: output pulses of the controller and inputs that begin patterns.
 //!
-//! Edges of outputs are set in steps of 107.2 ns, from 20.05 µs before the pattern to 2.787 µs after its begin (output 1: rising
-//! and falling edge, output 2: rising alone), the delay of input 1 in the same steps up to 2¹⁹ - 1 of them (DLPC350
-//! programmer's guide, DLPU010, "Trigger controls"; ranges as TI's own program has them).
+//! Edges of the outputs are set in steps of 107.2 ns, from 20.05 µs before to 2.787 µs after the begin of the
+//! pattern.
+//! Output 1 has a rising and a falling edge, output 2 only a rising one. The delay of input 1 is at most 2¹⁹
+//! - 1 of these
+//! steps (DLPC350 programmer's guide, DLPU010, "Trigger controls"; ranges as in TI's own program).
 
 use super::command::{Begin, Command};
 use serde::Deserialize;
 
-/// Step of all times, microseconds.
+/// Time step, in microseconds.
 const STEP_US: f64 = 0.1072;
-/// Earliest edge, microseconds from the pattern's begin.
+/// Earliest edge relative to the begin of the pattern, in microseconds.
 const EARLIEST_US: f64 = -20.05;
-/// Steps from there to the latest.
+/// Number of steps from the earliest to the latest edge.
 const LATEST: f64 = 213.0;
-/// Steps of the longest delay.
+/// Maximum delay, in steps.
 const LONGEST: f64 = 524_287.0;
 
-/// An output's edges, microseconds from the pattern's begin.
+/// Edges of an output, in microseconds from the begin of the pattern.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Output {
-    /// Low while it is active.
+    /// Active low.
     pub active_low: bool,
-    /// When it becomes active.
+    /// Time of the rising edge.
     pub rise_us: f64,
-    /// When it ends; of output 1 alone.
+    /// Time of the falling edge; only for output 1.
     pub fall_us: f64,
 }
 
@@ -42,22 +44,22 @@ pub enum Edge {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
-    /// Which edge.
     pub edge: Edge,
-    /// From it to the pattern's begin, microseconds.
+    /// Delay from the edge to the begin of the pattern, in microseconds.
     #[serde(default)]
     pub delay_us: f64,
 }
 
-/// All triggers; what is left out stays as the controller has it, and without an input its own clock begins patterns.
+/// All triggers. Absent outputs keep the controller's settings; without an input, the internal clock begins
+/// patterns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Triggers {
-    /// Output 1: every pattern.
+    /// Output 1: a pulse per pattern.
     pub output_1: Option<Output>,
-    /// Output 2: the begin of the sequence.
+    /// Output 2: a pulse at the begin of the sequence.
     pub output_2: Option<Output>,
-    /// What begins patterns from outside.
+    /// External trigger that begins patterns.
     pub input: Option<Input>,
 }
 
@@ -70,7 +72,7 @@ fn edge(us: f64, what: &str) -> Result<u8, String> {
 }
 
 impl Triggers {
-    /// What begins a pattern.
+    /// Returns the trigger that begins a pattern.
     #[must_use]
     pub fn begin(&self) -> Begin {
         match self.input.map(|i| i.edge) {
@@ -80,10 +82,10 @@ impl Triggers {
         }
     }
 
-    /// What tells the controller so, while its sequence stands.
+    /// Returns the commands that set the triggers while the sequence is stopped.
     ///
     /// # Errors
-    /// In words: times that it does not have.
+    /// A message that names the time that is out of range.
     pub fn commands(&self) -> Result<Vec<Command>, String> {
         let mut all = vec![];
         if let Some(o) = &self.output_1 {

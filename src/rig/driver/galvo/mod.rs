@@ -1,4 +1,5 @@
-//! Galvo mirrors behind an analog output card: volts for degrees, moves as buffers of samples, a wait until they stand.
+//! Galvo mirrors driven by an analog output card: conversion of degrees to volts, moves as buffers of
+//! samples, and settling.
 
 pub mod scanner;
 pub mod wiring;

@@ -1,8 +1,10 @@
-//! A galvo scanner over any analog output.
+//! A galvo scanner on any analog output.
 //!
-//! The card knows what it puts out, not where the mirrors are: what [`GalvoScanner::point`] returns is the voltage that stands,
-//! as an angle. After a failure nobody knows where the beam is; the next move goes there in one step, with time enough to come
-//! from anywhere.
+//! The card knows its output voltage but not the mirrors' position: [`GalvoScanner::point`] returns the
+//! present voltage
+//! as an angle. After a failure the beam's position is unknown; the next move is a single step, followed by
+//! enough
+//! settling time for a move from any position.
 
 use super::wiring::Wiring;
 use crate::clock::Clock;
@@ -11,24 +13,24 @@ use crate::instrument::{
 };
 use std::time::Duration;
 
-/// Mirrors behind a card.
+/// Galvo mirrors driven by an analog output card.
 pub struct AnalogGalvo {
     card: Box<dyn AnalogOutput>,
     clock: Clock,
     wiring: Wiring,
     limits: AnalogLimits,
     configured: bool,
-    /// A buffer may be under way still.
+    /// A buffer may still be playing.
     running: bool,
-    /// Volts that stand, where that is known.
+    /// Present output in volts, if known.
     at: Option<[f64; 2]>,
 }
 
 impl AnalogGalvo {
-    /// Mirrors that hang at `card` as `wiring` says. Its name is the card's.
+    /// Creates a scanner on `card` with `wiring`. The scanner's name is that of the card.
     ///
     /// # Errors
-    /// [`Failure`]: limit, if the card cannot drive them.
+    /// [`Failure`]: limit, if the card cannot drive the mirrors.
     pub fn new(card: Box<dyn AnalogOutput>, clock: Clock, wiring: Wiring) -> Result<Self, Failure> {
         let limits = card.limits();
         wiring
@@ -49,7 +51,7 @@ impl AnalogGalvo {
         until.saturating_sub(self.clock.now())
     }
 
-    /// Moves to volts that the card can put out, and returns how long the mirrors need from then on.
+    /// Moves to voltages within the card's range, and returns how long the mirrors take from now on.
     fn travel(&mut self, goal: [f64; 2], until: Duration) -> Result<Duration, Failure> {
         if self.running {
             let left = self.left(until);

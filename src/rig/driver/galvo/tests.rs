@@ -1,5 +1,5 @@
-//! Volts for degrees and the way between them in closed form; the scanner over a simulated card: what stood when, and what it
-//! does when the card fails.
+//! Compares voltages and paths with closed forms, and tests the scanner on a simulated card: output over time
+//! and behavior on failures.
 
 use super::scanner::AnalogGalvo;
 use super::wiring::{Travel, Wiring};
@@ -25,7 +25,7 @@ const CARD: AnalogLimits = AnalogLimits {
     samples: 65_536,
 };
 
-/// y is mounted the other way round, and driven more weakly.
+/// y is mounted in reverse and has a smaller gain.
 const WIRING: Wiring = Wiring {
     channels: [2, 0],
     volts_per_degree: [0.8, -0.5],
@@ -65,7 +65,7 @@ fn scanner(world: &Shared, wiring: Wiring) -> AnalogGalvo {
     AnalogGalvo::new(Box::new(card(world)), world.clock(), wiring).expect("a scanner")
 }
 
-/// Sixteen bits over ±10 V: zero is a step, and the last step is one below 10 V.
+/// 16 bits over ±10 V: zero is a step, and the largest output is one step below 10 V.
 #[test]
 fn steps_are_those_of_the_bits() {
     assert_eq!(CARD.step(), 20.0 / 65_536.0);
@@ -79,7 +79,8 @@ fn steps_are_those_of_the_bits() {
 }
 
 proptest! {
-    /// Volts are degrees and back; the way ends at its goal, goes straight, is symmetric, and is never faster than it may.
+    /// The conversion to volts is invertible. A path ends at its goal, is straight and symmetric, and never
+    /// exceeds the speed limit.
     #[test]
     fn ways_keep_their_promises(from in [-20.0..20.0, -15.0..15.0], to in [-20.0..20.0, -15.0..15.0]) {
         let (a, b) = (WIRING.volts(from), WIRING.volts(to));
@@ -103,8 +104,9 @@ proptest! {
             last = at;
         }
         prop_assert!(fastest <= 2000.0 * (1.0 + 1e-9), "{} degrees a second", fastest);
-        // Samples are whole, so a way takes up to one of n more than it must. The fastest sample's mean speed is that over a
-        // time 1/n beside the middle at worst, where the speed falls as (1 - 4x²)² ≥ 1 - 8x²: no less than 1 - 8/(3n²) of it.
+        // The number of samples n is rounded up, so a path takes up to one sample longer than necessary. At worst, the
+        // fastest sample covers the interval of length 1/n next to the midpoint, where the speed falls as
+        // (1 - 4x²)² ≥ 1 - 8x²: its mean speed is at least 1 - 8/(3n²) of the maximum.
         let n = n as f64;
         let least = 2000.0 * (1.0 - 1.0 / n) * (1.0 - 8.0 / (3.0 * n * n));
         prop_assert!(fastest >= least * (1.0 - 1e-9), "{} of {} degrees a second", fastest, least);
@@ -126,7 +128,8 @@ fn card_and_scanner_conform() {
     }
 }
 
-/// Every sample stands at its time, at its own channel, in the card's steps; then the mirrors settle, and the beam is there.
+/// Every sample is output at its time, on its channel and rounded to the card's steps. Then the mirrors
+/// settle and the beam has arrived.
 #[test]
 fn every_sample_stands_at_its_time() {
     let world = world(&[]);
@@ -141,7 +144,7 @@ fn every_sample_stands_at_its_time() {
         "{at:?}"
     );
     assert_eq!(world.with(|w| w.pointing_deg), at);
-    // 1.875 · 10° / 2000°/s · 10 kHz. A sample is off by half a step, and half a step of its goal.
+    // 1.875 · 10° / 2000°/s · 10 kHz. A sample deviates by half a step, plus half a step of the goal.
     let n = 94;
     let stood = recording.lock().expect("it")[before..].to_vec();
     assert_eq!(stood.len(), n);
@@ -162,12 +165,12 @@ fn every_sample_stands_at_its_time() {
     }
     let took = world.clock().now().saturating_sub(begun);
     assert_eq!(took, Duration::from_secs_f64(n as f64 / 1e4) + WIRING.settle);
-    // Nothing to go: one sample.
+    // A move to the present position takes one sample.
     galvo.point([10.0, -6.0], WITHIN).expect("points");
     assert_eq!(recording.lock().expect("it").len(), before + n + 1);
 }
 
-/// Whatever the card does, the failure says what, and the next try is where it should be and has waited long enough.
+/// Each failure of the card is reported with its cause. The next move reaches its goal and waits long enough.
 #[test]
 fn a_card_that_fails_is_told_and_forgiven() {
     for (mishap, fault) in [
@@ -202,7 +205,7 @@ fn a_card_that_fails_is_told_and_forgiven() {
     assert!((galvo.point([20.0, 0.0], WITHIN).expect("points")[0] - 20.0).abs() < 4e-4);
 }
 
-/// Mirrors that a card cannot drive are told before anything moves.
+/// Wiring that the card cannot drive is refused before anything moves.
 #[test]
 fn wiring_that_cannot_be_is_told() {
     for (wiring, words) in [

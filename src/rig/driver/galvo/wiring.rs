@@ -1,59 +1,63 @@
-//! How a pair of galvo mirrors hangs at a card: volts for degrees, and the way from one place to another.
+//! Wiring of a pair of galvo mirrors to a card: conversion of degrees to volts, and the path between two
+//! positions.
 //!
-//! A mirror that turns by θ turns the beam by 2θ. Makers state volts per degree of the mirror (0.5, 0.8 or 1 for Thorlabs'
-//! GVS0xx); everything else here counts the beam's optical degrees, as [`crate::instrument::GalvoScanner`] does.
+//! A mirror that turns by θ turns the beam by 2θ. Makers state volts per mechanical degree of the mirror
+//! (0.5, 0.8 or 1 for
+//! Thorlabs' GVS0xx). All other angles are optical degrees of the beam, as in
+//! [`crate::instrument::GalvoScanner`].
 
 use crate::instrument::{AnalogLimits, AnalogSettings, GalvoLimits};
 use std::time::Duration;
 
-/// How the beam gets from one place to another.
+/// Motion of the beam between two positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Travel {
-    /// At once: one sample.
+    /// A single step of one sample.
     Stepped,
-    /// Along an S that begins and ends without speed and acceleration; the greatest speed of the beam, degrees a second.
+    /// An S-curve with zero speed and acceleration at both ends; the value is the beam's maximum speed, in
+    /// degrees per second.
     Smooth(f64),
 }
 
-/// A pair of mirrors and the channels that they hang at, x and y.
+/// A pair of mirrors (x and y) and their channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wiring {
     /// Channels of the card.
     pub channels: [usize; 2],
-    /// Volts per degree of a mirror's own turn; negative where it is mounted the other way round.
+    /// Volts per mechanical degree of the mirror; negative if the mirror is mounted in reverse.
     pub volts_per_degree: [f64; 2],
-    /// Greatest optical angle, degrees.
+    /// Maximum absolute optical angle, in degrees.
     pub range_deg: [f64; 2],
-    /// Samples a second.
+    /// Samples per second.
     pub rate_hz: f64,
-    /// How the beam gets from place to place.
+    /// Motion of the beam between two positions.
     pub travel: Travel,
-    /// Time until the mirrors stand after the last sample.
+    /// Settling time of the mirrors after the last sample.
     pub settle: Duration,
 }
 
-/// Greatest slope of [`curve`].
+/// Maximum slope of [`curve`].
 const STEEPEST: f64 = 1.875;
 
-/// An S from 0 to 1 whose speed and acceleration are zero at both ends: 10 u³ - 15 u⁴ + 6 u⁵.
+/// Returns the S-curve from 0 to 1 with zero speed and acceleration at both ends: 10 u³ - 15 u⁴ + 6 u⁵.
 fn curve(u: f64) -> f64 {
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
 
 impl Wiring {
-    /// Volts for optical degrees.
+    /// Converts optical degrees to volts.
     #[must_use]
     pub fn volts(&self, angles_deg: [f64; 2]) -> [f64; 2] {
         std::array::from_fn(|i| angles_deg[i] / 2.0 * self.volts_per_degree[i])
     }
 
-    /// Optical degrees for volts.
+    /// Converts volts to optical degrees.
     #[must_use]
     pub fn angles(&self, volts: [f64; 2]) -> [f64; 2] {
         std::array::from_fn(|i| volts[i] / self.volts_per_degree[i] * 2.0)
     }
 
-    /// What the card is set to.
+    /// Returns the settings of the card.
     #[must_use]
     pub fn settings(&self) -> AnalogSettings {
         AnalogSettings {
@@ -62,7 +66,7 @@ impl Wiring {
         }
     }
 
-    /// What mirrors and card together can do.
+    /// Returns the combined limits of mirrors and card.
     #[must_use]
     pub fn limits(&self, card: &AnalogLimits) -> GalvoLimits {
         let steps = self.volts_per_degree.map(|v| 2.0 * card.step() / v.abs());
@@ -73,7 +77,7 @@ impl Wiring {
         }
     }
 
-    /// Samples of a move between two places given in volts; at least one.
+    /// Returns the number of samples of a move between two voltages; at least 1.
     fn samples(&self, from: [f64; 2], to: [f64; 2]) -> usize {
         let Travel::Smooth(speed) = self.travel else {
             return 1;
@@ -83,15 +87,15 @@ impl Wiring {
         ((STEEPEST * far / speed * self.rate_hz).ceil() as usize).max(1)
     }
 
-    /// The longest move takes as long.
+    /// Returns the duration of the longest move.
     #[must_use]
     pub fn longest(&self) -> Duration {
         let corner = self.volts(self.range_deg);
         Duration::from_secs_f64(self.samples(corner.map(|v| -v), corner) as f64 / self.rate_hz)
     }
 
-    /// The way between two places given in volts, as the card takes it: both axes set out and arrive together. The last
-    /// sample is the goal.
+    /// Returns the samples of the path between two voltages, per channel. Both axes start and arrive
+    /// together. The last sample is the goal.
     #[must_use]
     pub fn way(&self, from: [f64; 2], to: [f64; 2]) -> Vec<Vec<f64>> {
         let n = self.samples(from, to);
@@ -108,10 +112,10 @@ impl Wiring {
         vec![axis(0), axis(1)]
     }
 
-    /// Whether a card can drive these mirrors over all of their range.
+    /// Checks that a card can drive the mirrors over their full range.
     ///
     /// # Errors
-    /// What it cannot and how to fix it, in words.
+    /// A message with the cause and how to fix it.
     pub fn check(&self, card: &AnalogLimits) -> Result<(), String> {
         if !self
             .volts_per_degree

@@ -1,6 +1,7 @@
-//! A GenICam camera as an area camera: one frame a trigger.
+//! A GenICam camera as an area camera: one frame per trigger.
 //!
-//! The camera acquires from [`AreaCamera::configure`] on and waits for triggers, so that an exposure begins at once.
+//! The camera acquires from [`AreaCamera::configure`] on and waits for triggers, so that an exposure starts
+//! without delay.
 
 use super::nodes::{Control, Nodes};
 use super::stream::{Block, Frames, fault};
@@ -11,7 +12,7 @@ use crate::instrument::{
 use cameleon::StreamError;
 use std::time::Duration;
 
-/// Pixels that this program reads.
+/// Supported pixel formats.
 const FORMATS: [PixelFormat; 4] = [
     PixelFormat::Mono8,
     PixelFormat::Mono10p,
@@ -19,18 +20,17 @@ const FORMATS: [PixelFormat; 4] = [
     PixelFormat::Mono16,
 ];
 
-/// Share by which an exposure may differ from what was asked for: cameras round it to their clock.
+/// Relative tolerance of the exposure time: cameras round it to their clock.
 const EXPOSURE_OFF: f64 = 0.01;
 
-/// A camera.
 pub struct GenICamCamera {
     nodes: Nodes,
     frames: Box<dyn Frames>,
     limits: CameraLimits,
     settings: Option<CameraSettings>,
-    /// It acquires, or may: who had it before, or lost it, did not end that.
+    /// The camera acquires or may acquire: an earlier program or connection may not have stopped it.
     acquiring: bool,
-    /// An exposure was begun whose frame has not come.
+    /// An exposure was started whose frame has not arrived.
     pending: bool,
 }
 
@@ -43,10 +43,11 @@ fn common_multiple(a: u32, b: u32) -> u32 {
 }
 
 impl GenICamCamera {
-    /// Opens a camera and asks what it can do. `row_time` is the time to read a row, which no feature tells.
+    /// Opens a camera and reads its limits. `row_time` is the readout time of a row, which no feature
+    /// reports.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout, refused (in use, or without a feature that is needed).
+    /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is missing).
     pub fn new(
         name: &str,
         control: Control,
@@ -112,7 +113,7 @@ impl GenICamCamera {
         Ok(())
     }
 
-    /// Ends acquisition and unlocks the features.
+    /// Stops the acquisition and unlocks the features.
     fn halt(&mut self) -> Result<(), Failure> {
         self.pending = false;
         if !self.acquiring {
@@ -121,7 +122,7 @@ impl GenICamCamera {
         let stopped = self.frames.stop();
         stopped.map_err(|e| self.of_stream(&e))?;
         match self.nodes.command("AcquisitionStop") {
-            // One that does not acquire may say that it cannot stop.
+            // A camera that is not acquiring may refuse to stop.
             Err(e) if !matches!(e.fault, Fault::Refused | Fault::Limit) => return Err(e),
             _ => {}
         }
@@ -133,7 +134,8 @@ impl GenICamCamera {
         Ok(())
     }
 
-    /// The order of USB3 Vision: the stream's registers, the lock, the command; then frames are received.
+    /// Starts the acquisition in the order of USB3 Vision: stream registers, lock, command; then receives
+    /// frames.
     fn acquire(&mut self) -> Result<(), Failure> {
         self.nodes.line("stream", |c| c.enable_streaming())?;
         self.acquiring = true;
@@ -148,7 +150,7 @@ impl GenICamCamera {
     fn set(&mut self, settings: &CameraSettings) -> Result<(), Failure> {
         let n = &mut self.nodes;
         let r = settings.region;
-        // Offsets first to zero: the greatest width is what the offset leaves of the sensor.
+        // Reset the offsets first: the maximum width depends on the offset.
         n.set_integer("OffsetX", 0)?;
         n.set_integer("OffsetY", 0)?;
         n.set_integer("Width", i64::from(r.width))?;
@@ -236,7 +238,7 @@ impl Instrument for GenICamCamera {
     }
 
     fn reconnect(&mut self, _within: Duration) -> Result<(), Failure> {
-        // What is lost cannot be told to stop.
+        // Ignore errors: a disconnected camera cannot be stopped.
         let _ = self.halt();
         (self.settings, self.acquiring, self.pending) = (None, true, false);
         let _ = self.frames.close();

@@ -1,5 +1,5 @@
-//! A camera in memory: the bootstrap registers of GenCP, a manifest with its XML, and registers of features that take effect.
-//! Pixel k of frame n is n + k.
+//! A simulated camera in memory: the bootstrap registers of GenCP, a manifest with its XML, and feature
+//! registers that take effect. Pixel k of frame n has the value n + k.
 
 use super::stream::{Block, Frames};
 use crate::instrument::{PixelFormat, Region, pixels};
@@ -13,36 +13,34 @@ const MANIFEST: usize = 0x1000;
 const FILE: usize = 0x2000;
 const REGISTERS: usize = 0x20000;
 
-/// What goes wrong.
+/// Fault of the simulated camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trouble {
-    /// Nothing.
     #[default]
     None,
-    /// The cable is out.
+    /// The cable is disconnected.
     Gone,
-    /// It does not answer.
+    /// The camera does not reply.
     Silent,
-    /// Another program has it.
+    /// Another program uses the camera.
     Busy,
-    /// Frames never come.
+    /// Frames never arrive.
     NoFrames,
-    /// A frame comes with a byte too few.
+    /// A frame arrives with one byte missing.
     Short,
-    /// A frame of another region comes.
+    /// A frame of another region arrives.
     Stale,
 }
 
-/// The camera's state.
+/// State of the simulated camera.
 pub struct State {
     memory: Vec<u8>,
-    /// Addresses of registers that were written, in order, with their new value.
+    /// Addresses and new values of all registers written, in order.
     pub written: Vec<(usize, u32)>,
-    /// What goes wrong.
     pub trouble: Trouble,
-    /// The line is open.
+    /// Whether the line is open.
     pub opened: bool,
-    /// The stream is enabled, and received.
+    /// Whether the stream is enabled, and whether it is received.
     pub streaming: [bool; 2],
     acquiring: bool,
     begun: Instant,
@@ -50,12 +48,12 @@ pub struct State {
     waiting: VecDeque<(Instant, Block)>,
 }
 
-/// A camera that lines share.
+/// A simulated camera that several lines can share.
 #[derive(Clone)]
 pub struct Fake(Arc<Mutex<State>>);
 
 impl Fake {
-    /// A camera at rest, as it comes from the box: all of its sensor, exposing by itself.
+    /// Creates an idle camera in its factory state: full sensor, automatic exposure.
     pub fn new() -> Self {
         let mut state = State {
             memory: vec![0; REGISTERS + 0x100],
@@ -77,7 +75,7 @@ impl Fake {
         put(0x0144, b"F-0001");
         put(0x01D0, &(MANIFEST as u64).to_le_bytes());
         put(MANIFEST, &1_u64.to_le_bytes());
-        // Version 1.0.0 of the file; an XML of schema 1.1, not compressed.
+        // Version 1.0.0 of the file; an uncompressed XML of schema 1.1.
         put(MANIFEST + 8, &[0, 0, 0, 1]);
         put(MANIFEST + 12, &[0, 0, 1, 1]);
         put(MANIFEST + 16, &(FILE as u64).to_le_bytes());
@@ -95,7 +93,7 @@ impl Fake {
         Self(Arc::new(Mutex::new(state)))
     }
 
-    /// Looks at it, or changes it.
+    /// Locks the state for reading or changing.
     pub fn state(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -113,7 +111,7 @@ impl Fake {
 }
 
 impl State {
-    /// A register of 32 bits.
+    /// Returns a 32-bit register.
     pub fn register(&self, address: usize) -> u32 {
         u32::from_le_bytes(self.memory[address..address + 4].try_into().expect("four bytes"))
     }
@@ -192,7 +190,7 @@ impl DeviceControl for Fake {
         let mut state = self.line()?;
         let at = address as usize;
         let locked = state.register(REGISTERS + 0x30) == 1;
-        // What shapes the stream cannot be changed while it runs.
+        // Features that define the stream's layout are locked while it runs.
         if at < REGISTERS || data.len() != 4 || (locked && at < REGISTERS + 0x14) {
             return Err(ControlError::InvalidData(
                 "this register cannot be written now".into(),
@@ -203,7 +201,7 @@ impl DeviceControl for Fake {
         Ok(())
     }
 
-    /// By the bootstrap registers, as a real line does it.
+    /// Finds the XML through the bootstrap registers, as a real line does.
     fn genapi(&mut self) -> ControlResult<String> {
         let mut word = |at: u64| -> ControlResult<u64> {
             let mut bytes = [0; 8];

@@ -1,5 +1,6 @@
-//! Cameras that speak GenICam: features by the names of the Standard Features Naming Convention, over any line that reads and
-//! writes registers. Of the crate `cameleon`, built with the feature `genicam`; `usb3_vision` adds the USB line.
+//! GenICam cameras: features named by the Standard Features Naming Convention, over any line that reads and
+//! writes registers. Uses the crate `cameleon` and requires the feature `genicam`; the feature `usb3_vision`
+//! adds the USB line.
 
 pub mod camera;
 pub mod nodes;

@@ -1,4 +1,5 @@
-//! Features of a camera by name: what its own XML says about registers is evaluated by `cameleon`, nothing is cached.
+//! Features of a camera by name. `cameleon` evaluates the camera's XML description of its registers; nothing
+//! is cached.
 
 use crate::instrument::{Failure, Fault};
 use cameleon::genapi::{FromXml, GenApiError, NoCacheGenApiCtxt, Node, ParamsCtxt};
@@ -9,14 +10,14 @@ pub type Control = Box<dyn DeviceControl + Send>;
 
 type Params<'a> = ParamsCtxt<&'a mut (dyn DeviceControl + Send), &'a mut NoCacheGenApiCtxt>;
 
-/// A camera's features.
+/// Features of a camera.
 pub struct Nodes {
     name: String,
     control: Control,
     context: NoCacheGenApiCtxt,
 }
 
-/// What a failure of the line is to a session.
+/// Returns the fault for an error of the line.
 fn of_control(error: &ControlError) -> Fault {
     match error {
         ControlError::Timeout => Fault::Timeout,
@@ -25,7 +26,7 @@ fn of_control(error: &ControlError) -> Fault {
     }
 }
 
-/// What a failure of a feature is to a session.
+/// Returns the fault for an error of a feature.
 fn of_feature(error: &GenApiError) -> Fault {
     match error {
         GenApiError::Device(inner) => {
@@ -38,10 +39,10 @@ fn of_feature(error: &GenApiError) -> Fault {
 }
 
 impl Nodes {
-    /// Opens the line and reads what the camera says of its features.
+    /// Opens the line and reads the camera's feature description.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected, timeout, refused (in use, XML that is none).
+    /// [`Failure`]: disconnected, timeout, refused (camera in use, or invalid XML).
     pub fn open(name: &str, mut control: Control) -> Result<Self, Failure> {
         let told = |e: ControlError| Failure::new(of_control(&e), name, e.to_string());
         if !control.is_opened() {
@@ -59,22 +60,22 @@ impl Nodes {
         })
     }
 
-    /// The camera's name in the rig file.
+    /// Returns the camera's name in the rig file.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// A failure of this camera.
+    /// Creates a failure of this camera.
     #[must_use]
     pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Talks to the line itself.
+    /// Accesses the line directly.
     ///
     /// # Errors
-    /// [`Failure`].
+    /// [`Failure`] of the line.
     pub fn line<T>(
         &mut self,
         doing: &str,
@@ -84,12 +85,11 @@ impl Nodes {
         found.map_err(|e| self.failure(of_control(&e), format!("{doing}: {e}")))
     }
 
-    /// The line.
     pub fn control(&mut self) -> &mut dyn DeviceControl {
         self.control.as_mut()
     }
 
-    /// Whether there is such a feature.
+    /// Returns whether a feature exists.
     #[must_use]
     pub fn has(&mut self, feature: &str) -> bool {
         self.params().node(feature).is_some()
@@ -102,7 +102,7 @@ impl Nodes {
         }
     }
 
-    /// Does something with a feature; `None` of `f` says that it is of another kind.
+    /// Accesses a feature; `f` returns `None` if the feature has another type.
     fn with<T>(
         &mut self,
         feature: &str,
@@ -119,7 +119,7 @@ impl Nodes {
         }
     }
 
-    /// A whole number.
+    /// Returns an integer feature.
     ///
     /// # Errors
     /// [`Failure`].
@@ -127,15 +127,15 @@ impl Nodes {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.value(p)))
     }
 
-    /// Sets a whole number.
+    /// Sets an integer feature.
     ///
     /// # Errors
-    /// [`Failure`]: limit (beyond what the feature takes now), and those of the line.
+    /// [`Failure`]: limit (outside the feature's present range), and errors of the line.
     pub fn set_integer(&mut self, feature: &str, value: i64) -> Result<(), Failure> {
         self.with(feature, |n, p| n.as_integer(p).map(|n| n.set_value(p, value)))
     }
 
-    /// Step of a whole number; 1 where it says none.
+    /// Returns the increment of an integer feature; 1 if it has none.
     ///
     /// # Errors
     /// [`Failure`].
@@ -144,7 +144,7 @@ impl Nodes {
         Ok(u32::try_from(step.unwrap_or(1)).unwrap_or(1).max(1))
     }
 
-    /// A number, its least and its greatest value.
+    /// Returns the minimum and maximum of a numeric feature.
     ///
     /// # Errors
     /// [`Failure`].
@@ -158,7 +158,7 @@ impl Nodes {
         })
     }
 
-    /// A number.
+    /// Returns a numeric feature.
     ///
     /// # Errors
     /// [`Failure`].
@@ -171,10 +171,10 @@ impl Nodes {
         })
     }
 
-    /// Sets a number.
+    /// Sets a numeric feature.
     ///
     /// # Errors
-    /// [`Failure`]: limit, and those of the line.
+    /// [`Failure`]: limit, and errors of the line.
     pub fn set_number(&mut self, feature: &str, value: f64) -> Result<(), Failure> {
         self.with(feature, |n, p| {
             if let Some(n) = n.as_float(p) {
@@ -184,7 +184,7 @@ impl Nodes {
         })
     }
 
-    /// A text.
+    /// Returns a string feature.
     ///
     /// # Errors
     /// [`Failure`].
@@ -193,7 +193,7 @@ impl Nodes {
         Ok(text.trim_end_matches('\0').trim().to_owned())
     }
 
-    /// Names of the entries that a choice has.
+    /// Returns the names of the entries of an enumeration.
     ///
     /// # Errors
     /// [`Failure`].
@@ -204,10 +204,10 @@ impl Nodes {
         })
     }
 
-    /// Makes a choice.
+    /// Sets an enumeration.
     ///
     /// # Errors
-    /// [`Failure`]: limit (no such entry), and those of the line.
+    /// [`Failure`]: limit (no such entry), and errors of the line.
     pub fn choose(&mut self, feature: &str, entry: &str) -> Result<(), Failure> {
         let entries = self.entries(feature)?;
         if !entries.iter().any(|e| e == entry) {
@@ -222,7 +222,7 @@ impl Nodes {
         })
     }
 
-    /// Makes a choice where the camera has it.
+    /// Sets an enumeration if the camera has the feature and the entry.
     ///
     /// # Errors
     /// [`Failure`].
@@ -233,7 +233,7 @@ impl Nodes {
         Ok(())
     }
 
-    /// Gives a command.
+    /// Executes a command feature.
     ///
     /// # Errors
     /// [`Failure`].

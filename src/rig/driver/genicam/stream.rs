@@ -1,69 +1,66 @@
-//! Frames as they come from a camera's stream.
+//! Frames of a camera's stream.
 
 use crate::instrument::{Fault, PixelFormat, Region};
 use cameleon::payload::{self, Payload, PayloadReceiver};
 use cameleon::{DeviceControl, PayloadStream, StreamError};
 use std::time::{Duration, Instant};
 
-/// Frames that wait to be fetched at most; later ones are lost, as their numbers show.
+/// Maximum number of queued frames; later frames are dropped, which their numbers show.
 const WAITING: usize = 8;
-/// Time between two looks whether a frame came.
+/// Polling interval for frames.
 const POLL: Duration = Duration::from_millis(1);
 
-/// A frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// What of the sensor it shows.
+    /// Region of the sensor.
     pub region: Region,
-    /// Its pixels, where this program knows them.
+    /// Pixel format, if it is supported.
     pub format: Option<PixelFormat>,
-    /// Its bytes.
     pub bytes: Vec<u8>,
-    /// Its number.
     pub number: u64,
-    /// The camera's time.
+    /// Timestamp of the camera's clock.
     pub timestamp: Duration,
 }
 
-/// What a stream's failure is to a session.
+/// Returns the fault for an error of a stream.
 #[must_use]
 pub fn fault(error: &StreamError) -> Fault {
     match error {
         StreamError::Timeout => Fault::Timeout,
-        // A frame that came broken is lost, no more.
+        // A damaged frame is merely lost.
         StreamError::InvalidPayload(_) | StreamError::BufferTooSmall => Fault::Timeout,
         StreamError::InStreaming => Fault::Refused,
         _ => Fault::Disconnected,
     }
 }
 
-/// Where frames come from.
+/// A source of frames.
 pub trait Frames: Send {
-    /// Opens the line; no matter if it is open.
+    /// Opens the line; has no effect if it is open.
     ///
     /// # Errors
     /// [`StreamError`].
     fn open(&mut self) -> Result<(), StreamError>;
 
-    /// Closes it.
+    /// Closes the line.
     ///
     /// # Errors
     /// [`StreamError`].
     fn close(&mut self) -> Result<(), StreamError>;
 
-    /// Begins to receive; frames of before are forgotten.
+    /// Starts receiving; discards earlier frames.
     ///
     /// # Errors
     /// [`StreamError`].
     fn start(&mut self, control: &mut dyn DeviceControl) -> Result<(), StreamError>;
 
-    /// The next frame, or none before the deadline.
+    /// Returns the next frame, or `None` if none arrives before the deadline.
     ///
     /// # Errors
     /// [`StreamError`].
     fn next(&mut self, within: Duration) -> Result<Option<Block>, StreamError>;
 
-    /// Ends it; no matter if it was not begun.
+    /// Stops receiving; has no effect if it was not started.
     ///
     /// # Errors
     /// [`StreamError`].
@@ -77,7 +74,7 @@ pub struct Streamed<S> {
 }
 
 impl<S> Streamed<S> {
-    /// Of a stream that is at rest.
+    /// Wraps a stopped stream.
     pub fn new(stream: S) -> Self {
         Self {
             stream,
@@ -85,7 +82,7 @@ impl<S> Streamed<S> {
         }
     }
 
-    /// The stream itself, for tests.
+    /// Returns the stream itself, for tests.
     #[cfg(test)]
     pub(super) fn stream_mut(&mut self) -> &mut S {
         &mut self.stream
@@ -143,7 +140,7 @@ impl<S: PayloadStream + Send> Frames for Streamed<S> {
         loop {
             match receiver.try_recv() {
                 Ok(payload) => return block(payload).map(Some),
-                // An empty queue and one that nobody fills any more are one error of `cameleon`.
+                // `cameleon` reports the same error for an empty queue and for one whose sender has closed.
                 Err(StreamError::ReceiveError(what)) if what.contains("closed") => {
                     return Err(StreamError::Disconnected);
                 }

@@ -1,4 +1,4 @@
-//! The driver against a camera in memory: which registers hold what, in which order, and what goes wrong.
+//! Tests of the driver with a camera in memory: register values, their order, and failures.
 
 use super::camera::GenICamCamera;
 use super::fake::{Fake, Trouble};
@@ -41,7 +41,8 @@ fn a_camera_conforms() {
     assert!(faults.is_empty() && report.0.len() >= 18, "{faults:?}");
 }
 
-/// Every feature lands in its register, in the register's own unit; the stream's shape before the lock, the lock before the start.
+/// Each feature is written to its register in the register's unit: the stream's layout before the lock, the
+/// lock before the start.
 #[test]
 fn features_are_registers() {
     let fake = Fake::new();
@@ -63,7 +64,7 @@ fn features_are_registers() {
         [identity.maker, identity.model, identity.serial, identity.firmware],
         ["Sunstone", "Fake 16 x 12", "F-0001", "0.1"]
     );
-    // Automatic exposure was on, and is off.
+    // Automatic exposure was on; the driver turned it off.
     assert_eq!(std::mem::take(&mut fake.state().written), [(0x20034, 0)]);
     camera.configure(&settings(), WITHIN).expect("sets");
     assert_eq!(
@@ -94,7 +95,7 @@ fn features_are_registers() {
     assert!(begun.elapsed() >= settings().exposure);
     assert_eq!(std::mem::take(&mut fake.state().written), [(0x20024, 1)]);
     assert_eq!(pixels::unpack(&frame), Some((0..32).collect()));
-    // The region moves to where the width of before would not fit.
+    // The region moves to where the earlier width would not fit.
     let mut wide = settings();
     wide.region = Region {
         x: 12,
@@ -157,7 +158,7 @@ fn what_goes_wrong_is_told() {
         fake.state().trouble = Trouble::None;
         camera.configure(&settings(), WITHIN).expect("sets");
     }
-    // A torn frame is handed on, as it came.
+    // An incomplete frame is returned unchanged.
     fake.state().trouble = Trouble::Short;
     camera.expose().expect("exposes");
     assert_eq!(pixels::unpack(&camera.frame(WITHIN).expect("a frame")), None);
@@ -176,7 +177,7 @@ fn what_goes_wrong_is_told() {
     );
 }
 
-/// A stream of `cameleon` that sends what went wrong, and hangs up.
+/// A stream of `cameleon` that sends an error and closes.
 struct Broken(Option<PayloadSender>);
 
 impl PayloadStream for Broken {
@@ -204,7 +205,7 @@ impl PayloadStream for Broken {
     }
 }
 
-/// What comes through `cameleon`'s channel: a broken frame, none in time, nobody left to send.
+/// Outcomes of `cameleon`'s channel: a damaged frame, no frame in time, a closed sender.
 #[test]
 fn streams_of_cameleon_are_waited_for() {
     let mut frames = Streamed::new(Broken(None));
@@ -226,7 +227,7 @@ impl Streamed<Broken> {
     }
 }
 
-/// `cameleon`'s own reading of the bootstrap registers finds in the fake what the fake says.
+/// `cameleon`'s own reader of the bootstrap registers finds the simulated camera's values.
 #[cfg(feature = "usb3_vision")]
 #[test]
 fn the_fake_is_as_the_standard_says() {

@@ -1,29 +1,28 @@
-//! An emulated laser that listens on a socket and speaks SCPI, and fails on purpose.
+//! An emulated laser that speaks SCPI over a socket and can be set to fail.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// What is wrong with it.
+/// Fault of the emulator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trouble {
-    /// Nothing.
     #[default]
     None,
-    /// It does not answer.
+    /// The laser does not reply.
     Silent,
-    /// It answers late by so much.
+    /// Replies are delayed by this time.
     Late(Duration),
-    /// Its answers are noise.
+    /// Replies are noise.
     Noise,
-    /// It hangs up instead of an answer.
+    /// The laser closes the connection instead of replying.
     HangsUp,
-    /// Its interlock is open.
+    /// The interlock is open.
     Interlock,
 }
 
-/// How the laser is.
+/// State of the laser.
 #[derive(Debug)]
 struct State {
     on: bool,
@@ -32,8 +31,8 @@ struct State {
     trouble: Trouble,
 }
 
-/// A laser with rates of 1 Hz to 80 MHz, and 5 mW if it is on. Commands: `OUTP`, `SOUR:FREQ`, `MEAS:POW?`, `SYST:INTL?`,
-/// `CURV?` (a block of 300 bytes), `SYST:ERR?`, `*IDN?`, `*OPC?`, `*CLS`.
+/// A laser with pulse rates of 1 Hz to 80 MHz that emits 5 mW when it is on. Commands: `OUTP`, `SOUR:FREQ`,
+/// `MEAS:POW?`, `SYST:INTL?`, `CURV?` (a block of 300 bytes), `SYST:ERR?`, `*IDN?`, `*OPC?`, `*CLS`.
 #[derive(Clone, Debug)]
 pub struct Emulator(Arc<Mutex<State>>);
 
@@ -49,7 +48,7 @@ impl Default for Emulator {
 }
 
 impl Emulator {
-    /// Table of its commands, listening at `address`.
+    /// Returns the table of the emulator's commands, with `address` as its address.
     #[must_use]
     pub fn table(address: &str) -> String {
         format!(
@@ -58,18 +57,18 @@ impl Emulator {
         )
     }
 
-    /// Sets what is wrong.
+    /// Sets the fault.
     pub fn trouble(&self, trouble: Trouble) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).trouble = trouble;
     }
 
-    /// Light comes out.
+    /// Returns whether the laser emits light.
     #[must_use]
     pub fn shines(&self) -> bool {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).on
     }
 
-    /// Answers every connection that comes, each on its own thread, until the socket fails.
+    /// Serves every connection on a separate thread, until the socket fails.
     pub fn serve(&self, listener: &TcpListener) {
         for stream in listener.incoming() {
             let Ok(stream) = stream else { return };
@@ -116,7 +115,7 @@ impl Emulator {
         }
     }
 
-    /// The answer to one command, if it has one.
+    /// Returns the reply to a command, if it has one.
     #[must_use]
     pub fn answer(&self, command: &str) -> Option<Vec<u8>> {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -166,7 +165,7 @@ impl Emulator {
                 return None;
             }
             _ => {
-                // As an instrument's: it remembers so many, then that there were more.
+                // As in a real instrument, the error queue is limited; one entry then reports the overflow.
                 if state.errors.len() < 20 {
                     state.errors.push((-113, "Undefined header"));
                 }

@@ -1,4 +1,4 @@
-//! A pulsed laser, or a delay generator that triggers one, by a table of its commands.
+//! A pulsed laser, or a delay generator that triggers one, driven by a table of its commands.
 
 use super::super::line::Line;
 use super::super::tcp::TcpLine;
@@ -7,7 +7,7 @@ use super::talk::Talk;
 use crate::instrument::{Failure, Fault, Identity, Instrument, LaserLimits, LaserState, PulsedLaser};
 use std::time::{Duration, Instant};
 
-/// A laser that is told in SCPI.
+/// A laser driven by SCPI commands.
 pub struct ScpiLaser {
     talk: Talk,
     table: LaserTable,
@@ -18,7 +18,7 @@ fn left(until: Instant) -> Duration {
 }
 
 impl ScpiLaser {
-    /// Over a line that is open.
+    /// Creates a laser on an open line.
     #[must_use]
     pub fn new(name: &str, line: Box<dyn Line>, table: LaserTable) -> Self {
         let talk = Talk::new(name, line);
@@ -35,7 +35,7 @@ impl ScpiLaser {
         Ok(Self::new(name, Box::new(line), table))
     }
 
-    /// Tells it, waits until that is done, and asks for errors.
+    /// Sends a command, waits for its completion, and queries the instrument's errors.
     fn tell(&mut self, command: &str, until: Instant) -> Result<(), Failure> {
         self.talk.tell(command)?;
         if self.table.waits {
@@ -66,7 +66,7 @@ impl Instrument for ScpiLaser {
     fn reconnect(&mut self, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         self.talk.reopen()?;
-        // Errors of before are not those of what follows.
+        // Discard errors from before the reconnection.
         self.talk.tell("*CLS")?;
         self.talk.identity(left(until)).map(drop)
     }
@@ -102,7 +102,7 @@ impl PulsedLaser for ScpiLaser {
                 return Err(self.talk.failure(Fault::Refused, what));
             }
         }
-        // The rate first: light of a wrong rate is never let out.
+        // Set the rate first, so that the laser never emits at a wrong rate.
         if let Some(command) = self.table.rate(rate_hz) {
             self.tell(&command, until)?;
         }

@@ -1,9 +1,10 @@
-//! SCPI (1999) over IEEE 488.2's rules for messages: a conversation over any line, a pulsed laser or delay generator by a table
-//! of its commands, and an emulator of one.
+//! SCPI (1999) over the message rules of IEEE 488.2: a message exchange over any line, a table-driven pulsed
+//! laser or delay generator, and an emulator of one.
 //!
-//! What no machine of the project's could try is a real instrument: the conversation is checked against this module's emulator,
-//! and against the packages PyVISA-py (which asks the emulator) and PyVISA-sim (which answers the driver), both over TCP, in
-//! `validation/scpi.py`.
+//! Not tested with a real instrument. `validation/scpi.py` tests the exchange over TCP with the packages
+//! PyVISA-py (which
+//! queries the emulator) and PyVISA-sim (which replies to the driver); the other tests use this module's
+//! emulator.
 
 pub mod emulator;
 pub mod laser;

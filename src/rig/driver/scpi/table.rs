@@ -1,9 +1,9 @@
-//! The table of a laser's, or a delay generator's, commands.
+//! Table of commands for a laser or a delay generator.
 
 use crate::instrument::LaserLimits;
 use serde::Deserialize;
 
-/// A laser in words: what it can do, and how it is told. `{hz}` in [`Self::set_rate`] is the rate.
+/// Description of a laser: its limits and its commands. `{hz}` in [`Self::set_rate`] stands for the rate.
 ///
 /// ```toml
 /// # Stanford Research DG645, whose output triggers a diode laser.
@@ -21,38 +21,38 @@ use serde::Deserialize;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LaserTable {
-    /// Where it listens, `host:port`; SCPI's own port is 5025.
+    /// Network address, `host:port`; the standard port of SCPI is 5025.
     pub address: String,
-    /// Wavelength, nanometres.
+    /// Wavelength, in nanometers.
     pub nm: f64,
-    /// Least and greatest rate of pulses, hertz.
+    /// Minimum and maximum pulse rate, in hertz.
     pub rate_hz: [f64; 2],
-    /// Light on.
+    /// Command that switches the light on.
     #[serde(default = "on")]
     pub on: String,
-    /// Light off.
+    /// Command that switches the light off.
     #[serde(default = "off")]
     pub off: String,
-    /// Sets the rate; none where there is but one.
+    /// Command that sets the pulse rate; absent if the rate is fixed.
     pub set_rate: Option<String>,
-    /// Asks whether light is on.
+    /// Query whether the light is on.
     #[serde(default = "ask_on")]
     pub ask_on: String,
-    /// Answers that say so.
+    /// Replies that mean that the light is on.
     #[serde(default = "on_answers")]
     pub on_answers: Vec<String>,
-    /// Asks for the rate in hertz; none where there is but one.
+    /// Query for the pulse rate in hertz; absent if the rate is fixed.
     pub ask_rate: Option<String>,
-    /// Asks for the mean power, in any unit; without it the power is taken for nominal.
+    /// Query for the mean power, in any unit; if absent, the power is assumed to be nominal.
     pub ask_power: Option<String>,
-    /// The power that is nominal, in that unit.
+    /// Nominal power, in the same unit.
     pub nominal_power: Option<f64>,
-    /// Asks whether the interlock is closed, answered like [`Self::ask_on`] by 1 or ON.
+    /// Query whether the interlock is closed; the reply 1 or ON means that it is.
     pub ask_interlock: Option<String>,
-    /// Asks for the oldest error, 0 if there is none.
+    /// Query for the oldest error; the reply is 0 if there is none.
     #[serde(default = "errors")]
     pub errors: String,
-    /// Whether it knows `*OPC?`.
+    /// Whether the instrument supports `*OPC?`.
     #[serde(default = "yes")]
     pub waits: bool,
 }
@@ -77,17 +77,16 @@ fn yes() -> bool {
 }
 
 impl LaserTable {
-    /// Reads and checks a table.
+    /// Parses and checks a table.
     ///
     /// # Errors
-    /// In words, with the place in the text.
+    /// A message with the position in the text.
     pub fn parse(text: &str) -> Result<Self, String> {
         let table: Self = toml::from_str(text).map_err(|e| e.to_string())?;
         table.check()?;
         Ok(table)
     }
 
-    /// What it can do.
     #[must_use]
     pub fn limits(&self) -> LaserLimits {
         LaserLimits {
@@ -96,10 +95,10 @@ impl LaserTable {
         }
     }
 
-    /// The command that sets a rate.
+    /// Returns the command that sets a rate.
     #[must_use]
     pub fn rate(&self, hz: f64) -> Option<String> {
-        // Exponents are part of every number of SCPI's.
+        // Every SCPI number may have an exponent.
         self.set_rate
             .as_ref()
             .map(|c| c.replace("{hz}", &format!("{hz:E}")))

@@ -1,28 +1,28 @@
-//! A conversation in SCPI: commands and questions end with a newline, answers are text that ends with one, or blocks whose
-//! length is said (IEEE 488.2, 8.7.9).
+//! Exchange of SCPI messages. Commands and queries end with a newline. A reply is text that ends with a
+//! newline, or a block with a length prefix (IEEE 488.2, 8.7.9).
 
 use super::super::line::{Line, LineError};
 use crate::instrument::{Failure, Fault, Identity};
 use std::time::{Duration, Instant};
 
-/// Longest answer in words; what is longer is no answer.
+/// Longest accepted text reply, in bytes.
 const LONGEST: usize = 1 << 16;
-/// Largest block that is taken.
+/// Largest accepted block, in bytes.
 const LARGEST: usize = 1 << 26;
-/// Errors that an instrument's queue holds at most; beyond that it makes them up.
+/// Maximum number of errors read from an instrument's queue; a longer queue is assumed to be invalid.
 const ERRORS: usize = 64;
 
-/// One side of a conversation.
+/// The host's side of an exchange.
 pub struct Talk {
     name: String,
     line: Box<dyn Line>,
     held: Vec<u8>,
-    /// An answer may come late and would be taken for another question's.
+    /// A late reply may be pending, which would be mistaken for the reply to another query.
     out_of_step: bool,
 }
 
 impl Talk {
-    /// Over a line; `name` is the instrument's in messages.
+    /// Creates an exchange over a line; `name` is the instrument's name in messages.
     #[must_use]
     pub fn new(name: &str, line: Box<dyn Line>) -> Self {
         Self {
@@ -33,19 +33,19 @@ impl Talk {
         }
     }
 
-    /// The instrument's name in messages.
+    /// Returns the instrument's name in messages.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// A failure of this instrument.
+    /// Creates a failure of this instrument.
     #[must_use]
     pub fn failure(&self, fault: Fault, what: impl Into<String>) -> Failure {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Opens the line anew and forgets what was under way.
+    /// Reopens the line and discards pending replies.
     ///
     /// # Errors
     /// [`Failure`]: disconnected, timeout.
@@ -56,10 +56,10 @@ impl Talk {
         opened.map_err(|e| self.lost(e, "the connection"))
     }
 
-    /// Sends a command that has no answer.
+    /// Sends a command that has no reply.
     ///
     /// # Errors
-    /// [`Failure`]: refused (what is not one line), disconnected, timeout.
+    /// [`Failure`]: refused (not a single line), disconnected, timeout.
     pub fn tell(&mut self, command: &str) -> Result<(), Failure> {
         if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
             return Err(self.failure(
@@ -70,7 +70,7 @@ impl Talk {
         if self.out_of_step {
             self.reopen()?;
         }
-        // An answer that nobody asked for is not one to what follows.
+        // Discard unsolicited bytes, so that they are not read as the next reply.
         self.held.clear();
         let sent = self.line.send(format!("{command}\n").as_bytes());
         sent.map_err(|e| {
@@ -79,10 +79,10 @@ impl Talk {
         })
     }
 
-    /// Asks, and returns the answer's text without its newline.
+    /// Sends a query and returns its reply as text without the newline.
     ///
     /// # Errors
-    /// [`Failure`]: timeout after `within`, disconnected (also what is no text).
+    /// [`Failure`]: timeout after `within`, disconnected (also if the reply is not text).
     pub fn ask(&mut self, question: &str, within: Duration) -> Result<String, Failure> {
         let until = Instant::now() + within;
         self.tell(question)?;
@@ -104,10 +104,11 @@ impl Talk {
         }
     }
 
-    /// Asks for a number. SCPI's own words for none and infinity (9.91E37, 9.9E37) are none.
+    /// Sends a query and returns its reply as a number. SCPI's codes for not-a-number and infinity (9.91E37,
+    /// 9.9E37) are refused.
     ///
     /// # Errors
-    /// [`Failure`] as of [`Self::ask`].
+    /// [`Failure`], as [`Self::ask`].
     pub fn ask_number(&mut self, question: &str, within: Duration) -> Result<f64, Failure> {
         let answer = self.ask(question, within)?;
         match answer.parse::<f64>() {
@@ -119,10 +120,12 @@ impl Talk {
         }
     }
 
-    /// Asks for a block of bytes of definite length: `#`, a digit that says how many digits follow, those digits, the bytes.
+    /// Sends a query and returns its reply, a definite-length block: `#`, one digit with the number of length
+    /// digits, the length digits, the bytes.
     ///
     /// # Errors
-    /// [`Failure`]: timeout, disconnected (also a block without a length, whose end a stream of bytes cannot tell).
+    /// [`Failure`]: timeout, disconnected (also for a block of indefinite length, whose end is undetectable
+    /// in a byte stream).
     pub fn ask_block(&mut self, question: &str, within: Duration) -> Result<Vec<u8>, Failure> {
         let until = Instant::now() + within;
         self.tell(question)?;
@@ -151,10 +154,10 @@ impl Talk {
         Ok(bytes)
     }
 
-    /// Waits until all that was told is done (`*OPC?`).
+    /// Waits until all commands are complete (`*OPC?`).
     ///
     /// # Errors
-    /// [`Failure`] as of [`Self::ask`].
+    /// [`Failure`], as [`Self::ask`].
     pub fn done(&mut self, within: Duration) -> Result<(), Failure> {
         match self.ask("*OPC?", within)?.as_str() {
             "1" | "+1" => Ok(()),
@@ -162,11 +165,12 @@ impl Talk {
         }
     }
 
-    /// Empties the instrument's queue of errors by `question` (`SYST:ERR?` of SCPI), and fails with the first, if there is one.
+    /// Empties the instrument's error queue by repeating `question` (`SYST:ERR?` in SCPI), and fails with the
+    /// first error, if any.
     ///
     /// # Errors
-    /// [`Failure`]: limit (-222, -224 and their like: a value out of range), refused (what it does not know or cannot do now),
-    /// disconnected (-400 and below: answers out of step), timeout.
+    /// [`Failure`]: limit (-222, -224 and similar: value out of range), refused (unknown or currently
+    /// impossible command), disconnected (-400 and below: query errors), timeout.
     pub fn errors(&mut self, question: &str, after: &str, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         let mut first = None;
@@ -197,10 +201,10 @@ impl Talk {
         ))
     }
 
-    /// Who it is (`*IDN?`): maker, model, serial number, firmware.
+    /// Queries maker, model, serial number and firmware (`*IDN?`).
     ///
     /// # Errors
-    /// [`Failure`] as of [`Self::ask`].
+    /// [`Failure`], as [`Self::ask`].
     pub fn identity(&mut self, within: Duration) -> Result<Identity, Failure> {
         let answer = self.ask("*IDN?", within)?;
         let fields: Vec<&str> = answer.splitn(4, ',').map(str::trim).collect();
@@ -218,7 +222,7 @@ impl Talk {
         }
     }
 
-    /// The next `n` bytes.
+    /// Returns the next `n` bytes.
     fn take(&mut self, question: &str, n: usize, until: Instant) -> Result<Vec<u8>, Failure> {
         while self.held.len() < n {
             self.more(question, until)?;

@@ -1,4 +1,4 @@
-//! The laser against the emulator over TCP, tables, and streams that are no answers.
+//! Tests of the laser with the emulator over TCP, of command tables, and of invalid replies.
 
 use super::super::line::{Line, LineError, MemoryLine};
 use super::emulator::{Emulator, Trouble};
@@ -58,7 +58,7 @@ fn troubles_are_told_apart() {
             begun.elapsed()
         );
         emulator.trouble(Trouble::None);
-        // No reconnection is asked for: the driver knows that it is out of step.
+        // No reconnection is needed: the driver knows that a late reply may be pending.
         assert!(laser.state(LONG).expect("answers again").emitting);
     }
     laser.emit(false, 0.0, LONG).expect("goes dark");
@@ -70,7 +70,7 @@ fn troubles_are_told_apart() {
     assert!(!emulator.shines());
 }
 
-/// The answer to one question that comes after its deadline is not taken for the next one's.
+/// A reply that arrives after its deadline is not read as the reply to the next query.
 #[test]
 fn late_answers_are_not_others() {
     let (mut laser, emulator) = emulated();
@@ -92,7 +92,7 @@ fn errors_of_the_instrument_are_kinds() {
     let address = listener.local_addr().expect("bound").to_string();
     let emulator = Emulator::default();
     std::thread::spawn(move || emulator.serve(&listener));
-    // A table that says more than the laser can: the laser itself says no.
+    // The table claims a wider range than the laser has: the laser itself refuses.
     let text = Emulator::table(&address).replace("8e7", "9e9");
     let mut laser =
         ScpiLaser::connect("laser", LaserTable::parse(&text).expect("a table")).expect("connects");
@@ -143,7 +143,7 @@ fn tables_are_checked() {
     );
 }
 
-/// A delay generator in other words, by the text of the documentation.
+/// Tests another vendor's commands: the delay generator from the documentation.
 #[test]
 fn another_vendors_words_do() {
     let table = "address = \"192.0.2.7:5025\"\nnm = 635\nrate_hz = [1e-3, 1e7]\non = \"TSRC 0\"\noff = \"TSRC 5\"\n\
@@ -189,7 +189,7 @@ fn blocks_are_as_long_as_they_say() {
     let ask = |answer: &[u8]| {
         let (ours, mut theirs) = MemoryLine::pair();
         let mut talk = Talk::new("scope", Box::new(ours));
-        // The answer comes in pieces.
+        // The reply arrives in pieces.
         let answer = answer.to_vec();
         let other = std::thread::spawn(move || {
             theirs.receive(LONG).expect("a question");
@@ -222,7 +222,7 @@ fn blocks_are_as_long_as_they_say() {
     }
 }
 
-/// A line on which whatever is asked, the same bytes come, and then nothing.
+/// A line that replies with the same bytes to every query, then with nothing.
 struct Garbage(Vec<u8>);
 
 impl Line for Garbage {
@@ -246,7 +246,8 @@ impl Line for Garbage {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-    /// Ten thousand streams: no panic, no hang, and no laser that shines without having said so.
+    /// Ten thousand random streams cause no panic and no hang, and the laser never emits without reporting
+    /// it.
     #[test]
     fn garbage_is_no_answer(
         bytes in prop::collection::vec(prop_oneof![any::<u8>(), prop::sample::select(b"#0123456789,\n+-.E\"".to_vec())], 0..120),

@@ -1,51 +1,52 @@
-//! The library's error codes (`errorcodes.h`) as the six faults, and its constants (`th260defin.h`).
+//! Maps the library's error codes (`errorcodes.h`) to faults, and defines its constants (`th260defin.h`).
 
 use crate::instrument::Fault;
 
-/// Boards that the library knows of.
+/// Maximum number of boards that the library supports.
 pub const DEVICES: i32 = 4;
-/// Bins of the longest histogram.
+/// Number of bins of the longest histogram.
 pub const LONGEST_HISTOGRAM: usize = 32_768;
-/// `TH260_Initialize`: histogramming.
+/// `TH260_Initialize`: histogramming mode.
 pub const MODE_HISTOGRAM: i32 = 0;
-/// `TH260_GetFlags`: a bin is full.
+/// `TH260_GetFlags`: a histogram bin overflowed.
 pub const FLAG_OVERFLOW: i32 = 0x0001;
-/// Hardware error.
+/// `TH260_GetFlags`: hardware error.
 pub const FLAG_SYSTEM_ERROR: i32 = 0x0010;
-/// Software error.
+/// `TH260_GetFlags`: software error.
 pub const FLAG_SOFTWARE_ERROR: i32 = 0x0020;
-/// Longest acquisition, milliseconds.
+/// Longest acquisition time, in milliseconds.
 pub const LONGEST_MS: i32 = 360_000_000;
-/// Greatest offset of `TH260_SetOffset`, nanoseconds.
+/// Maximum offset of `TH260_SetOffset`, in nanoseconds.
 pub const GREATEST_OFFSET_NS: i32 = 100_000_000;
-/// Greatest offset of a channel, picoseconds, either way.
+/// Maximum absolute offset of a channel, in picoseconds.
 pub const GREATEST_CHANNEL_OFFSET_PS: i32 = 99_999;
 
-/// No board at this index.
+/// `TH260_OpenDevice`: no board at this index.
 pub const OPEN_FAIL: i32 = -1;
 
-/// What a code is to a session. Where connecting anew fixes it, it is [`Fault::Disconnected`].
+/// Returns the fault for an error code. Codes that a reconnection can clear map to [`Fault::Disconnected`].
 #[must_use]
 pub fn fault(code: i32) -> Fault {
     match code {
-        // Open by another program, or by another one's library.
+        // The device is in use by another program or another copy of the library.
         -2 | -11 | -16 => Fault::Refused,
-        // Driver, library and board are not of one version.
+        // The versions of driver, library and board do not match.
         -9 | -12 | -33 | -52..=-49 => Fault::Refused,
-        // Argument, mode, option; a function that this board has not.
+        // Invalid argument, mode or option, or a function that this board does not support.
         -19..=-17 | -80 => Fault::Limit,
-        // Memory and pointers that the program gave.
+        // Memory and pointer errors of the calling program.
         -21 | -20 => Fault::Refused,
-        // Lanes, acknowledgements.
+        // Lane and acknowledgement errors.
         -43..=-40 => Fault::Timeout,
-        // What the board is made of: modules, EEPROM.
+        // Defects of the board: modules, EEPROM.
         -56..=-53 | -74..=-64 => Fault::Refused,
-        // No such board, not open, not initialized, DMA, FPGA, calibration, status, and what is no code at all.
+        // No such board, not open, not initialized, DMA, FPGA, calibration or status errors, and unknown
+        // codes.
         _ => Fault::Disconnected,
     }
 }
 
-/// What to do about a code, where there is something to do.
+/// Returns advice on an error code, to be appended to the message; empty if there is none.
 #[must_use]
 pub fn fix(code: i32) -> &'static str {
     match code {

@@ -1,4 +1,4 @@
-//! A TimeHarp 260 as a photon counter: one histogram an acquisition.
+//! A TimeHarp 260 as a photon counter: each acquisition yields one histogram.
 
 use super::code::{self, DEVICES, FLAG_OVERFLOW, FLAG_SOFTWARE_ERROR, FLAG_SYSTEM_ERROR, LONGEST_HISTOGRAM};
 use super::library::{Hardware, Order, Question, Th260, load};
@@ -9,46 +9,46 @@ use crate::instrument::{
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Time between two questions whether it is done.
+/// Interval at which the end of an acquisition is polled.
 const POLL: Duration = Duration::from_millis(1);
-/// Time that the library wants for the first rates after it was initialized.
+/// Time from initialization until the library reports valid rates.
 const FIRST_RATES: Duration = Duration::from_millis(150);
 
-/// A board.
+/// A TimeHarp 260 board.
 pub struct Th260Counter {
     name: String,
     library: Box<dyn Th260>,
     settings: Th260Settings,
-    /// Index of the board; below zero while none is open.
+    /// Index of the board; negative while no board is open.
     device: i32,
     serial: String,
     hardware: Hardware,
     limits: CounterLimits,
     binnings: i32,
     measurement: Option<Measurement>,
-    /// When the acquisition under way began.
+    /// Start time of the acquisition in progress.
     running: Option<Instant>,
-    /// When rates can be asked for.
+    /// Earliest time at which rates are valid.
     rates_from: Instant,
-    /// When this was made: the clock of its histograms.
+    /// Creation time: the origin of histogram timestamps.
     made: Instant,
     taken: u64,
 }
 
 impl Th260Counter {
-    /// Loads PicoQuant's library, from a file or from where it is usually found, and opens a board.
+    /// Loads PicoQuant's library, from the given file or from its usual locations, and opens a board.
     ///
     /// # Errors
-    /// [`Failure`]: refused (no library), disconnected (no board), limit.
+    /// [`Failure`]: refused (library not found), disconnected (no board), limit (invalid settings).
     pub fn load(name: &str, library: Option<&Path>, settings: Th260Settings) -> Result<Self, Failure> {
         let library = load(library).map_err(|e| Failure::new(Fault::Refused, name, e))?;
         Self::new(name, Box::new(library), settings)
     }
 
-    /// Opens a board through a library that is loaded.
+    /// Opens a board through a loaded library.
     ///
     /// # Errors
-    /// [`Failure`]: disconnected (no board), refused (in use), limit (settings that it has not).
+    /// [`Failure`]: disconnected (no board), refused (board in use), limit (invalid settings).
     pub fn new(name: &str, library: Box<dyn Th260>, settings: Th260Settings) -> Result<Self, Failure> {
         settings
             .check()
@@ -83,15 +83,14 @@ impl Th260Counter {
         Failure::new(fault, &self.name, what)
     }
 
-    /// What a code of the library means.
+    /// Converts an error code of the library to a failure.
     fn told(&mut self, doing: &str, number: i32) -> Failure {
         let words = self.library.explain(number);
         let what = format!("{doing}: error {number} ({words}){}", code::fix(number));
         self.failure(code::fault(number), what)
     }
 
-    /// # Errors
-    /// [`Failure`] while no board is open.
+    /// Checks that a board is open.
     fn opened(&self) -> Result<(), Failure> {
         if self.device < 0 {
             return Err(self.failure(Fault::Disconnected, "no board is open"));
@@ -111,7 +110,7 @@ impl Th260Counter {
         answer.map_err(|e| self.told(&format!("{question:?}"), e))
     }
 
-    /// Finds the board, initializes it and sets its inputs.
+    /// Finds the board, initializes it and configures its inputs.
     fn open(&mut self) -> Result<(), Failure> {
         let (mut found, mut worst) = (vec![], code::OPEN_FAIL);
         let mut opened = None;
@@ -123,7 +122,7 @@ impl Th260Counter {
                 }
                 Ok(serial) => {
                     found.push(serial);
-                    // Not ours: left as it was.
+                    // This board has another serial number: release it.
                     let _ = self.library.tell(device, Order::Close);
                 }
                 Err(code::OPEN_FAIL) => {}
@@ -158,7 +157,7 @@ impl Th260Counter {
         self.inputs()
     }
 
-    /// Closes the board, if this opened one: another program's is left alone. A board that is lost may say so.
+    /// Closes the board if this driver opened it. Errors are ignored because the board may be disconnected.
     fn close(&mut self) {
         if self.device >= 0 {
             if self.running.take().is_some() {
@@ -194,13 +193,13 @@ impl Th260Counter {
         self.tell(Order::StopAt(u32::MAX))
     }
 
-    /// Pulses of the laser in a second.
+    /// Returns the sync rate: laser pulses per second.
     fn sync_rate(&mut self) -> Result<i32, Failure> {
         std::thread::sleep(self.rates_from.saturating_duration_since(Instant::now()));
         self.ask(Question::SyncRate)
     }
 
-    /// The histogram of an acquisition that is done.
+    /// Reads the histogram of a completed acquisition.
     fn read(&mut self, measurement: &Measurement, begun: Instant) -> Result<Histogram, Failure> {
         self.tell(Order::Stop)?;
         let flags = self.ask(Question::Flags)?;

@@ -1,35 +1,35 @@
-//! A board in memory that keeps what it is told, and fails on purpose.
+//! A simulated board in memory that records the commands it receives and can be set to fail.
 
 use super::library::{Hardware, Order, Question, Th260};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What a board is and does.
+/// State of the simulated board.
 #[derive(Debug)]
 pub struct State {
-    /// Serial numbers of the boards that are there, by index.
+    /// Serial numbers of the available boards, by index.
     pub serials: Vec<&'static str>,
-    /// `P` or `N`.
+    /// Model: `P` or `N`.
     pub model: &'static str,
-    /// Everything it was told, in order.
+    /// All commands received, in order.
     pub told: Vec<Order>,
-    /// Code with which whatever `Debug`s like this fails, until it is taken away.
+    /// Prefix of a call's `Debug` text and the error code with which such calls fail, until it is reset to
+    /// `None`.
     pub fails: Option<(&'static str, i32)>,
-    /// Flags that it reports.
     pub flags: i32,
-    /// Pulses a second.
+    /// Laser pulses per second.
     pub sync_rate: i32,
     bins: i32,
     until: Option<Instant>,
     dwell: i32,
 }
 
-/// A library with boards.
+/// A simulated library with its boards.
 #[derive(Clone, Debug)]
 pub struct Fake(Arc<Mutex<State>>);
 
 impl Fake {
-    /// One board.
+    /// Creates a library with one board of this model.
     pub fn new(model: &'static str) -> Self {
         Self(Arc::new(Mutex::new(State {
             serials: vec!["1000001"],
@@ -44,7 +44,7 @@ impl Fake {
         })))
     }
 
-    /// Looks at it, or changes it.
+    /// Locks the state for reading or changing.
     pub fn state(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,7 +1,9 @@
-//! PicoQuant's library, loaded at run time: the only unsafe code of the driver.
+//! Binding to PicoQuant's library, which is loaded at run time. This module contains all unsafe code of the
+//! driver.
 //!
-//! Signatures are those of `th260lib.h` 3.1. Every buffer that the library writes into is as long as `th260defin.h` says and
-//! longer, and outlives its call.
+//! Signatures follow `th260lib.h` 3.1. Every buffer that the library writes into is longer than
+//! `th260defin.h`
+//! requires, and outlives its call.
 
 use super::code::LONGEST_HISTOGRAM;
 use libloading::Library;
@@ -9,7 +11,7 @@ use std::error::Error;
 use std::ffi::{c_char, c_double, c_int, c_uint};
 use std::path::{Path, PathBuf};
 
-/// What is told to a board; numbers as in the library's manual.
+/// A command to a board, with its arguments as in the library's manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// `CloseDevice`
@@ -28,7 +30,7 @@ pub enum Order {
     InputCfd(i32, i32, i32),
     /// `SetInputEdgeTrg`: channel, level, edge (N)
     InputEdge(i32, i32, i32),
-    /// `SetStopOverflow`: stop at so many counts in a bin
+    /// `SetStopOverflow`: stop at this count in a bin
     StopAt(u32),
     /// `SetBinning`
     Binning(i32),
@@ -42,79 +44,77 @@ pub enum Order {
     Stop,
 }
 
-/// What a board is asked that has a whole number for an answer.
+/// A query to a board that returns an integer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Question {
     /// `GetNumOfInputChannels`
     Inputs,
-    /// `CTCStatus`: 0 while it counts
+    /// `CTCStatus`: 0 while the acquisition runs
     Done,
-    /// `GetSyncRate`: pulses a second
+    /// `GetSyncRate`: pulses per second
     SyncRate,
     /// `GetFlags`
     Flags,
-    /// `SetHistoLen`: length code; the answer is bins
+    /// `SetHistoLen`: length code; returns the number of bins
     Length(i32),
 }
 
-/// What a board says of itself.
+/// Hardware information of a board.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Hardware {
     /// `TimeHarp 260 P` or `TimeHarp 260 N`.
     pub model: String,
-    /// Part number.
     pub part: String,
-    /// Version.
     pub version: String,
 }
 
-/// The library's functions. Errors are its codes, all below zero.
+/// The functions of the library. Errors are the library's codes, all negative.
 pub trait Th260: Send {
-    /// The library's version.
+    /// Returns the version of the library.
     ///
     /// # Errors
     /// The library's code.
     fn version(&mut self) -> Result<String, i32>;
-    /// What a code means, in the library's words.
+    /// Returns the library's text for an error code.
     fn explain(&mut self, code: i32) -> String;
-    /// Opens the board of an index and returns its serial number.
+    /// Opens the board at an index and returns its serial number.
     ///
     /// # Errors
     /// The library's code.
     fn open(&mut self, device: i32) -> Result<String, i32>;
-    /// Tells a board.
+    /// Sends a command to a board.
     ///
     /// # Errors
     /// The library's code.
     fn tell(&mut self, device: i32, order: Order) -> Result<(), i32>;
-    /// Asks a board.
+    /// Sends a query to a board and returns the reply.
     ///
     /// # Errors
     /// The library's code.
     fn ask(&mut self, device: i32, question: Question) -> Result<i32, i32>;
-    /// Model, part and version.
+    /// Returns model, part number and version of a board.
     ///
     /// # Errors
     /// The library's code.
     fn hardware(&mut self, device: i32) -> Result<Hardware, i32>;
-    /// Finest bin, picoseconds, and how many binnings there are.
+    /// Returns the finest bin width, in picoseconds, and the number of binnings.
     ///
     /// # Errors
     /// The library's code.
     fn base_resolution(&mut self, device: i32) -> Result<(f64, i32), i32>;
-    /// Milliseconds that the last measurement counted.
+    /// Returns the duration of the last measurement, in milliseconds.
     ///
     /// # Errors
     /// The library's code.
     fn elapsed_ms(&mut self, device: i32) -> Result<f64, i32>;
-    /// Counts of an input, [`LONGEST_HISTOGRAM`] of them, of which the set length is valid.
+    /// Returns [`LONGEST_HISTOGRAM`] counts of an input, of which the configured length is valid.
     ///
     /// # Errors
     /// The library's code.
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32>;
 }
 
-/// Names that the library goes by.
+/// Returns the file names under which the library is searched for.
 #[must_use]
 pub fn names() -> Vec<PathBuf> {
     let names: &[&str] = if cfg!(windows) {
@@ -140,20 +140,22 @@ type TextOfDevice = unsafe extern "system" fn(c_int, *mut c_char) -> c_int;
 type ThreeTexts = unsafe extern "system" fn(c_int, *mut c_char, *mut c_char, *mut c_char) -> c_int;
 type Counts = unsafe extern "system" fn(c_int, *mut c_uint, c_int, c_int) -> c_int;
 
-/// Declares the table and how it is filled, name by name.
+/// Declares the function table and the code that fills it, one entry per name.
 macro_rules! functions {
     ($($field:ident: $kind:ty = $name:literal,)*) => {
-        /// The loaded library. The functions are valid as long as `_library` is, which is dropped with them.
+        /// The loaded library. The function pointers are valid while `_library` is loaded, which is dropped
+        /// with them.
         pub struct Loaded {
             $($field: $kind,)*
             _library: Library,
         }
 
         impl Loaded {
-            /// Finds all functions.
+            /// Looks up all functions.
             fn table(library: Library) -> Result<Self, String> {
-                // SAFETY: each name has the type that `th260lib.h` 3.1 declares for it; pointers are copied out of their
-                // `Symbol`s and used only while `_library`, stored beside them, keeps the code loaded.
+                // SAFETY: each name has the type that `th260lib.h` 3.1 declares for it. The pointers are
+                // copied out of their
+                // `Symbol`s and used only while `_library`, stored in the same struct, keeps the code loaded.
                 unsafe {
                     $(let $field = *library.get::<$kind>($name).map_err(|_| format!("it has no {}", text($name)))?;)*
                     Ok(Self { $($field,)* _library: library })
@@ -192,15 +194,16 @@ functions! {
     get_elapsed: Number = b"TH260_GetElapsedMeasTime\0",
 }
 
-/// Loads the library: the one given, or the first that is found of [`names`].
+/// Loads the given library or, if none is given, the first of [`names`] that loads.
 ///
 /// # Errors
-/// What was tried, why it failed, and where to get it, in words.
+/// A message with the files tried, the reason why each failed, and where to get the library.
 pub fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
     let mut told = vec![];
     for name in &tried {
-        // SAFETY: loading runs the library's own initializers. It is PicoQuant's, or what the user's rig file names in its place.
+        // SAFETY: loading runs the library's initializers. The file is PicoQuant's library or the one that
+        // the user's rig file names.
         let found = unsafe { Library::new(name) };
         match found.map_err(|e| words(&e)).and_then(Loaded::table) {
             Ok(library) => return Ok(library),
@@ -215,7 +218,7 @@ pub fn load(given: Option<&Path>) -> Result<Loaded, String> {
     ))
 }
 
-/// An error and what it comes from.
+/// Formats an error with its chain of causes.
 fn words(error: &dyn Error) -> String {
     std::iter::successors(Some(error), |e| (*e).source())
         .map(ToString::to_string)
@@ -223,21 +226,21 @@ fn words(error: &dyn Error) -> String {
         .join(": ")
 }
 
-/// A code as a result.
+/// Converts a return code to a result.
 fn good(code: c_int) -> Result<(), i32> {
     if code < 0 { Err(code) } else { Ok(()) }
 }
 
-/// Text up to the first zero, of a buffer that was zero before.
+/// Returns the text up to the first zero byte. The buffer must be zeroed before the library writes to it.
 fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()
 }
 
-/// Longer than any text that these functions write (40 at most, by `th260defin.h`).
+/// Buffer longer than any text that these functions write (at most 40 characters, by `th260defin.h`).
 type Buffer = [u8; 256];
 
-/// As C wants it.
+/// Returns the buffer as a C string pointer.
 fn chars(buffer: &mut Buffer) -> *mut c_char {
     buffer.as_mut_ptr().cast()
 }
@@ -265,7 +268,7 @@ impl Th260 for Loaded {
     }
 
     fn tell(&mut self, device: i32, order: Order) -> Result<(), i32> {
-        // SAFETY: numbers alone go in, none is a pointer; the library checks their ranges.
+        // SAFETY: all arguments are integers, none is a pointer; the library checks their ranges.
         good(unsafe {
             match order {
                 Order::Close => (self.close)(device),
@@ -288,7 +291,7 @@ impl Th260 for Loaded {
 
     fn ask(&mut self, device: i32, question: Question) -> Result<i32, i32> {
         let mut answer: c_int = 0;
-        // SAFETY: each writes one `int` through the pointer, to a local that outlives the call.
+        // SAFETY: each function writes one `int` through the pointer, to a local that outlives the call.
         good(unsafe {
             match question {
                 Question::Inputs => (self.get_inputs)(device, &raw mut answer),
@@ -330,7 +333,8 @@ impl Th260 for Loaded {
 
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32> {
         let mut counts: Vec<c_uint> = vec![0; LONGEST_HISTOGRAM];
-        // SAFETY: writes at most MAXHISTLEN counts, which is the vector's length; 0 leaves the board's memory as it is.
+        // SAFETY: writes at most MAXHISTLEN counts, the vector's length; the argument 0 leaves the board's
+        // memory unchanged.
         good(unsafe { (self.get_histogram)(device, counts.as_mut_ptr(), channel, 0) })?;
         Ok(counts)
     }

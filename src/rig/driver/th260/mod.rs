@@ -1,7 +1,7 @@
-//! PicoQuant's TimeHarp 260 in histogramming mode, through PicoQuant's own library (TH260Lib 3), which is loaded when it is
-//! needed and never part of this program.
+//! PicoQuant's TimeHarp 260 in histogramming mode, driven through PicoQuant's own library (TH260Lib 3).
 //!
-//! Functions, constants and codes are those of the library's manual and headers. [`library`] holds all that is unsafe.
+//! The library is loaded at run time when it is needed and is not distributed with this program. Functions,
+//! constants and codes follow its manual and headers. All unsafe code is in [`library`].
 
 pub mod code;
 pub mod counter;

@@ -1,22 +1,20 @@
-//! What a rig file says of a TimeHarp 260, and what a measurement is on its scale.
+//! Rig-file settings of a TimeHarp 260, and measurement settings in the board's units.
 
 use super::code::{GREATEST_CHANNEL_OFFSET_PS, GREATEST_OFFSET_NS, LONGEST_HISTOGRAM, LONGEST_MS};
 use crate::instrument::CounterSettings;
 use serde::Deserialize;
 
-/// Which slope of a pulse counts (TimeHarp 260 N).
+/// Slope of a pulse that triggers (TimeHarp 260 N).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Edge {
-    /// Falling.
     #[default]
     Falling,
-    /// Rising.
     Rising,
 }
 
 impl Edge {
-    /// The library's number.
+    /// Returns the library's number for the edge.
     #[must_use]
     pub fn number(self) -> i32 {
         match self {
@@ -26,25 +24,25 @@ impl Edge {
     }
 }
 
-/// Which board, and how its inputs are set. All levels are millivolts.
+/// Selection of a board and settings of its inputs. All levels are in millivolts.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Th260Settings {
-    /// Serial number of the board; the first one where none is given.
+    /// Serial number of the board; if absent, the first board is used.
     pub serial: Option<String>,
-    /// The detector's input, from 0.
+    /// Input channel of the detector, counted from 0.
     pub channel: i32,
-    /// Of the sync's pulses one in so many counts: 1, 2, 4 or 8.
+    /// Divider of the sync input: one of every 1, 2, 4 or 8 pulses counts.
     pub sync_divider: i32,
-    /// Level of the sync.
+    /// Trigger level of the sync input.
     pub sync_mv: i32,
-    /// Level of the detector's input.
+    /// Trigger level of the detector's input.
     pub input_mv: i32,
-    /// Zero crossing of both discriminators (TimeHarp 260 P).
+    /// Zero-crossing level of both discriminators (TimeHarp 260 P).
     pub zero_cross_mv: i32,
-    /// Slope of the sync (TimeHarp 260 N).
+    /// Edge of the sync pulses (TimeHarp 260 N).
     pub sync_edge: Edge,
-    /// Slope of the detector's pulses (TimeHarp 260 N).
+    /// Edge of the detector's pulses (TimeHarp 260 N).
     pub input_edge: Edge,
 }
 
@@ -64,10 +62,10 @@ impl Default for Th260Settings {
 }
 
 impl Th260Settings {
-    /// Whether a board can be set so.
+    /// Checks that a board supports these settings.
     ///
     /// # Errors
-    /// What it cannot, in words.
+    /// A message that names the invalid setting and its range.
     pub fn check(&self) -> Result<(), String> {
         let levels = [self.sync_mv, self.input_mv];
         if !levels.iter().all(|l| (-1200..=1200).contains(l)) {
@@ -86,28 +84,28 @@ impl Th260Settings {
     }
 }
 
-/// A measurement on the board's scale.
+/// Settings of one measurement in the board's units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Measurement {
-    /// Bins are 2^this times the base resolution.
+    /// Binning code: the bin width is 2^`binning` times the base resolution.
     pub binning: i32,
-    /// The histogram has 1024 · 2^this bins.
+    /// Length code: the histogram has 1024 · 2^`length_code` bins.
     pub length_code: i32,
-    /// Bins of these that are asked for.
+    /// Number of bins to return.
     pub bins: usize,
-    /// Milliseconds that are counted.
+    /// Acquisition time, in milliseconds.
     pub dwell_ms: i32,
-    /// Nanoseconds after the sync at which the histogram begins.
+    /// Start of the histogram after the sync pulse, in nanoseconds.
     pub offset_ns: i32,
-    /// Picoseconds by which the sync is delayed beyond that.
+    /// Additional delay of the sync, in picoseconds.
     pub sync_offset_ps: i32,
 }
 
 impl Measurement {
-    /// Of settings, on a board with a base resolution of `base_ps` and `binnings` binnings.
+    /// Converts settings for a board with base resolution `base_ps` and `binnings` binnings.
     ///
     /// # Errors
-    /// What the board cannot, in words.
+    /// A message that names the setting that the board does not support.
     pub fn new(settings: &CounterSettings, base_ps: f64, binnings: i32) -> Result<Self, String> {
         if settings.bins == 0 || settings.bins > LONGEST_HISTOGRAM {
             return Err(format!(
@@ -133,7 +131,7 @@ impl Measurement {
                 "it counts for 1 to {LONGEST_MS} whole milliseconds, not for {ms} ms"
             ));
         }
-        // Whole nanoseconds are taken off after the difference is made; the rest delays the sync.
+        // The board subtracts whole nanoseconds from the time difference; the remainder delays the sync.
         let ps = settings.offset_ps;
         let offset_ns = (ps / 1e3).floor().clamp(0.0, f64::from(GREATEST_OFFSET_NS));
         let rest = ps - offset_ns * 1e3;

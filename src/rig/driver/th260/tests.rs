@@ -1,5 +1,6 @@
-//! The driver against a board in memory: what the board is told, what its codes become, what goes wrong; then against a library
-//! that is compiled here and loaded as PicoQuant's would be.
+//! Tests of the driver with a simulated board (commands, error codes, failures), and with a library that the
+//! test
+//! compiles and loads in place of PicoQuant's.
 
 use super::code;
 use super::counter::Th260Counter;
@@ -38,7 +39,8 @@ fn both_boards_conform() {
     }
 }
 
-/// The order of calls is that of the manual: initialize, inputs, then what is measured; clear before start, stop before reading.
+/// The order of calls follows the manual: initialize, inputs, measurement settings; clear before start, stop
+/// before reading.
 #[test]
 fn a_board_is_told_what_the_manual_says() {
     let fake = Fake::new("P");
@@ -94,7 +96,7 @@ fn a_board_is_told_what_the_manual_says() {
     assert_eq!(board.limits().finest_ps, 250.0);
 }
 
-/// Numbers of a measurement by hand, and what the board's scale does not have.
+/// Compares measurement settings with hand-computed values, and checks that unsupported settings are refused.
 #[test]
 fn measurements_are_on_the_boards_scale() {
     let on = |change: &dyn Fn(&mut CounterSettings)| {
@@ -133,7 +135,9 @@ fn measurements_are_on_the_boards_scale() {
     }
 }
 
-/// Codes of `errorcodes.h`, a few of each kind, wherever they come; the library's words and what to do are told.
+/// Samples of each group of codes in `errorcodes.h` map to the right fault from any call; messages contain
+/// the
+/// library's text and advice.
 #[test]
 fn codes_become_faults() {
     for (number, fault) in [
@@ -235,7 +239,8 @@ fn what_a_board_reports_is_told() {
     board.finish(WITHIN).expect("counts");
 }
 
-/// The board that the rig file names is the one that is taken; that it is missing is told with those that are there.
+/// The driver opens the board that the rig file names. If that board is missing, the error lists the
+/// available boards.
 #[test]
 fn boards_are_told_apart() {
     let named = |serial: &str| Th260Settings {
@@ -300,7 +305,8 @@ fn boards_are_told_apart() {
     }
 }
 
-/// No library, a file that is none, and one that is another's: what was tried, what it is for, where to get it.
+/// A missing library, a file that is not a library and another library: the error lists the files tried, the
+/// library's purpose and its source.
 #[test]
 fn a_library_that_is_not_there_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -322,7 +328,7 @@ fn a_library_that_is_not_there_is_told() {
             assert!(failure.contains(words), "{failure}");
         }
     }
-    // Where the real library is installed there is nothing to tell.
+    // If the real library is installed, there is no error to check.
     if let Err(told) = load(None) {
         assert!(
             names().iter().all(|n| told.contains(&*n.to_string_lossy())),
@@ -331,7 +337,7 @@ fn a_library_that_is_not_there_is_told() {
     }
 }
 
-/// A library of a source's text.
+/// Compiles a library from source text.
 fn compile(folder: &Path, name: &str, source: &str) -> PathBuf {
     let (from, to) = (
         folder.join(format!("{name}.rs")),
@@ -362,7 +368,7 @@ fn compile(folder: &Path, name: &str, source: &str) -> PathBuf {
     to
 }
 
-/// Loaded and called as PicoQuant's would be: names, types, buffers.
+/// Checks names, types and buffers of a library that is loaded like PicoQuant's.
 #[test]
 fn a_loaded_library_conforms() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -380,14 +386,14 @@ fn a_loaded_library_conforms() {
     let histogram = board.finish(WITHIN).expect("counts");
     assert_eq!(histogram.counts, (1000..1400).collect::<Vec<u32>>());
     assert_eq!(histogram.pulses, 40_000);
-    // The board is open: a second program is refused, in the library's words.
+    // The board is open: a second program is refused with the library's text.
     let second = Th260Counter::load("counter", Some(&file), Th260Settings::default());
     let failure = second.err().expect("it is locked");
     assert!(
         failure.fault == Fault::Refused && failure.what.contains("fake text of -11"),
         "{failure}"
     );
-    // The first one has it still.
+    // The first program still holds the board.
     board.begin().expect("begins");
     board.finish(WITHIN).expect("counts");
     drop(board);
