@@ -1,6 +1,7 @@
-//! The file of a rig's calibration: one TOML document into which every calibration puts its tables, beside those of others.
+//! The calibration file of a rig: one TOML document into which each calibration writes its own tables and
+//! keeps the others.
 //!
-//! | part | keys | who reads them |
+//! | part | keys | readers |
 //! |---|---|---|
 //! | elements | `name`, `source`, `sensor`, `coaxial`, `generator`, `analyzer`, `polarimetric` | schemes |
 //! | devices | `camera`, `projector`, `quality`, `covariance` | scenes, rig files |
@@ -17,7 +18,7 @@ use std::io;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// What one calibration finds.
+/// Result of one calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Polarizers, retarders, beamsplitter and mirrors: a capture scheme.
@@ -31,10 +32,10 @@ pub enum Part {
 }
 
 impl Part {
-    /// In the order of the file: what has no header of its own comes first.
+    /// All parts in the order of the file: keys without a table header come first.
     pub const ALL: [Self; 4] = [Self::Elements, Self::Devices, Self::Sensor, Self::Counter];
 
-    /// Its keys; the second is that of a table inside of the first.
+    /// Returns the part's keys; the second of a pair is a key in the table that the first names.
     fn keys(self) -> &'static [(&'static str, Option<&'static str>)] {
         match self {
             Self::Elements => &[
@@ -57,7 +58,7 @@ impl Part {
         }
     }
 
-    /// What a document has of this part.
+    /// Returns this part of a document.
     fn of(self, all: &Table) -> Table {
         let mut out = Table::new();
         for (key, inner) in self.keys() {
@@ -78,14 +79,14 @@ impl Part {
     }
 }
 
-/// Why nothing was written; the file is as it was.
+/// Reason why nothing was written; the file is unchanged.
 #[derive(Debug)]
 pub enum PutError {
-    /// There is a file of this name that is no calibration.
+    /// The existing file is not a calibration.
     Input(InputError),
-    /// Another calibration is writing to it: who.
+    /// Another calibration is writing to the file; contains the lock's holder.
     Held(String),
-    /// The file system refuses.
+    /// File system error.
     Io(io::Error),
 }
 
@@ -105,10 +106,10 @@ const HEAD: &str = "# A calibration: `sunstone calibrate` and `sunstone rig cali
                     # [camera] and [projector] are those of scene files (the world is the camera's frame, metres; opencv_matrix counts pixels\n\
                     # as OpenCV does, (0, 0) the centre of the first), [detector] is that of rig files, and the rest that of schemes.\n\n";
 
-/// Everything that such a file may have, so that what is no calibration is told by its place.
+/// All keys that a calibration file may contain. Any other key is reported with its location.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[allow(dead_code)] // only its shape matters
+#[allow(dead_code)] // only the structure is checked
 struct Document {
     name: IgnoredAny,
     source: IgnoredAny,
@@ -128,26 +129,27 @@ struct Document {
 
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[allow(dead_code)] // as above
+#[allow(dead_code)] // only the structure is checked
 struct Detectors {
     cmos: IgnoredAny,
     spad: IgnoredAny,
 }
 
-/// What a reader wants of a calibration's text; tables that no calibration has are refused, those of other readers left aside.
+/// Parses the part of a calibration file that a reader needs. Keys unknown to every reader are refused; those
+/// of other readers are ignored.
 ///
 /// # Errors
-/// [`InputError`] at the place.
+/// [`InputError`] with its location.
 pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<T, InputError> {
     document::parse::<Document>(path, text, |_| fix.to_owned())?;
     document::parse(path, text, |_| fix.to_owned())
 }
 
-/// The text of a calibration file in which a part is `text` (TOML with that part's keys alone) and the others are those of
-/// `old`, the text of the file at `path`.
+/// Returns a calibration file's text with one part replaced by `text` (TOML with that part's keys only). The
+/// other parts are those of `old`, the present text of the file at `path`.
 ///
 /// # Errors
-/// [`InputError`] if `old` is no calibration: at the place of a key that none has, or where it is no TOML.
+/// [`InputError`] if `old` is not a calibration: at an unknown key, or where it is not valid TOML.
 pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, InputError> {
     let fix = "it is no calibration, and is left as it is: give another name, or move it away";
     let known: Table = parse(path, old, fix)?;
@@ -175,13 +177,13 @@ pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, 
     Ok(out)
 }
 
-/// Puts a part (TOML text with its keys alone) into the calibration file at `path`, which is made if it is not there; the other
-/// parts stay as they are, but for comments. A reader sees the file before or after, never between.
+/// Writes a part (TOML with its keys only) to the calibration file at `path`, which is created if it does not
+/// exist. The other parts are kept except for their comments. Readers see either the old or the new file.
 ///
 /// # Errors
-/// [`PutError`]; the file is as it was.
+/// [`PutError`]; the file is unchanged.
 pub fn put(path: &Path, part: Part, text: &str) -> Result<(), PutError> {
-    // Two that read the same file and write it would lose what one of them found.
+    // Without the lock, two writers could read the same file and one would overwrite the other's result.
     let _lock = Lock::take(path).map_err(|e| match e {
         LockError::Held(who) => PutError::Held(who),
         LockError::Io(e) => PutError::Io(e),
@@ -232,7 +234,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// In any order, some of them twice: every part is the one that was put last, and nothing else is there.
+        /// In any order, with repetitions: every part is the last one written, and the file contains nothing
+        /// else.
         #[test]
         fn parts_come_back(order in prop::collection::vec(0_usize..4, 1..7)) {
             let folder = tempfile::tempdir().expect("a folder");
@@ -244,7 +247,7 @@ mod tests {
             prop_assert_eq!(std::fs::read_dir(folder.path()).expect("lists").count(), 1);
         }
 
-        /// Any text: a calibration or a message, and no panic.
+        /// Any damaged text gives a calibration or an error, and never a panic.
         #[test]
         fn damage_is_survived(text in "[ -~\n]{0,60}", at in 0_usize..200) {
             let folder = tempfile::tempdir().expect("a folder");
@@ -255,7 +258,7 @@ mod tests {
         }
     }
 
-    /// The same part replaces what it had found before, all of it.
+    /// A new result replaces all keys of the part's previous one.
     #[test]
     fn a_part_is_replaced_whole() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -267,7 +270,7 @@ mod tests {
         assert!(all.contains_key("temporal") && all["detector"]["cmos"]["gain_e_per_dn"].is_float());
     }
 
-    /// What is no calibration is told by its place, and left.
+    /// A file that is not a calibration is reported with a location and left unchanged.
     #[test]
     fn other_files_are_left() {
         let folder = tempfile::tempdir().expect("a folder");

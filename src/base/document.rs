@@ -1,4 +1,5 @@
-//! TOML documents, read so that every error names file, line, column and fix, and no list passes for a table.
+//! Parsing of TOML documents: every error names file, line, column and fix, and a list is never accepted for
+//! a table.
 
 use crate::input;
 use crate::locate::InputError;
@@ -8,10 +9,11 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::DeTable;
 
-/// Reads the text of a file that the user named; `what` it is stands in the message, `fix` below it.
+/// Reads the text of a file that the user named. The error message contains `what` (the kind of file) and the
+/// advice `fix`.
 ///
 /// # Errors
-/// [`InputError`] without a place, if it cannot be read.
+/// [`InputError`] without a location, if the file cannot be read.
 pub fn read(path: &Path, what: &str, fix: &str) -> Result<String, InputError> {
     input::read_text(path).map_err(|e| InputError {
         file: path.to_owned(),
@@ -22,10 +24,10 @@ pub fn read(path: &Path, what: &str, fix: &str) -> Result<String, InputError> {
     })
 }
 
-/// Reads the syntax of a document; `fix` makes the help of a message.
+/// Parses a document; `fix` returns the advice for an error message.
 ///
 /// # Errors
-/// [`InputError`] at the place where the text is not TOML, or not of the type's shape.
+/// [`InputError`] at the location where the text is not valid TOML or does not match the type.
 pub fn parse<T: DeserializeOwned>(
     path: &Path,
     text: &str,
@@ -39,10 +41,11 @@ pub fn parse<T: DeserializeOwned>(
     )
 }
 
-/// As [`parse`], of a table whose values stand in `text`, wherever they were put since: messages name where they stand.
+/// Parses a table like [`parse`]. Its values come from `text`, even if the table was assembled from several
+/// places; errors name their location in `text`.
 ///
 /// # Errors
-/// [`InputError`] at the place of what is not of the type's shape.
+/// [`InputError`] at the location that does not match the type.
 pub fn parse_table<T: DeserializeOwned>(
     path: &Path,
     text: &str,
@@ -57,7 +60,7 @@ pub fn parse_table<T: DeserializeOwned>(
     )
 }
 
-/// What was read, or what was wrong with it.
+/// Converts a parse error to an [`InputError`].
 fn fault<T>(
     path: &Path,
     text: &str,

@@ -1,25 +1,26 @@
-//! Files to read: regular ones alone.
+//! Reading of input files: regular files only.
 //!
-//! A pipe that nobody writes to never ends, nor does `/dev/zero`; what is not a regular file is refused before it is
-//! opened. Texts are read up to a stated size, as a sparse file claims any.
+//! A pipe without a writer never ends, nor does `/dev/zero`, so any other kind of file is refused before it
+//! is opened. Text
+//! is read up to a maximum size, because a sparse file can report any size.
 
 use std::fs::{File, FileType};
 use std::io::{self, Error, ErrorKind, Read};
 use std::path::Path;
 
-/// Most bytes of a text: scenes, tables of numbers, documents of any kind.
+/// Maximum size of a text file (scene, table or other document), in bytes.
 pub const MOST_TEXT: u64 = 256 << 20;
 
-/// Whether a path names something that exists and is neither a file nor a folder: a pipe, a device, a socket.
+/// Returns whether a path exists and is neither a file nor a folder: a pipe, a device or a socket.
 #[must_use]
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
-/// Opens a regular file to read it.
+/// Opens a regular file for reading.
 ///
 /// # Errors
-/// If the path names something else, or the system refuses.
+/// If the path is not a regular file, or on a file system error.
 pub fn open(path: &Path) -> io::Result<File> {
     let kind = std::fs::metadata(path)?.file_type();
     if !kind.is_file() {
@@ -31,14 +32,14 @@ pub fn open(path: &Path) -> io::Result<File> {
     File::open(path)
 }
 
-/// Reads a regular file whole.
+/// Reads an entire regular file.
 ///
 /// # Errors
-/// As [`open`], and if there is not the memory for it.
+/// As [`open`], and if there is not enough memory.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open(path)?;
     let length = file.metadata()?.len();
-    // Some systems promise memory that they do not have, and end who uses it.
+    // Some systems overcommit memory and kill the process that uses it.
     if length > memory() {
         return Err(ErrorKind::OutOfMemory.into());
     }
@@ -47,17 +48,17 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     bytes
         .try_reserve_exact(room)
         .map_err(|_| ErrorKind::OutOfMemory)?;
-    // What is written to it meanwhile, or what claims no length, does not make it endless.
+    // Limit the size read: the file may grow meanwhile, or report no length.
     file.by_ref()
         .take(length.max(MOST_TEXT))
         .read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// Reads a regular file that holds a text of at most [`MOST_TEXT`] bytes.
+/// Reads a regular file that contains at most [`MOST_TEXT`] bytes of text.
 ///
 /// # Errors
-/// As [`open`], and if it is larger or not UTF-8.
+/// As [`open`], and if the file is larger or not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     let file = open(path)?;
     let mut text = String::new();
@@ -72,12 +73,12 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
-/// Bytes of memory that the machine has, where that is known.
+/// Returns the machine's memory in bytes, or the maximum if it is unknown.
 fn memory() -> u64 {
     #[cfg(target_os = "linux")]
     {
         let told = rustix::system::sysinfo();
-        #[allow(clippy::useless_conversion)] // of 32 bits on some machines
+        #[allow(clippy::useless_conversion)] // 32 bits on some systems
         u64::try_from(told.totalram).map_or(u64::MAX, |n| n.saturating_mul(u64::from(told.mem_unit)))
     }
     #[cfg(not(target_os = "linux"))]
@@ -86,7 +87,7 @@ fn memory() -> u64 {
     }
 }
 
-/// What a thing in the file system is.
+/// Returns the name of a file type.
 fn name(kind: FileType) -> &'static str {
     #[cfg(unix)]
     {

@@ -1,7 +1,8 @@
-//! Journals: what parts of a long work are finished, so that one that was killed resumes.
+//! Journal of the completed parts of a long task, so that a killed task can resume.
 //!
-//! An append-only file of JSON lines in the folder of what is being made. A part's line is appended after all its files are
-//! in place; a line torn by a crash is ignored, and that part is simply made again, to the same bytes.
+//! The journal is an append-only file of JSON lines in the output folder. A part's line is appended after all
+//! its files are
+//! in place. A line truncated by a crash is ignored, and that part is repeated with identical bytes.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -11,10 +12,8 @@ use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// Name of the journal inside the folder.
 const FILE: &str = ".sunstone-progress";
 
-/// An open journal.
 #[derive(Debug)]
 pub struct Journal<T> {
     path: PathBuf,
@@ -23,7 +22,7 @@ pub struct Journal<T> {
 }
 
 impl<T: Serialize + DeserializeOwned> Journal<T> {
-    /// Opens (or begins) the journal in the folder `of` and returns what it holds.
+    /// Opens or creates the journal in the folder `of` and returns its records.
     ///
     /// # Errors
     /// If the file cannot be read or written.
@@ -47,14 +46,15 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         Ok((Self { path, file, record }, records))
     }
 
-    /// Notes a finished part.
+    /// Records a completed part.
     ///
     /// # Errors
     /// If the line cannot be written.
     pub fn push(&self, record: &T) -> std::io::Result<()> {
         let mut line = serde_json::to_string(record)?;
         line.push('\n');
-        // A poisoned lock means another thread died between two whole lines; the file is still sound.
+        // A poisoned lock means that another thread panicked between two complete lines; the file is still
+        // valid.
         let mut file = self
             .file
             .lock()
@@ -62,7 +62,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
         file.write_all(line.as_bytes())
     }
 
-    /// Removes the journal: the work is complete.
+    /// Removes the journal when the task is complete.
     ///
     /// # Errors
     /// If the file cannot be removed.
@@ -71,7 +71,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     }
 }
 
-/// True if the folder `of` has a journal, that is, holds unfinished work.
+/// Returns whether the folder `of` has a journal, that is, contains unfinished work.
 #[must_use]
 pub fn exists(of: &Path) -> bool {
     of.join(FILE).exists()

@@ -1,8 +1,8 @@
-//! Lengths on a command line: `25mm`, `2.5cm`, `0.025m`; a bare number is metres.
+//! Lengths on the command line: `25mm`, `2.5cm`, `0.025m`. A number without a unit is in metres.
 
 use std::str::FromStr;
 
-/// Names of units and their metres; longer names first where one ends with another.
+/// Units and their lengths in metres; a name that ends with another name comes before it.
 const UNITS: [(&str, f64); 7] = [
     ("nm", 1e-9),
     ("um", 1e-6),
@@ -16,9 +16,9 @@ const UNITS: [(&str, f64); 7] = [
 /// A positive length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Length {
-    /// The length, metres.
+    /// The length in metres.
     pub metres: f64,
-    /// True if it was given with a unit.
+    /// Whether it was given with a unit.
     pub has_unit: bool,
 }
 
@@ -43,10 +43,10 @@ impl FromStr for Length {
 }
 
 impl Length {
-    /// Returns the metres of a length that has a unit, or is no longer than `limit` metres.
+    /// Returns the length in metres if it has a unit or is at most `limit` metres.
     ///
     /// # Errors
-    /// A bare number above `limit`: it may be millimetres. `what` names the length.
+    /// A message about the length `what`, if it has no unit and exceeds `limit`: it may be in millimetres.
     pub fn within(self, limit: f64, what: &str) -> Result<f64, String> {
         if self.has_unit || self.metres <= limit {
             return Ok(self.metres);

@@ -1,5 +1,5 @@
-//! Types that every crate uses: units, documents with error locations, atomic file reads and writes, locks, journals, spectral
-//! tables.
+//! Types that every crate uses: units, documents with error locations, atomic file reads and writes, locks,
+//! journals and spectral tables.
 
 #![warn(missing_docs)]
 

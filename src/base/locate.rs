@@ -1,4 +1,4 @@
-//! Places in a document, and errors that name them.
+//! Values with their location in a document, and errors that report it.
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -8,31 +8,31 @@ use std::ops::{Deref, Range};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A value with the bytes of the file that it was read from.
+/// A value with the byte range in the file from which it was read.
 #[derive(Clone, Debug)]
 pub struct Located<T>(toml::Spanned<T>);
 
 impl<T> Located<T> {
-    /// A value that no file holds (a default).
+    /// Wraps a value that is not from a file (a default).
     #[must_use]
     pub fn nowhere(value: T) -> Self {
         Self(toml::Spanned::new(0..0, value))
     }
 
-    /// A value that stands at a place.
+    /// Wraps a value with its location.
     #[must_use]
     pub fn at(span: Range<usize>, value: T) -> Self {
         Self(toml::Spanned::new(span, value))
     }
 
-    /// Byte range in the file.
+    /// Returns the byte range in the file.
     #[must_use]
     pub fn span(&self) -> Range<usize> {
         self.0.span()
     }
 }
 
-/// Located values are equal if they say the same, wherever they stand.
+/// Compares values only, not locations.
 impl<T: PartialEq> PartialEq for Located<T> {
     fn eq(&self, other: &Self) -> bool {
         **self == **other
@@ -85,23 +85,22 @@ impl<T: JsonSchema> JsonSchema for Located<T> {
     }
 }
 
-/// What is wrong with a file that the user gave, where, and how to fix it.
+/// An error in a user's file, with its location and advice.
 #[derive(Clone, Debug)]
 pub struct InputError {
-    /// The file.
     pub file: PathBuf,
-    /// Its text (empty if it could not be read).
+    /// Text of the file (empty if it could not be read).
     pub text: Arc<str>,
-    /// Byte range of the offending place.
+    /// Byte range of the error.
     pub span: Option<Range<usize>>,
-    /// What is wrong.
+    /// Description of the error.
     pub message: String,
-    /// How to fix it.
+    /// Advice how to fix it.
     pub help: Option<String>,
 }
 
 impl InputError {
-    /// Line and column (both from 1, columns in characters) of the offending place.
+    /// Returns line and column of the error, both counted from 1; columns are in characters.
     #[must_use]
     pub fn line_column(&self) -> Option<(usize, usize)> {
         let start = self.span.as_ref()?.start.min(self.text.len());

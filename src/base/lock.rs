@@ -1,36 +1,38 @@
-//! Exclusive locks of outputs: of all that would write to one place, one does.
+//! Exclusive locks on outputs: at most one writer per path.
 //!
-//! A lock is an advisory lock of the operating system on a file beside the output, `.NAME.lock`, in which the holder's host
-//! and process stand. The system lets go of it when its holder dies, however that dies, so that a dead one's lock is simply
-//! taken over; the file itself goes when the holder is done.
+//! A lock is an advisory lock of the operating system on the file `.NAME.lock` next to the output. The file
+//! contains the
+//! holder's host and process. The system releases the lock when the holder exits for any reason, so a stale
+//! lock file does
+//! not block others. The holder removes the file when it is done.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How often, and how far apart, a lock's file is asked who holds it.
+/// Number of attempts to read the holder from a lock file, and the time between them.
 const TRIES: u32 = 100;
 const WAIT: Duration = Duration::from_millis(2);
 
-/// A lock, held until it is dropped.
+/// A lock that is held until it is dropped.
 #[derive(Debug)]
 pub struct Lock {
     path: PathBuf,
-    /// Closing it lets go of the lock.
+    /// Closing the file releases the lock.
     _file: File,
 }
 
-/// Why there is no lock.
+/// Reason why a lock was not acquired.
 #[derive(Debug)]
 pub enum LockError {
-    /// Another holds it: who, as `process 12 on host`.
+    /// Another holder has the lock, for example `process 12 on host`.
     Held(String),
-    /// The file system refuses.
+    /// File system error.
     Io(io::Error),
 }
 
-/// The file of an output's lock: `.NAME.lock` in its folder.
+/// Returns the path of an output's lock file: `.NAME.lock` in the same folder.
 #[must_use]
 pub fn file_of(output: &Path) -> PathBuf {
     let name = output.file_name().unwrap_or_default().to_string_lossy();
@@ -38,11 +40,11 @@ pub fn file_of(output: &Path) -> PathBuf {
 }
 
 impl Lock {
-    /// Locks an output, which need not exist; missing folders on the way to it are made. A link is followed to what it
-    /// names, so that one place has one lock.
+    /// Locks an output, which need not exist; creates missing parent folders. Follows symbolic links, so that
+    /// each path has only one lock.
     ///
     /// # Errors
-    /// [`LockError`]: another process, or another part of this one, holds it, or the file system refuses.
+    /// [`LockError`]: another process or another part of this one holds the lock, or the file system fails.
     pub fn take(output: &Path) -> Result<Self, LockError> {
         let real = output.canonicalize().unwrap_or_else(|_| output.to_owned());
         let path = file_of(&real);
@@ -64,7 +66,7 @@ impl Lock {
                 }
                 Err(TryLockError::Error(e)) => return Err(LockError::Io(e)),
             }
-            // Whoever held it before may have removed the file that we opened: then what is locked has no name any more.
+            // A previous holder may have removed the file that we opened; then our lock is on a deleted file.
             if !is_file_at(&file, &path) {
                 continue;
             }
@@ -80,13 +82,14 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // While it is locked: nobody else removes it, and who opened it before sees that it has no name any more.
+        // Remove the file while it is locked: no other process removes it, and one that opened it before
+        // detects that it was deleted.
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-/// Who holds a lock, as its file says. The holder writes that just after it has the lock, so a file that says nothing is asked
-/// again.
+/// Returns the lock's holder from its file. The holder writes the file just after it acquires the lock, so an
+/// empty file is read again.
 fn holder(mut file: File) -> String {
     for _ in 0..TRIES {
         let mut text = String::new();
@@ -101,7 +104,7 @@ fn holder(mut file: File) -> String {
     "another process".to_owned()
 }
 
-/// Whether a file is what a path names.
+/// Returns whether an open file is still the one at a path.
 fn is_file_at(file: &File, path: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -113,19 +116,19 @@ fn is_file_at(file: &File, path: &Path) -> bool {
     }
     #[cfg(not(unix))]
     {
-        // Open files cannot be removed there.
+        // Open files cannot be removed on this system.
         let _ = file;
         path.exists()
     }
 }
 
-/// This process as others are told of it: `process 12 on host`.
+/// Returns this process's name for others: `process 12 on host`.
 #[must_use]
 pub fn holder_name() -> String {
     format!("process {} on {}", std::process::id(), host())
 }
 
-/// Name of this machine.
+/// Returns the name of this machine.
 fn host() -> String {
     #[cfg(unix)]
     let name = rustix::system::uname().nodename().to_string_lossy().into_owned();
@@ -164,7 +167,7 @@ mod tests {
         Lock::take(&output).expect("nobody holds it");
     }
 
-    /// A link and what it names are one place.
+    /// A link and its target have one lock.
     #[cfg(unix)]
     #[test]
     fn links_are_followed() {
@@ -176,7 +179,7 @@ mod tests {
         assert!(matches!(Lock::take(&link), Err(LockError::Held(_))));
     }
 
-    /// Many at once: never two inside.
+    /// Concurrent threads never hold the lock at the same time.
     #[test]
     fn never_two_at_once() {
         let dir = tempfile::tempdir().expect("a folder");

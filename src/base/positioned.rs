@@ -1,14 +1,14 @@
-//! Parts of one file, read and written by several threads at once.
+//! Positioned reads and writes, so that several threads can access one file concurrently.
 //!
-//! Where the system has no reading and writing at a place, threads take turns.
+//! On systems without positioned I/O, threads take turns.
 
 use std::fs::File;
 use std::io;
 
-/// Fills `out` from byte `at` on. The file's own position means nothing afterwards.
+/// Fills `out` with the bytes from offset `at`. The file's own position is undefined afterwards.
 ///
 /// # Errors
-/// If the file system refuses, or the file ends before.
+/// On a file system error, or if the file is too short.
 pub fn read_exact_at(file: &File, out: &mut [u8], at: u64) -> io::Result<()> {
     #[cfg(unix)]
     {
@@ -24,10 +24,10 @@ pub fn read_exact_at(file: &File, out: &mut [u8], at: u64) -> io::Result<()> {
     }
 }
 
-/// Writes all bytes from byte `at` on. The file's own position means nothing afterwards.
+/// Writes all bytes from offset `at`. The file's own position is undefined afterwards.
 ///
 /// # Errors
-/// If the file system refuses.
+/// On a file system error.
 pub fn write_all_at(file: &File, bytes: &[u8], at: u64) -> io::Result<()> {
     #[cfg(unix)]
     {

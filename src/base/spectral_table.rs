@@ -1,17 +1,17 @@
-//! Tables over wavelengths: linear between entries, constant beyond them.
+//! Tables over wavelength, linear between entries and constant beyond them.
 
 /// Values at vacuum wavelengths in nanometres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpectralTable<'a> {
-    /// Wavelengths in nanometres, which must rise.
+    /// Wavelengths in nanometres, strictly increasing.
     pub nm: &'a [f64],
-    /// One value for each.
+    /// One value per wavelength.
     pub values: &'a [f64],
 }
 
 impl SpectralTable<'_> {
-    /// True if there are as many values as wavelengths, at least one, all are finite, and wavelengths are
-    /// positive and rise.
+    /// Returns whether the table is valid: as many values as wavelengths, at least one, all finite, and
+    /// wavelengths positive and strictly increasing.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let finite = self.nm.iter().chain(self.values).all(|v| v.is_finite());
@@ -22,7 +22,7 @@ impl SpectralTable<'_> {
             && self.nm.is_sorted_by(|a, b| a < b)
     }
 
-    /// The value at a wavelength: linear between entries, constant beyond them, 0 where there are none.
+    /// Returns the value at a wavelength: linear between entries, constant beyond them, 0 for an empty table.
     #[must_use]
     pub fn at(&self, nm: f64) -> f64 {
         let right = self.nm.partition_point(|w| *w <= nm);
@@ -35,17 +35,19 @@ impl SpectralTable<'_> {
     }
 }
 
-/// Number of the entry nearest to a wanted one, the first of two that are as near; `None` of an empty list.
+/// Returns the index of the entry nearest to `wanted`, the first of two equally near ones; `None` for an
+/// empty list.
 #[must_use]
 pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
     let distance = |i: &usize| (nm[*i] - wanted).abs();
     (0..nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// How far beyond the entries a wavelength may lie to be taken for the first or last, nanometres.
+/// Maximum distance of a wavelength beyond the table's range, in nanometres.
 pub const BEYOND_NM: f64 = 5.0;
 
-/// As [`nearest`], and `None` of a wavelength that lies beyond the entries by more than [`BEYOND_NM`].
+/// Returns the index like [`nearest`], but `None` for a wavelength more than [`BEYOND_NM`] beyond the
+/// entries.
 #[must_use]
 pub fn nearest_within(nm: &[f64], wanted: f64) -> Option<usize> {
     let low = nm.iter().copied().fold(f64::INFINITY, f64::min);
@@ -115,7 +117,7 @@ mod tests {
             let found = t.at(at);
             let low = values.iter().copied().fold(f64::INFINITY, f64::min);
             let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            // Rounding of one product, one quotient and one sum of numbers up to 20.
+            // Rounding error of one product, one quotient and one sum of numbers up to 20.
             prop_assert!((low - 1e-13..=high + 1e-13).contains(&found));
             for (nm, v) in nm.iter().zip(&values) {
                 prop_assert_eq!(t.at(*nm), *v);

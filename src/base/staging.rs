@@ -1,7 +1,10 @@
-//! Folders that appear whole: made beside their place under a name that no reader looks for, then put there in one step.
+//! Atomic creation of folders: a folder is built next to its destination under a name that readers ignore,
+//! then moved there in one step.
 //!
-//! What a killed process left is found by the next one that works on the same place (which holds its [`super::lock::Lock`]):
-//! `.NAME.part`, work to go on with, or to begin again, and `.NAME.old`, what was on its way out.
+//! The next process that holds the destination's [`super::lock::Lock`] finds the files that a killed process
+//! left:
+//! `.NAME.part` (unfinished work, to be resumed or restarted) and `.NAME.old` (a replaced folder to be
+//! deleted).
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -12,16 +15,16 @@ fn beside(path: &Path, kind: &str) -> PathBuf {
     path.with_file_name(format!(".{name}.{kind}"))
 }
 
-/// Where a folder is made before it is complete: `.NAME.part` beside it.
+/// Returns the path of the unfinished folder: `.NAME.part` next to the destination.
 #[must_use]
 pub fn part_of(path: &Path) -> PathBuf {
     beside(path, "part")
 }
 
-/// Removes a folder if it is there.
+/// Removes a folder if it exists.
 ///
 /// # Errors
-/// If the file system refuses.
+/// On a file system error.
 pub fn remove(folder: &Path) -> io::Result<()> {
     match fs::remove_dir_all(folder) {
         Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
@@ -29,11 +32,11 @@ pub fn remove(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Puts what a process that was killed while it replaced the folder at `path` had moved away back, or removes it where the
-/// new one had come. Only the holder of the place's lock may call it.
+/// Recovers from a process that was killed while it replaced the folder at `path`: moves the old folder back,
+/// or deletes it if the new one is in place. Only the holder of the lock may call this.
 ///
 /// # Errors
-/// If the file system refuses.
+/// On a file system error.
 pub fn recover(path: &Path) -> io::Result<()> {
     let old = beside(path, "old");
     if fs::symlink_metadata(&old).is_err() {
@@ -45,11 +48,11 @@ pub fn recover(path: &Path) -> io::Result<()> {
     remove(&old)
 }
 
-/// Gives the folder `part` the name `path`, in the place of what has it. Where the system can exchange two names at once,
-/// there is no moment at which nothing has it.
+/// Renames the folder `part` to `path` and replaces an existing folder. If the system can exchange two names
+/// atomically, `path` exists at all times.
 ///
 /// # Errors
-/// If the file system refuses; the old folder is where it was.
+/// On a file system error; the old folder stays in place.
 pub fn put(part: &Path, path: &Path) -> io::Result<()> {
     if fs::symlink_metadata(path).is_err() {
         return fs::rename(part, path);
@@ -57,7 +60,7 @@ pub fn put(part: &Path, path: &Path) -> io::Result<()> {
     let old = beside(path, "old");
     remove(&old)?;
     if exchange(part, path).is_ok() {
-        // Under the other name, by which it is known as what may go.
+        // Rename it, so that after a crash it is recognized as a folder to delete.
         fs::rename(part, &old)?;
         return remove(&old);
     }

@@ -1,8 +1,10 @@
-//! Reading in which a table is never given as a list.
+//! Deserialization that never accepts a list for a table.
 //!
-//! Serde takes a list for a struct, its fields in the order in which the program happens to name them: `distortion =
-//! [0.1, 0.2, 0, 0, 0]` would be read, and in another order than anybody means. [`Strict`] stands around a deserializer and
-//! all that is read through it, and refuses a list wherever a struct is wanted; the error keeps its place.
+//! Serde accepts a list for a struct, with the fields in order of declaration: `distortion = [0.1, 0.2, 0, 0,
+//! 0]` would be
+//! read in an order that no user expects. [`Strict`] wraps a deserializer and everything read through it, and
+//! refuses a list
+//! where a struct is expected. The error keeps its location.
 
 use serde::de::{
     self, DeserializeSeed, Deserializer, EnumAccess, Error, MapAccess, SeqAccess, Unexpected, VariantAccess,
@@ -10,15 +12,15 @@ use serde::de::{
 };
 use std::fmt;
 
-/// A deserializer, a visitor, or access to parts of a value, in which tables are not given as lists.
+/// Wrapper of a deserializer, a visitor or an access object that refuses lists for tables.
 pub struct Strict<T> {
     inner: T,
-    /// The fields, if a struct is wanted here.
+    /// Names of the fields, if a struct is expected.
     fields: Option<&'static [&'static str]>,
 }
 
 impl<T> Strict<T> {
-    /// Around something.
+    /// Wraps `inner`.
     pub fn new(inner: T) -> Self {
         Self { inner, fields: None }
     }
@@ -31,10 +33,10 @@ impl<T> Strict<T> {
     }
 }
 
-/// How messages about a list in a table's place begin to say what was expected.
+/// Start of the error message for a list in place of a table.
 pub const WANTED: &str = "expected a table, {";
 
-/// What is expected instead of a list.
+/// The expected type in the error message.
 struct Table(&'static [&'static str]);
 
 impl de::Expected for Table {

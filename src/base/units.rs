@@ -1,12 +1,12 @@
-//! The one place where metres become picoseconds.
+//! Conversion of metres to picoseconds; no other module converts between them.
 
-/// Speed of light in vacuum, metres per second (exact, SI).
+/// Speed of light in vacuum, in metres per second (exact, SI).
 pub const LIGHT_SPEED_M_PER_S: f64 = 299_792_458.0;
 
-/// Metres of optical path that light covers in one picosecond.
+/// Optical path length that light travels in one picosecond, in metres.
 pub const METRES_PER_PS: f64 = LIGHT_SPEED_M_PER_S * 1e-12;
 
-/// Travel time in picoseconds of an optical path length (Σ n·d) in metres.
+/// Converts an optical path length (Σ n·d) in metres to a travel time in picoseconds.
 #[inline]
 #[must_use]
 pub fn picoseconds(optical_path_m: f64) -> f64 {

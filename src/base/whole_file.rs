@@ -1,9 +1,11 @@
-//! Files that appear whole or not at all.
+//! Atomic file writes: a file appears completely or not at all.
 //!
-//! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) beside the destination, which is then renamed over it. A
-//! process that is killed at any moment therefore leaves either the old file or the new one, never a torn one; at worst the
-//! temporary file stays behind. Files are not synced one by one: the guarantee is against the death of the process, not
-//! against the loss of power.
+//! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination, which is then renamed
+//! over it. If the
+//! process is killed at any moment, either the old or the new file remains, never a partial one; at worst the
+//! temporary file
+//! is left over. Files are not synced, so this protects against the death of the process, not against power
+//! loss.
 
 use crate::input;
 use std::fs::{self, File};
@@ -11,10 +13,10 @@ use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Numbers the temporary files of this process.
+/// Counter of this process's temporary files.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
-/// The temporary name beside `path`, unique in this process and among running processes.
+/// Returns a temporary name next to `path`, unique in this process and among running processes.
 #[must_use]
 pub fn temporary_beside(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -22,13 +24,13 @@ pub fn temporary_beside(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{name}.{}-{n}.tmp", std::process::id()))
 }
 
-/// True of the names that [`temporary_beside`] gives.
+/// Returns whether a name has the form that [`temporary_beside`] returns.
 #[must_use]
 pub fn is_temporary(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".tmp")
 }
 
-/// Whether two paths name one file or folder that exists, by whatever links.
+/// Returns whether two paths refer to the same existing file or folder, through any links.
 #[must_use]
 pub fn is_same(a: &Path, b: &Path) -> bool {
     match (a.canonicalize(), b.canonicalize()) {
@@ -37,7 +39,7 @@ pub fn is_same(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// A path, of which the end need not exist, without links and dots.
+/// Resolves links and dots in a path whose last components need not exist.
 #[must_use]
 pub fn real(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
@@ -54,7 +56,7 @@ pub fn real(path: &Path) -> PathBuf {
     found
 }
 
-/// Hard links have different names.
+/// Returns whether two paths are the same inode, because hard links have different names.
 #[cfg(unix)]
 fn is_same_node(a: &Path, b: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -67,12 +69,13 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
     false
 }
 
-/// Writes a file whole: temporary file in the same directory, then rename. Creates missing directories.
+/// Writes a file atomically: writes a temporary file in the same directory, then renames it. Creates missing
+/// directories.
 ///
 /// # Errors
-/// If the file system refuses; the old file, if any, is as it was.
+/// On a file system error; the old file, if any, is unchanged.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    // A second process that opens a store for writing may sweep the temporary file away: write it again.
+    // Another process that opens a store for writing may remove the temporary file; retry.
     let mut attempts = 3;
     loop {
         attempts -= 1;
@@ -83,17 +86,17 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
 }
 
-/// Writes a file whole as [`write()`] does, its bytes given to a buffered writer, and removes what processes that were
-/// killed at the same file left beside it.
+/// Writes a file atomically like [`write()`], through a buffered writer. Also removes temporary files that
+/// killed processes left for the same path.
 ///
 /// # Errors
-/// As [`write()`], and what `fill` returns.
+/// As [`write()`], and errors of `fill`.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     sweep(path);
     put(path, fill)
 }
 
-/// Removes temporary files of `path` whose processes are no more; what cannot be removed stays.
+/// Removes temporary files of `path` whose processes have ended; ignores errors.
 fn sweep(path: &Path) {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
@@ -112,13 +115,13 @@ fn sweep(path: &Path) {
     }
 }
 
-/// Whether a process may still be running here.
+/// Returns whether a process with this id may still be running.
 fn is_running(id: i32) -> bool {
     #[cfg(unix)]
     {
         use rustix::io::Errno;
         use rustix::process::{Pid, test_kill_process};
-        // A process of another user may not be signalled, but it is there.
+        // A process of another user exists even if it cannot be signalled.
         Pid::from_raw(id).is_some_and(|pid| test_kill_process(pid) != Err(Errno::SRCH))
     }
     #[cfg(not(unix))]
@@ -150,7 +153,7 @@ fn put(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -
     })();
     if result.is_err() {
         let _ = fs::remove_file(&temporary);
-        // Folders that were made for it, unless others have put something there.
+        // Remove the folders created for the file, unless they are in use.
         let _ = made.iter().try_for_each(fs::remove_dir);
     }
     result
@@ -165,7 +168,7 @@ mod tests {
     fn what_the_dead_left_is_swept() {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join("f.npy");
-        // No process has the largest number, nor this one's with another file.
+        // No process has the largest ID; the other two names belong to this process or to another file.
         let mine = format!(".f.npy.{}-99.tmp", std::process::id());
         let names = [".f.npy.2147483647-0.tmp", &mine, ".g.npy.2147483647-0.tmp"];
         names

@@ -1,34 +1,35 @@
-//! A card that puts out voltages at the beat of its own clock: what galvo mirrors are driven with.
+//! An analog output card that outputs voltages at its own sample clock, used to drive galvo mirrors.
 //!
-//! A buffer of volts is written, started and waited for apart. After its last sample the card holds what that was.
+//! Writing a buffer, starting it and waiting for its end are separate calls. After the last sample the card
+//! holds its voltage.
 
 use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// What a card can do.
+/// Limits of a card.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AnalogLimits {
-    /// Channels, numbered from 0.
+    /// Number of channels, numbered from 0.
     pub channels: usize,
-    /// Least and greatest voltage. The greatest itself is one step out of reach.
+    /// Minimum and maximum voltage. The largest output is one step below the maximum.
     pub volts: [f64; 2],
-    /// Bits of a sample.
+    /// Bits per sample.
     pub bits: u32,
-    /// Least and greatest rate of samples, hertz.
+    /// Minimum and maximum sample rate, in hertz.
     pub rate_hz: [f64; 2],
-    /// Samples of a channel that its memory holds.
+    /// Memory size, in samples per channel.
     pub samples: usize,
 }
 
 impl AnalogLimits {
-    /// Least step, volts.
+    /// Returns the smallest step, in volts.
     #[must_use]
     pub fn step(&self) -> f64 {
         (self.volts[1] - self.volts[0]) / 2.0_f64.powi(self.bits as i32)
     }
 
-    /// What the card puts out where `volts` are asked for.
+    /// Returns the output voltage for a requested voltage: the nearest possible one.
     #[must_use]
     pub fn nearest(&self, volts: f64) -> f64 {
         let most = 2.0_f64.powi(self.bits as i32) - 1.0;
@@ -36,10 +37,10 @@ impl AnalogLimits {
         self.volts[0] + code.clamp(0.0, most) * self.step()
     }
 
-    /// Whether the card can be set so.
+    /// Checks that the card supports the settings.
     ///
     /// # Errors
-    /// What it cannot, in words.
+    /// A message with the setting that is not supported.
     pub fn check(&self, settings: &AnalogSettings) -> Result<(), String> {
         let known = settings.channels.iter().all(|c| *c < self.channels);
         let once =
@@ -61,10 +62,11 @@ impl AnalogLimits {
         Ok(())
     }
 
-    /// Whether the card can put out a buffer: one list of volts for each of `channels` channels, all of one length.
+    /// Checks that the card can output a buffer: one list of volts for each of `channels` channels, all of
+    /// equal length.
     ///
     /// # Errors
-    /// What it cannot, in words.
+    /// A message with the cause.
     pub fn check_buffer(&self, buffer: &[Vec<f64>], channels: usize) -> Result<(), String> {
         let samples = buffer.first().map_or(0, Vec::len);
         if buffer.len() != channels || buffer.iter().any(|c| c.len() != samples) {
@@ -84,47 +86,48 @@ impl AnalogLimits {
     }
 }
 
-/// What a card is set to.
+/// Settings of a card.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnalogSettings {
-    /// Channels that are driven, in the order of a buffer's lists.
+    /// Channels to drive, in the order of a buffer's lists.
     pub channels: Vec<usize>,
-    /// Samples a second.
+    /// Samples per second.
     pub rate_hz: f64,
 }
 
-/// An analog output.
+/// An analog output card.
 pub trait AnalogOutput: Instrument {
-    /// What it can do.
     fn limits(&self) -> AnalogLimits;
 
-    /// Sets channels and rate; holds for all buffers that follow. What was written before is forgotten.
+    /// Sets channels and rate for all subsequent buffers. Discards the buffer written before.
     ///
     /// # Errors
-    /// [`Failure`]: limit, refused (a buffer is being put out), timeout, disconnected.
+    /// [`Failure`]: limit, refused (a buffer is playing), timeout, disconnected.
     fn configure(&mut self, settings: &AnalogSettings, within: Duration) -> Result<(), Failure>;
 
-    /// Takes a buffer into its memory: a list of volts for each channel that is driven, all of one length.
+    /// Loads a buffer into the card's memory: a list of volts for each driven channel, all of equal length.
     ///
     /// # Errors
-    /// [`Failure`]: limit ([`AnalogLimits::check_buffer`]), refused (not configured, a buffer is being put out), disconnected.
+    /// [`Failure`]: limit ([`AnalogLimits::check_buffer`]), refused (not configured, or a buffer is playing),
+    /// disconnected.
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure>;
 
-    /// Begins to put out the buffer and returns at once.
+    /// Starts to output the buffer and returns immediately.
     ///
     /// # Errors
-    /// [`Failure`]: refused (nothing written, a buffer is being put out), disconnected.
+    /// [`Failure`]: refused (no buffer, or a buffer is playing), disconnected.
     fn start(&mut self) -> Result<(), Failure>;
 
-    /// Waits until its last sample has stood for its time.
+    /// Waits until the last sample has been output for its full duration.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (it goes on), stalled (it stopped on the way), refused (nothing was started), disconnected.
+    /// [`Failure`]: timeout (output continues), stalled (output stopped early), refused (not started),
+    /// disconnected.
     fn wait(&mut self, within: Duration) -> Result<(), Failure>;
 
-    /// Stops at once, at whatever voltage stands; no matter if nothing was started.
+    /// Stops immediately at the present voltage; has no effect if nothing was started.
     ///
     /// # Errors
-    /// [`Failure`] after `within` at the latest.
+    /// [`Failure`], at the latest after `within`.
     fn stop(&mut self, within: Duration) -> Result<(), Failure>;
 }

@@ -1,24 +1,24 @@
-//! An area camera: regions of interest, pixel formats, triggers, frames of digital numbers as the sensor delivers them.
+//! An area camera: regions of interest, pixel formats, triggers, and frames of raw digital numbers.
 
 use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// How a frame's bytes hold its numbers (GenICam's names, PFNC 2.4).
+/// Encoding of a frame's digital numbers (names of GenICam, PFNC 2.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PixelFormat {
-    /// 8 bits a pixel.
+    /// 8 bits per pixel.
     Mono8,
-    /// 10 bits, four pixels in five bytes, least significant bit first.
+    /// 10 bits per pixel, four pixels in five bytes, least significant bit first.
     Mono10p,
-    /// 12 bits, two pixels in three bytes, least significant bit first.
+    /// 12 bits per pixel, two pixels in three bytes, least significant bit first.
     Mono12p,
-    /// 16 bits, little-endian.
+    /// 16 bits per pixel, little-endian.
     Mono16,
 }
 
 impl PixelFormat {
-    /// Bits of one number.
+    /// Returns the number of bits per pixel.
     #[must_use]
     pub fn bits(self) -> u32 {
         match self {
@@ -29,7 +29,7 @@ impl PixelFormat {
         }
     }
 
-    /// GenICam's name.
+    /// Returns GenICam's name of the format.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -40,72 +40,71 @@ impl PixelFormat {
         }
     }
 
-    /// Bytes of `pixels` of them; packed formats fill the last byte.
+    /// Returns the number of bytes of `pixels` pixels; packed formats are padded to a full byte.
     #[must_use]
     pub fn bytes(self, pixels: usize) -> usize {
         (pixels * self.bits() as usize).div_ceil(8)
     }
 }
 
-/// Part of the sensor that is read: columns and rows from its upper left corner.
+/// Region of the sensor that is read, in columns and rows from its upper left corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Region {
     /// First column.
     pub x: u32,
     /// First row.
     pub y: u32,
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
 }
 
-/// What begins an exposure.
+/// Event that starts an exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trigger {
-    /// [`AreaCamera::expose`] itself.
+    /// A call of [`AreaCamera::expose`].
     Software,
     /// The projector's trigger line.
     Line,
 }
 
-/// What a camera is set to.
+/// Settings of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSettings {
-    /// What is read.
+    /// Region to read.
     pub region: Region,
-    /// Exposure.
     pub exposure: Duration,
-    /// Gain, decibels.
+    /// Gain, in decibels.
     pub gain_db: f64,
-    /// Pixels.
+    /// Pixel format.
     pub format: PixelFormat,
-    /// What begins an exposure.
+    /// Event that starts an exposure.
     pub trigger: Trigger,
 }
 
-/// What a camera can do.
+/// Limits of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraLimits {
     /// Columns and rows of the sensor.
     pub size: [u32; 2],
-    /// Columns and rows of regions are multiples of these.
+    /// Increments of the columns and rows of a region.
     pub step: [u32; 2],
-    /// Shortest and longest exposure.
+    /// Minimum and maximum exposure time.
     pub exposure: [Duration; 2],
-    /// Least and greatest gain, decibels.
+    /// Minimum and maximum gain, in decibels.
     pub gain_db: [f64; 2],
-    /// Pixel formats.
+    /// Supported pixel formats.
     pub formats: Vec<PixelFormat>,
-    /// Time to read one row.
+    /// Readout time of one row.
     pub row_time: Duration,
 }
 
 impl CameraLimits {
-    /// Whether settings are within what the camera can do.
+    /// Checks that the settings are within the camera's limits.
     ///
     /// # Errors
-    /// What is not, in words.
+    /// A message with the setting that is out of range.
     pub fn check(&self, settings: &CameraSettings) -> Result<(), String> {
         let r = settings.region;
         let [width, height] = self.size;
@@ -150,41 +149,39 @@ impl CameraLimits {
     }
 }
 
-/// One frame as it comes from the sensor.
+/// One raw frame of the sensor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawFrame {
-    /// What of the sensor it shows.
+    /// Region of the sensor.
     pub region: Region,
-    /// How its bytes hold numbers.
+    /// Encoding of `bytes`.
     pub format: PixelFormat,
-    /// [`PixelFormat::bytes`] of all pixels, rows from the top without padding between them.
+    /// Pixel data, rows from the top without padding; its length is [`PixelFormat::bytes`] of all pixels.
     pub bytes: Vec<u8>,
-    /// The camera's own count of frames since it was switched on: a gap says that a frame was lost.
+    /// Frame counter of the camera since power-on: a gap shows a lost frame.
     pub number: u64,
-    /// The camera's own clock at the begin of the exposure, nanoseconds.
+    /// Camera clock at the start of the exposure, in nanoseconds.
     pub timestamp_ns: u64,
 }
 
-/// An area camera.
 pub trait AreaCamera: Instrument {
-    /// What it can do.
     fn limits(&self) -> CameraLimits;
 
-    /// Sets everything; holds for all exposures that follow.
+    /// Applies the settings to all subsequent exposures.
     ///
     /// # Errors
-    /// [`Failure`]: limit (what the camera cannot do, by name), timeout, disconnected.
+    /// [`Failure`]: limit (names the setting that is out of range), timeout, disconnected.
     fn configure(&mut self, settings: &CameraSettings, within: Duration) -> Result<(), Failure>;
 
-    /// Begins one exposure and returns at once.
+    /// Starts one exposure and returns immediately.
     ///
     /// # Errors
-    /// [`Failure`]: refused (not configured, one under way), disconnected.
+    /// [`Failure`]: refused (not configured, or an exposure is in progress), disconnected.
     fn expose(&mut self) -> Result<(), Failure>;
 
-    /// Waits for the frame of the exposure that was begun.
+    /// Waits for the frame of the exposure in progress.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (the frame was dropped; another exposure may be begun), disconnected.
+    /// [`Failure`]: timeout (the frame was lost; another exposure may start), disconnected.
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure>;
 }

@@ -1,26 +1,26 @@
-//! The small set of ways in which an instrument fails, which is all that a session has to know to go on.
+//! Failures of instruments: a small set of faults on which a session bases its reaction.
 
 use thiserror::Error;
 
-/// Kind of a failure. What a session does about it stands beside each.
+/// Kind of a failure. Each variant's description includes the session's reaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Fault {
-    /// No answer before the deadline, or a frame that never came: asked again, a bounded number of times.
+    /// No reply or frame before the deadline: retried a limited number of times.
     Timeout,
-    /// Asked for more than the instrument can do, or a limit switch was met: the plan is wrong, nothing is tried again.
+    /// Request outside the instrument's limits, or a limit switch was hit: the plan is wrong, no retry.
     Limit,
-    /// Motion stopped short of its goal: homed, then asked again.
+    /// Motion stopped short of its goal: the stage is homed, then the request is retried.
     Stalled,
-    /// The line is gone, or talks nonsense: connected anew, then asked again.
+    /// Line disconnected or invalid replies: reconnected, then the request is retried.
     Disconnected,
-    /// The sensor or counter was driven beyond what it can tell: a condition on which a plan may suspend.
+    /// The sensor or counter saturated: a plan may suspend on this condition.
     Saturated,
-    /// The instrument said no (busy, interlock, wrong state): told to the user.
+    /// The instrument refused the request (busy, interlock, wrong state): reported to the user.
     Refused,
 }
 
 impl Fault {
-    /// All of them.
+    /// All faults.
     pub const ALL: [Self; 6] = [
         Self::Timeout,
         Self::Limit,
@@ -30,7 +30,7 @@ impl Fault {
         Self::Refused,
     ];
 
-    /// The word for it in journals and messages.
+    /// Returns the fault's name in journals and messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -43,27 +43,26 @@ impl Fault {
         }
     }
 
-    /// True if trying again can help.
+    /// Returns whether a retry can succeed.
     #[must_use]
     pub fn may_pass(self) -> bool {
         !matches!(self, Self::Limit | Self::Refused)
     }
 }
 
-/// What went wrong, where, and what to do about it.
+/// A failure: its kind, the instrument, and a message with the cause and the remedy.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{instrument}: {}: {what}", fault.name())]
 pub struct Failure {
-    /// Kind.
     pub fault: Fault,
-    /// The instrument's name in the rig file.
+    /// Name of the instrument in the rig file.
     pub instrument: String,
-    /// What happened and how to fix it, in words.
+    /// Message: what happened and how to fix it.
     pub what: String,
 }
 
 impl Failure {
-    /// Of an instrument.
+    /// Creates a failure of an instrument.
     #[must_use]
     pub fn new(fault: Fault, instrument: &str, what: impl Into<String>) -> Self {
         Self {

@@ -4,24 +4,22 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// What a scanner can do.
+/// Limits of a scanner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GalvoLimits {
-    /// Greatest optical angle from the axis in x and in y, degrees.
+    /// Maximum absolute optical angle from the axis in x and y, in degrees.
     pub range_deg: [f64; 2],
-    /// Least step, degrees.
+    /// Smallest step, in degrees.
     pub resolution_deg: f64,
-    /// Time until the beam stands after a small step.
+    /// Settling time of the beam after a small step.
     pub settle: Duration,
 }
 
-/// A galvo scanner.
 pub trait GalvoScanner: Instrument {
-    /// What it can do.
     fn limits(&self) -> GalvoLimits;
 
-    /// Points the beam to optical angles from the axis, degrees in x and y, waits until it stands, and returns where the
-    /// mirrors' own sensors say it is.
+    /// Points the beam to optical angles from the axis (x and y, in degrees), waits until it has settled, and
+    /// returns the angles that the mirrors' sensors report.
     ///
     /// # Errors
     /// [`Failure`]: limit, timeout, stalled, disconnected.

@@ -1,39 +1,37 @@
-//! What all instruments have in common: a name, an identity, a line that can be lost and found again.
+//! Features common to all instruments: name, identity and reconnection.
 
 use super::failure::Failure;
 use std::time::Duration;
 
-/// What an instrument says of itself.
+/// Identity that an instrument reports.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
-    /// Who made it.
     pub maker: String,
-    /// Model.
     pub model: String,
-    /// Serial number.
     pub serial: String,
-    /// Version of its firmware.
+    /// Firmware version.
     pub firmware: String,
 }
 
-/// Any instrument. One thread uses it at a time; it may be handed to another.
+/// An instrument. One thread uses it at a time; it can be moved to another thread.
 pub trait Instrument: Send {
-    /// Its name in the rig file, which messages use.
+    /// Returns the name in the rig file, which messages contain.
     fn name(&self) -> &str;
 
-    /// Asks who it is: proof that the line works.
+    /// Queries the identity, which also proves that the line works.
     ///
     /// # Errors
-    /// [`Failure`] after `within` at the latest.
+    /// [`Failure`], at the latest after `within`.
     fn identify(&mut self, within: Duration) -> Result<Identity, Failure>;
 
-    /// Connects anew after the line was lost; forgets what was under way. Settings have to be made again.
+    /// Reconnects after the line was lost; discards pending operations. The instrument must be configured
+    /// again.
     ///
     /// # Errors
-    /// [`Failure`] after `within` at the latest.
+    /// [`Failure`], at the latest after `within`.
     fn reconnect(&mut self, within: Duration) -> Result<(), Failure>;
 
-    /// Temperature, degrees Celsius, where the instrument knows it.
+    /// Returns the temperature in degrees Celsius, if the instrument measures it.
     fn temperature_c(&mut self) -> Option<f64> {
         None
     }

@@ -4,40 +4,38 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// What a laser can do.
+/// Limits of a laser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaserLimits {
-    /// Wavelength, nanometres.
+    /// Wavelength, in nanometres.
     pub nm: f64,
-    /// Least and greatest rate of pulses, hertz.
+    /// Minimum and maximum pulse rate, in hertz.
     pub rate_hz: [f64; 2],
 }
 
-/// How a laser is.
+/// State of a laser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaserState {
-    /// Light comes out.
+    /// Whether light is emitted.
     pub emitting: bool,
-    /// Pulses a second.
+    /// Pulses per second.
     pub rate_hz: f64,
-    /// Mean power over nominal, 1 where all is well: plans suspend below a limit.
+    /// Mean power relative to nominal; 1 is normal. Plans suspend below a limit.
     pub power: f64,
 }
 
-/// A pulsed laser.
 pub trait PulsedLaser: Instrument {
-    /// What it can do.
     fn limits(&self) -> LaserLimits;
 
-    /// Light on at a rate, or off.
+    /// Switches the light on at a pulse rate, or off.
     ///
     /// # Errors
     /// [`Failure`]: limit, refused (interlock), timeout, disconnected.
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure>;
 
-    /// Asks how it is.
+    /// Queries the state.
     ///
     /// # Errors
-    /// [`Failure`] after `within` at the latest.
+    /// [`Failure`], at the latest after `within`.
     fn state(&mut self, within: Duration) -> Result<LaserState, Failure>;
 }

@@ -1,8 +1,9 @@
-//! What a session may ask of instruments, whoever made them: one trait a kind of instrument, one small set of failures.
+//! Interfaces of instruments: one trait for each kind of instrument, and one small set of failures.
 //!
-//! Every call has a deadline (`within`) and either does what it says or returns a [`Failure`]; none blocks for longer. A
-//! session knows instruments by these traits alone, so a simulated one, a real one, and one written by somebody else are the
-//! same to it; `rig::conformance` says whether one keeps to what is written here.
+//! Every call has a deadline (`within`): it succeeds or returns a [`Failure`] and never blocks longer. A
+//! session uses
+//! instruments only through these traits, so simulated, real and third-party instruments are interchangeable.
+//! `rig::conformance` checks that an instrument follows this specification.
 
 pub mod analog_output;
 pub mod camera;

@@ -1,10 +1,10 @@
-//! A projector that shows patterns from its memory: a DMD, or a light source that is on or off.
+//! A projector that displays patterns from its memory: a DMD, or a light source that is on or off.
 
 use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// Patterns of a projector: one byte a pixel, rows from the top, 255 is full light.
+/// A pattern: one byte per pixel, rows from the top, 255 is full intensity.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
     /// Width in pixels.
@@ -15,39 +15,38 @@ pub struct Pattern {
     pub pixels: Vec<u8>,
 }
 
-/// What a projector can do.
+/// Limits of a projector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProjectorLimits {
-    /// Width and height, pixels.
+    /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Patterns that its memory holds.
+    /// Maximum number of patterns in memory.
     pub patterns: usize,
-    /// Bits a pixel: 1 where a pixel is on or off.
+    /// Bits per pixel; 1 for a binary projector.
     pub bits: u8,
-    /// Shortest time a pattern can stand.
+    /// Shortest display time of a pattern.
     pub shortest: Duration,
 }
 
-/// A pattern projector.
 pub trait PatternProjector: Instrument {
-    /// What it can do.
     fn limits(&self) -> ProjectorLimits;
 
-    /// Loads patterns into its memory, numbered from 0; those loaded before are forgotten.
+    /// Loads patterns, numbered from 0; they replace those loaded before.
     ///
     /// # Errors
-    /// [`Failure`]: limit (too many, wrong size, grey on a binary one), timeout, disconnected.
+    /// [`Failure`]: limit (too many patterns, wrong size, gray levels on a binary projector), timeout,
+    /// disconnected.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure>;
 
-    /// Shows a loaded pattern until another is asked for, and returns when its light stands.
+    /// Displays a loaded pattern until the next call, and returns when its light is stable.
     ///
     /// # Errors
     /// [`Failure`]: limit (no such pattern), timeout, disconnected, refused.
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure>;
 
-    /// No light.
+    /// Turns off the light.
     ///
     /// # Errors
-    /// [`Failure`] after `within` at the latest.
+    /// [`Failure`], at the latest after `within`.
     fn dark(&mut self, within: Duration) -> Result<(), Failure>;
 }

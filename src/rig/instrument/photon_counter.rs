@@ -1,74 +1,72 @@
-//! A single-photon detector with its time-correlated counting.
+//! A single-photon detector with time-correlated photon counting.
 
 use super::failure::Failure;
 use super::identity::Instrument;
 use crate::ptu::record::RecordType;
 use std::time::Duration;
 
-/// What a counter can do.
+/// Limits of a counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CounterLimits {
-    /// Bins of a histogram.
+    /// Maximum number of bins in a histogram.
     pub bins: usize,
-    /// Width of its finest bin, picoseconds; others are powers of two times that.
+    /// Width of the finest bin, in picoseconds; other widths are powers of two times it.
     pub finest_ps: f64,
-    /// Longest acquisition.
+    /// Longest acquisition time.
     pub longest: Duration,
-    /// Counts that a bin holds before it is full.
+    /// Maximum count of a bin.
     pub full: u64,
-    /// Records of its time tags (T3), if it gives any.
+    /// Record type of its time tags (T3), if it supports them.
     pub tags: Option<RecordType>,
 }
 
-/// What a counter is set to.
+/// Settings of a counter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CounterSettings {
-    /// Bins from the sync pulse on.
+    /// Number of bins, starting at the sync pulse.
     pub bins: usize,
-    /// Width of a bin, picoseconds.
+    /// Width of a bin, in picoseconds.
     pub bin_ps: f64,
-    /// How long photons are counted.
+    /// Acquisition time.
     pub dwell: Duration,
-    /// Added to the sync's time, picoseconds.
+    /// Offset added to the sync time, in picoseconds.
     pub offset_ps: f64,
-    /// Give time tags instead of a histogram: every photon with its pulse and its bin.
+    /// Returns time tags instead of a histogram: every photon with its pulse and its bin.
     pub tags: bool,
 }
 
-/// What was counted in one acquisition.
+/// Result of one acquisition.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Histogram {
-    /// Counts by bin; none where time tags were asked for.
+    /// Counts by bin; empty in time-tag mode.
     pub counts: Vec<u32>,
-    /// The records of its time tags, of the type of [`CounterLimits::tags`], as the card sent them: syncs count from the begin, a count of
-    /// `dtime` is a bin.
+    /// Raw time-tag records of the type in [`CounterLimits::tags`]. Syncs are counted from the start; a unit
+    /// of `dtime` is one bin.
     pub records: Vec<u32>,
-    /// Laser pulses while it counted.
+    /// Number of laser pulses during the acquisition.
     pub pulses: u64,
-    /// The counter's own number of the acquisition.
+    /// The counter's number of the acquisition.
     pub number: u64,
-    /// The counter's own clock at its begin, nanoseconds.
+    /// Counter clock at the start of the acquisition, in nanoseconds.
     pub timestamp_ns: u64,
 }
 
-/// A photon counter.
 pub trait PhotonCounter: Instrument {
-    /// What it can do.
     fn limits(&self) -> CounterLimits;
 
-    /// Sets everything; holds for all acquisitions that follow.
+    /// Applies the settings to all subsequent acquisitions.
     ///
     /// # Errors
     /// [`Failure`]: limit, timeout, disconnected.
     fn configure(&mut self, settings: &CounterSettings, within: Duration) -> Result<(), Failure>;
 
-    /// Begins an acquisition and returns at once.
+    /// Starts an acquisition and returns immediately.
     ///
     /// # Errors
-    /// [`Failure`]: refused (not configured, one under way), disconnected.
+    /// [`Failure`]: refused (not configured, or an acquisition is in progress), disconnected.
     fn begin(&mut self) -> Result<(), Failure>;
 
-    /// Waits for its end.
+    /// Waits for the end of the acquisition and returns its result.
     ///
     /// # Errors
     /// [`Failure`]: timeout, saturated (a bin is full), disconnected.

@@ -1,8 +1,8 @@
-//! Digital numbers in and out of a frame's bytes (PFNC 2.4: packed formats begin with the least significant bit).
+//! Packing and unpacking of digital numbers (PFNC 2.4: packed formats start with the least significant bit).
 
 use super::camera::{PixelFormat, RawFrame};
 
-/// Bytes of numbers in a format, cut to what it holds.
+/// Packs numbers into a format; larger numbers are clamped to the format's maximum.
 #[must_use]
 pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
     let bits = format.bits();
@@ -24,7 +24,8 @@ pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
     bytes
 }
 
-/// Numbers of a frame, rows from the top; `None` if it has not as many bytes as its region and format say.
+/// Unpacks the numbers of a frame, rows from the top; returns `None` if the number of bytes does not match
+/// its region and format.
 #[must_use]
 pub fn unpack(frame: &RawFrame) -> Option<Vec<u32>> {
     let bits = frame.format.bits();
@@ -70,8 +71,8 @@ mod tests {
         }
     }
 
-    /// PFNC: of Mono12p the first byte holds the low eight bits of the first pixel, the second its high four below the low
-    /// four of the second.
+    /// PFNC, Mono12p: the first byte holds the low eight bits of the first pixel. The second byte holds the
+    /// first pixel's high four bits below the second pixel's low four bits.
     #[test]
     fn packed_bytes_are_those_of_the_standard() {
         assert_eq!(pack(&[0xABC, 0x123], PixelFormat::Mono12p), [0xBC, 0x3A, 0x12]);
@@ -87,7 +88,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-        /// A frame of any size with any bytes is unpacked to as many numbers as it has pixels, or not at all.
+        /// A frame of any size with any bytes unpacks to one number per pixel, or not at all.
         #[test]
         fn no_frame_panics(
             bytes in prop::collection::vec(any::<u8>(), 0..64),

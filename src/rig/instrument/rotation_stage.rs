@@ -4,22 +4,22 @@ use super::failure::Failure;
 use super::identity::Instrument;
 use std::time::Duration;
 
-/// What a stage can do. Angles are those its own scale reads, degrees; where an element's axis lies on that scale is the
-/// calibration's to know.
+/// Limits of a stage. Angles are those of the stage's scale, in degrees; the calibration maps them to the
+/// axis of the optical element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageLimits {
-    /// Least and greatest angle, degrees; infinite where it turns for ever.
+    /// Minimum and maximum angle, in degrees; infinite for unlimited rotation.
     pub range_deg: [f64; 2],
-    /// Greatest speed, degrees a second.
+    /// Maximum speed, in degrees per second.
     pub velocity: f64,
-    /// Greatest acceleration, degrees a second squared.
+    /// Maximum acceleration, in degrees per second squared.
     pub acceleration: f64,
-    /// Least step of the encoder, degrees.
+    /// Smallest step of the encoder, in degrees.
     pub resolution_deg: f64,
 }
 
 impl StageLimits {
-    /// Time of a move by `degrees` with a trapezoid of velocity.
+    /// Returns the duration of a move by `degrees` with a trapezoidal velocity profile.
     #[must_use]
     pub fn move_time(&self, degrees: f64) -> Duration {
         let (d, v, a) = (degrees.abs(), self.velocity, self.acceleration);
@@ -32,49 +32,50 @@ impl StageLimits {
     }
 }
 
-/// Where a stage is.
+/// Position and state of a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageReading {
-    /// Angle by the encoder, degrees.
+    /// Encoder angle, in degrees.
     pub angle_deg: f64,
-    /// Still under way.
+    /// Whether the stage is moving.
     pub moving: bool,
-    /// Its zero has been found since it was switched on.
+    /// Whether the stage has been homed since power-on.
     pub homed: bool,
 }
 
-/// A rotation stage. Moves are begun and waited for apart, so that several stages turn at once.
+/// A rotation stage. Starting a move and waiting for it are separate calls, so that several stages can move
+/// concurrently.
 pub trait RotationStage: Instrument {
-    /// What it can do.
     fn limits(&self) -> StageLimits;
 
-    /// Finds its zero and waits for it.
+    /// Homes the stage and waits for the end.
     ///
     /// # Errors
     /// [`Failure`]: timeout, stalled, disconnected.
     fn home(&mut self, within: Duration) -> Result<(), Failure>;
 
-    /// Begins a move to an angle of its scale and returns at once. A move under way is replaced.
+    /// Starts a move to an angle of the scale and returns immediately. It replaces a move in progress.
     ///
     /// # Errors
-    /// [`Failure`]: limit (beyond [`StageLimits::range_deg`] or not finite), refused (not homed), disconnected.
+    /// [`Failure`]: limit (beyond [`StageLimits::range_deg`] or not finite), refused (not homed),
+    /// disconnected.
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure>;
 
-    /// Waits for the end of the move that was begun, and says where the encoder then is.
+    /// Waits for the end of the move and returns the encoder's reading.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (it moves still), stalled (it stopped short), disconnected.
+    /// [`Failure`]: timeout (still moving), stalled (stopped short of the goal), disconnected.
     fn finish_move(&mut self, within: Duration) -> Result<StageReading, Failure>;
 
-    /// Asks where it is.
+    /// Reads position and state.
     ///
     /// # Errors
-    /// [`Failure`] after `within` at the latest.
+    /// [`Failure`], at the latest after `within`.
     fn read(&mut self, within: Duration) -> Result<StageReading, Failure>;
 
-    /// Stops at once.
+    /// Stops immediately.
     ///
     /// # Errors
-    /// [`Failure`] after `within` at the latest.
+    /// [`Failure`], at the latest after `within`.
     fn stop(&mut self, within: Duration) -> Result<(), Failure>;
 }

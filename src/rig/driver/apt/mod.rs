@@ -3,7 +3,7 @@
 //!
 //! Not tested with real hardware. Bytes are compared with those of an independent package
 //! (`validation/instruments.py`).
-//! The behavior is tested with the emulator, in memory and behind a serial device of the system.
+//! The behaviour is tested with the emulator, in memory and behind a serial device of the system.
 
 pub mod emulator;
 pub mod message;

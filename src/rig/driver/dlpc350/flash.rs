@@ -19,7 +19,7 @@ fn place(plane: usize) -> (usize, usize) {
     ([1, 0, 2][plane / 8], plane % 8)
 }
 
-/// Reads flash images: PNG files with 8 bits per color and the size of the mirror array.
+/// Reads flash images: PNG files with 8 bits per colour and the size of the mirror array.
 ///
 /// # Errors
 /// A message that names the file.

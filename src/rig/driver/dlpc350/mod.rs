@@ -13,7 +13,7 @@
 //!
 //! **Not tested with real hardware.** Packets are compared with those of the independent package
 //! `pycrafter4500`
-//! (`validation/dlpc350.py`). The behavior is tested against this module's emulator, which follows the guide.
+//! (`validation/dlpc350.py`). The behaviour is tested against this module's emulator, which follows the guide.
 //! For the
 //! device file ([`hidraw`]), only finding and opening it is tested.
 

@@ -1,5 +1,5 @@
 //! Compares voltages and paths with closed forms, and tests the scanner on a simulated card: output over time
-//! and behavior on failures.
+//! and behaviour on failures.
 
 use super::scanner::AnalogGalvo;
 use super::wiring::{Travel, Wiring};

@@ -23,7 +23,7 @@ use serde::Deserialize;
 pub struct LaserTable {
     /// Network address, `host:port`; the standard port of SCPI is 5025.
     pub address: String,
-    /// Wavelength, in nanometers.
+    /// Wavelength, in nanometres.
     pub nm: f64,
     /// Minimum and maximum pulse rate, in hertz.
     pub rate_hz: [f64; 2],
