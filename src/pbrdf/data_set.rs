@@ -1,7 +1,10 @@
-//! Data sets of pBRDFs: moments and samples of every material, from `.pbsdf` files or from analytic materials.
+//! Data sets of pBRDFs: moments and samples of every material, from `.pbsdf` files or from analytic
+//! materials.
 //!
-//! One material at a time is read, its φ_d slabs in parallel; of a file only the pages that are being read are in memory,
-//! of an analytic material one slab for each thread. Angles do not count, so files whose axes are left empty serve too.
+//! Materials are read one at a time, with their φ_d slabs in parallel. Only the pages of a file that are
+//! being read are in
+//! memory; for an analytic material, one slab per thread. Angles are not used, so files with empty axes are
+//! accepted.
 
 use crate::table_part::nearest_band;
 use optics::spectrum::MAX_WAVELENGTHS;
@@ -14,48 +17,35 @@ use transport::material::measured::error::PbsdfError;
 use transport::material::measured::table::{Options, Table};
 use transport::material::measured::write::slab;
 
-/// Why there is no data set, and the fix.
+/// Error of reading or creating a data set, with advice.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// The folder cannot be listed.
     #[error("{}: cannot be listed: {cause}; give a folder of .pbsdf files", path.display())]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// Why not.
-        cause: std::io::Error,
-    },
-    /// The folder holds no tables.
+    Folder { path: PathBuf, cause: std::io::Error },
+    /// The folder contains no tables.
     #[error("{}: there is no .pbsdf file in this folder; make some with `sunstone pbrdf synth -o {}`", path.display(), path.display())]
-    NoTables {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// A table is wrong.
+    NoTables { path: PathBuf },
+    /// A table is invalid.
     #[error("{}: {cause}", path.display())]
-    Table {
-        /// File of the table.
-        path: PathBuf,
-        /// What is wrong.
-        cause: PbsdfError,
-    },
-    /// Analytic materials cannot be tabulated so.
+    Table { path: PathBuf, cause: PbsdfError },
+    /// The axes are invalid for tabulating analytic materials.
     #[error("the materials cannot be tabulated: a table so made {0}")]
     Axes(PbsdfError),
-    /// No band was asked for.
+    /// No bands are given.
     #[error("no bands are given; give one or more, in nanometres")]
     NoBands,
-    /// The matrices are no data set.
+    /// The matrices do not form a valid data set.
     #[error(transparent)]
     Data(#[from] data_set::DataError),
 }
 
-/// An analytic material under its name, in as many tables as the bands take; see
+/// A named analytic material, with one table source per group of bands; see
 /// [`tabulate`](transport::material::measured::write::tabulate).
 pub type Analytic<'a> = (String, Vec<(&'a Materials, u32)>);
 
-/// Reads all `.pbsdf` files of a folder at their bands nearest to the given ones (nanometres), each band once. A band
-/// is read as measured, not interpolated; one that the table lacks is replaced with a warning.
+/// Reads all `.pbsdf` files of a folder at their bands nearest to the given ones (nanometres), each band
+/// once. Bands are read as measured, without interpolation; a missing band is replaced with a warning.
 ///
 /// # Errors
 /// [`DataError`].
@@ -67,7 +57,7 @@ pub fn read(folder: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Data
     };
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
-        // Hidden files are tables that are being written.
+        // Hidden files are unfinished tables.
         let hidden = path
             .file_name()
             .is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
@@ -169,7 +159,8 @@ mod tests {
     use scene::materials::MaterialSet;
     use transport::material::measured::write::{tabulate, write};
 
-    /// A table whose matrices tell where they are, with one hole, one dark and one unreal entry.
+    /// Writes a table whose matrices depend on their position, with one missing, one dark and one unphysical
+    /// entry.
     fn made(path: &Path, scale: f32) {
         let axes = Axes::even([5, 3, 4], vec![450, 550, 650]);
         write(path, &axes, |i, values| {
@@ -185,7 +176,7 @@ mod tests {
         .unwrap();
     }
 
-    /// Files are read in order of name; moments are those of the entries, samples are entries.
+    /// Files are read in order of name. Moments are those of the entries; samples are entries.
     #[test]
     fn folders_are_read() {
         let folder = tempfile::tempdir().unwrap();
@@ -222,7 +213,7 @@ mod tests {
         };
         assert_eq!((b.tally, b.samples.len()), (tally, 50));
         for i in 0..16 {
-            // The scaled table is rounded to single precision once more.
+            // The scaled table is rounded to single precision a second time.
             assert!((a.plain.mean()[i] - want.mean()[i]).abs() < 1e-6);
             for j in 0..16 {
                 assert!((b.plain.covariance()[i][j] - want.covariance()[i][j]).abs() < 1e-12);
@@ -237,8 +228,8 @@ mod tests {
         assert_eq!(again.mapped(Weight::Bins), data.mapped(Weight::Bins));
     }
 
-    /// Evaluated in memory or read from the table of the same material: the same to the last bit, over more bands than a
-    /// material carries.
+    /// A material evaluated in memory is bit-identical to its table read from a file, with more bands than
+    /// one material set holds.
     #[test]
     fn memory_and_file_agree() {
         let text = "[materials]\nm.plastic = { albedo = 0.4, ior = 1.5, alpha = 0.2 }";
@@ -267,7 +258,7 @@ mod tests {
         assert!(matches!(few, Err(DataError::Axes(PbsdfError::Sources { .. }))));
     }
 
-    /// Faults are named, with their fix.
+    /// Errors name the fault and its fix.
     #[test]
     fn faults_are_named() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,10 +1,13 @@
-//! Mueller matrices of a material by itself: its BRDF, and what smooth surfaces reflect and transmit.
+//! Mueller matrices of a single material: its BRDF, and the reflection and transmission of smooth surfaces.
 //!
-//! The surface lies with its normal along +z and its tangent along +x. Directions point away from it: the incoming one to
-//! where light comes from, the outgoing one to where it goes. Stokes vectors are in frames whose horizontal is
-//! perpendicular to the plane of the normal and the direction, (-sin φ, cos φ, 0): "s" comes first. So those of the two
-//! directions are turned from the renderer's own ([`optics::polarization::scatter`]), and of what goes through a surface
-//! radiance is turned into power.
+//! The surface normal is +z, the tangent +x. Directions point away from the surface: the incoming one to the
+//! light's source,
+//! the outgoing one to its destination. Stokes vectors are in frames whose horizontal is (-sin φ, cos φ, 0),
+//! perpendicular to
+//! the plane of the normal and the direction, so that "s" is the first axis. The renderer's frames
+//! ([`optics::polarization::scatter`]) are therefore rotated in both directions, and for transmission
+//! radiance is converted to
+//! power.
 
 use glam::Vec3A;
 use optics::polarization::mueller::Mueller;
@@ -14,17 +17,17 @@ use transport::geometry::ray::Surface;
 use transport::material::{Lanes, Lobe, Materials};
 use transport::scene::Scene;
 
-/// A polar angle from the normal (+z) and an azimuth from the tangent (+x), degrees.
+/// A direction: polar angle from the normal (+z) and azimuth from the tangent (+x), in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Direction {
-    /// Angle from the normal; beyond 90 behind the surface.
+    /// Angle from the normal; above 90 behind the surface.
     pub theta_deg: f64,
     /// Azimuth from the tangent.
     pub phi_deg: f64,
 }
 
 impl Direction {
-    /// The direction in which a vector of any length points.
+    /// Returns the direction of a vector of any length.
     #[must_use]
     pub fn of([x, y, z]: [f64; 3]) -> Self {
         Self {
@@ -33,27 +36,28 @@ impl Direction {
         }
     }
 
-    /// The unit vector that points there.
+    /// Returns the unit vector of the direction.
     #[must_use]
     pub fn vector(self) -> [f64; 3] {
         let [theta, phi] = [self.theta_deg, self.phi_deg].map(f64::to_radians);
         [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
     }
 
-    /// The horizontal of the Stokes frame of light along it: (-sin φ, cos φ, 0), also on the normal.
+    /// Returns the horizontal of the Stokes frame of light along the direction: (-sin φ, cos φ, 0), also on
+    /// the normal.
     #[must_use]
     pub fn frame(self) -> [f64; 3] {
         let phi = self.phi_deg.to_radians();
         [-phi.sin(), phi.cos(), 0.0]
     }
 
-    /// Both as the renderer takes them.
+    /// Returns vector and frame in the renderer's types.
     fn single(self) -> (Vec3A, Vec3A) {
         let [w, x] = [self.vector(), self.frame()].map(|v| v.map(|c| c as f32).into());
         (w, x)
     }
 
-    /// The direction of mirror reflection.
+    /// Returns the direction of mirror reflection.
     fn mirrored(self) -> Self {
         Self {
             phi_deg: self.phi_deg + 180.0,
@@ -61,7 +65,8 @@ impl Direction {
         }
     }
 
-    /// The direction of a vector in the plane of incidence of this one, on the other side of the normal.
+    /// Returns the direction of a vector in this direction's plane of incidence, on the other side of the
+    /// normal.
     fn across(self, w: Vec3A) -> Self {
         Self {
             theta_deg: f64::from(w.x.hypot(w.y)).atan2(f64::from(w.z)).to_degrees(),
@@ -70,12 +75,12 @@ impl Direction {
     }
 }
 
-/// A material has no such specular lobe.
+/// The material has no such specular lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the material does not {} specularly there; evaluate its BRDF", match .0 { Lobe::Reflected => "mirror", Lobe::Transmitted => "transmit" })]
 pub struct NotSpecular(pub Lobe);
 
-/// A BRDF's value between two directions.
+/// Value of a BRDF for two directions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BrdfValue {
     /// `[wavelength][out][in]`, 1/sr, without the cosine.
@@ -84,33 +89,35 @@ pub struct BrdfValue {
     pub pdf: f32,
 }
 
-/// What a smooth surface reflects or transmits at one wavelength.
+/// Reflection or transmission of a smooth surface at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpecularValue {
-    /// `[out][in]`, of power: radiance changes besides by the squared ratio of the refractive indices.
+    /// `[out][in]` for power; radiance also changes by the squared ratio of the refractive indices.
     pub mueller: [[f32; 4]; 4],
-    /// Where the light goes; nowhere under total reflection, where the matrix of transmission is zero.
+    /// Outgoing direction; `None` under total reflection, where the transmission matrix is zero.
     pub outgoing: Option<Direction>,
 }
 
 /// A material of a set or a scene on a flat surface.
 pub struct Specimen<'a> {
     materials: &'a Materials,
-    /// Wavelengths.
+    /// Number of wavelengths.
     lanes: usize,
     id: u32,
     at: Surface,
 }
 
 impl<'a> Specimen<'a> {
-    /// The material of that name, at texture coordinates `uv`; `None` if the set has none.
+    /// Creates a specimen of a material at texture coordinates `uv`; returns `None` if the set does not
+    /// contain the name.
     #[must_use]
     pub fn new(set: &'a MaterialSet, name: &str, uv: [f32; 2]) -> Option<Self> {
         let id = *set.names.get(name)?;
         Some(Self::of(&set.materials, set.wavelengths.count(), id, uv))
     }
 
-    /// The material of that name of a scene, at texture coordinates `uv`; `None` if it has none.
+    /// Creates a specimen of a scene's material at texture coordinates `uv`; returns `None` if the scene does
+    /// not contain the name.
     #[must_use]
     pub fn in_scene(scene: &'a Scene, name: &str, uv: [f32; 2]) -> Option<Self> {
         let names = &scene.names;
@@ -143,7 +150,7 @@ impl<'a> Specimen<'a> {
         }
     }
 
-    /// The BRDF of light from `incoming` to `outgoing`; zero where nothing is scattered.
+    /// Returns the BRDF for light from `incoming` to `outgoing`; zero if nothing is scattered.
     #[must_use]
     pub fn brdf(&self, incoming: Direction, outgoing: Direction) -> BrdfValue {
         let m = self.mueller(incoming, outgoing);
@@ -154,7 +161,7 @@ impl<'a> Specimen<'a> {
         }
     }
 
-    /// The matrices alone of [`Self::brdf`].
+    /// Returns only the matrices of [`Self::brdf`].
     #[must_use]
     pub fn mueller(&self, incoming: Direction, outgoing: Direction) -> Mueller {
         let ((wi, xi), (wo, xo)) = (incoming.single(), outgoing.single());
@@ -167,9 +174,10 @@ impl<'a> Specimen<'a> {
             .unwrap_or_default()
     }
 
-    /// What the surface reflects or transmits of light from `incoming`, each wavelength along its own direction.
+    /// Returns the specular reflection or transmission of light from `incoming`; each wavelength has its own
+    /// outgoing direction.
     ///
-    /// Light paths are reversible, so the way out is found by following light that comes out backwards.
+    /// Light paths are reversible, so the outgoing direction is found by tracing light backwards.
     ///
     /// # Errors
     /// [`NotSpecular`] if the material has no such lobe there.
@@ -187,7 +195,7 @@ impl<'a> Specimen<'a> {
     ) -> Result<SpecularValue, NotSpecular> {
         let materials = self.materials;
         let (wi, xi) = incoming.single();
-        // Where the reversed light goes is None under total reflection as well: then nothing is transmitted.
+        // The reversed direction is also `None` under total reflection: then nothing is transmitted.
         let back = materials.specular(self.id, &self.at, wi, lobe, lane);
         let total = back.is_none()
             && lobe == Lobe::Transmitted
@@ -218,7 +226,7 @@ impl<'a> Specimen<'a> {
         })
     }
 
-    /// (n_in / n_out)²: radiance to power, for light that goes through the surface.
+    /// Returns (n_in / n_out)², which converts radiance to power for transmitted light.
     fn index_ratio2(&self, wo: Vec3A, wi: Vec3A, lane: usize) -> f32 {
         let lanes = Lanes { mask: 1 << lane };
         let beyond = |w: Vec3A| self.materials.beyond(self.id, &self.at, w, lanes);
@@ -244,7 +252,8 @@ mod tests {
         Direction { theta_deg, phi_deg }
     }
 
-    /// Power that glass of index 1.5 does not reflect goes through, by Fresnel's formulas at 50°, from either side.
+    /// Glass of index 1.5 transmits all power that it does not reflect (Fresnel's formulas at 50°), from
+    /// either side.
     #[test]
     fn smooth_surfaces_keep_power() {
         let set = set("g.dielectric = { ior = 1.5 }");
@@ -267,7 +276,7 @@ mod tests {
         assert_eq!((total.outgoing, total.mueller), (None, [[0.0; 4]; 4]));
     }
 
-    /// Vectors of any length point where their angles say, and the zenith has azimuth 0.
+    /// Vectors of any length have the direction of their angles; the zenith has azimuth 0.
     #[test]
     fn vectors_have_directions() {
         for (theta, phi) in [(0.0, 0.0), (30.0, 170.0), (90.0, -60.0), (150.0, 45.0)] {
@@ -280,7 +289,7 @@ mod tests {
         }
     }
 
-    /// A diffuse surface of albedo a has the BRDF a/π and no lobes.
+    /// A diffuse surface of albedo a has the BRDF a/π and no specular lobes.
     #[test]
     fn rough_surfaces_have_a_brdf() {
         let rough = set("r.rough_dielectric = { ior = 1.5, alpha = 0.3 }");

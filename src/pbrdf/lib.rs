@@ -1,5 +1,6 @@
-//! Polarimetric materials without a scene: data sets of their Mueller matrices for learning, substitutes for a measured data set,
-//! tables of analytic materials, and evaluation with frames and power. Uses the materials and media of `transport` and `scene`.
+//! Polarimetric materials without a scene: data sets of Mueller matrices for learning, substitutes for a
+//! measured data set, tables of analytic materials, and evaluation in stated frames and in power. Uses the
+//! materials and media of `transport` and `scene`.
 
 #![warn(missing_docs)]
 

@@ -1,4 +1,5 @@
-//! Tables of how a participating medium scatters: its matrix over the scattering angle.
+//! Tables of the scattering of a participating medium: its Mueller matrix as a function of the scattering
+//! angle.
 
 use base::locate::InputError;
 use glam::Vec3A;
@@ -9,30 +10,31 @@ use std::path::Path;
 /// A medium at one wavelength.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseTable {
-    /// Vacuum wavelength, nanometres.
+    /// Vacuum wavelength, in nanometres.
     pub nm: f64,
-    /// Refractive index of the host.
+    /// Refractive index of the host medium.
     pub index: f64,
-    /// Coefficient of scattering, 1/m.
+    /// Scattering coefficient, 1/m.
     pub scattering: f64,
-    /// Coefficient of absorption, 1/m.
+    /// Absorption coefficient, 1/m.
     pub absorption: f64,
     /// Mean cosine of the scattering angle.
     pub asymmetry: f64,
-    /// Mean cross section of scattering of a particle, m²; 0 where no particles were given.
+    /// Mean scattering cross section of a particle, m²; 0 if the medium does not define particles.
     pub scattering_cross_section: f64,
-    /// Mean cross section of absorption of a particle, m².
+    /// Mean absorption cross section of a particle, m².
     pub absorption_cross_section: f64,
-    /// S11, S12, S22, S33, S34, S44 at each angle: per steradian, the integral of S11 over the sphere being 1, with the
-    /// perpendicular of the scattering plane as the first axis of both Stokes frames (S12 = M01 = M10, S34 = M23 = -M32).
+    /// S11, S12, S22, S33, S34, S44 at each angle, per steradian, with S11 normalized to an integral of 1
+    /// over the sphere. The first axis of both Stokes frames is perpendicular to the scattering plane (S12 =
+    /// M01 = M10, S34 = M23 = -M32).
     pub elements: Vec<[f32; 6]>,
 }
 
-/// Tables of the medium `name` of a file at scattering angles (degrees, 0 to 180), one for each of `wavelengths_nm`, any number
-/// of them in any order; without any, those of the file.
+/// Returns tables of the medium `name` of a file at scattering angles (degrees, 0 to 180), one for each of
+/// `wavelengths_nm`, any number of them in any order. If none are given, those of the file are used.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and fix.
+/// [`InputError`] with file, location and fix.
 pub fn tables(
     file: &Path,
     name: &str,
@@ -50,7 +52,8 @@ pub fn tables(
     Ok(out)
 }
 
-/// The tables of the medium `name` of a set, one for each of its wavelengths; none if there is no such medium.
+/// Returns the tables of the medium `name` of a set, one for each of its wavelengths; empty if there is no
+/// such medium.
 #[must_use]
 pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
     let mut out = vec![];
@@ -65,7 +68,7 @@ pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
         .enumerate()
     {
         let at = |deg: &f64| {
-            // Light travels along +z, and leaves in the plane of z and x, whose perpendicular is y.
+            // Light travels along +z and leaves in the z-x plane, whose perpendicular is y.
             let (sin, cos) = deg.to_radians().sin_cos();
             let (wi, wo) = (-Vec3A::Z, Vec3A::new(sin as f32, 0.0, cos as f32));
             let m = set
@@ -93,7 +96,8 @@ pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
 mod tests {
     use super::*;
 
-    /// Rayleigh scattering at right angles polarizes fully, and is 3/(16π) there; at any number of wavelengths.
+    /// Rayleigh scattering at right angles is fully polarized and equals 3/(16π), for any number of
+    /// wavelengths.
     #[test]
     fn rayleigh_polarizes_at_right_angles() {
         let folder = tempfile::tempdir().expect("a folder");

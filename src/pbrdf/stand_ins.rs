@@ -1,4 +1,5 @@
-//! Analytic materials to tabulate: the 25 stand-ins for the KAIST set that come with the program, or those of a file.
+//! Analytic materials for tables: the 25 built-in substitutes for the KAIST data set, or the materials of a
+//! file.
 
 use crate::data_set::Analytic;
 use base::locate::InputError;
@@ -7,34 +8,34 @@ use scene::materials::MaterialSet;
 use std::path::{Path, PathBuf};
 use transport::material::Materials;
 
-/// The stand-ins that come with the program.
+/// Built-in substitutes.
 const STAND_INS: &str = include_str!("../../pbrdf/stand_ins.toml");
-/// What the names of materials to tabulate begin with, in that file.
+/// Prefix of the names of the materials to tabulate, in that file.
 const PREFIX: &str = "like_";
 
-/// Why there are no materials.
+/// Error of loading materials.
 #[derive(Debug, thiserror::Error)]
 pub enum BandedError {
     /// The file cannot be read.
     #[error(transparent)]
     Read(std::io::Error),
-    /// A band is no wavelength.
+    /// A band is not a valid wavelength.
     #[error(transparent)]
     Wavelengths(WavelengthError),
-    /// The file is wrong.
+    /// The file is invalid.
     #[error(transparent)]
     File(#[from] InputError),
-    /// No band was asked for.
+    /// No bands are given.
     #[error("give at least one band")]
     NoBands,
 }
 
-/// Materials at any number of bands: a material set carries up to four wavelengths, more take more sets of the same
-/// materials.
+/// Materials at any number of bands. A material set has up to four wavelengths, so more bands need several
+/// sets of the same materials.
 pub struct BandedMaterials(Vec<MaterialSet>);
 
 impl BandedMaterials {
-    /// Builds the materials of a file, or the stand-ins, at the given bands (nanometres).
+    /// Builds the materials of a file, or the built-in substitutes, at the given bands (nanometres).
     ///
     /// # Errors
     /// [`BandedError`].
@@ -58,26 +59,27 @@ impl BandedMaterials {
         Ok(Self(sets))
     }
 
-    /// All names, in order.
+    /// Iterates over all names, in order.
     pub fn names(&self) -> impl Iterator<Item = &String> {
         self.0.iter().take(1).flat_map(|set| set.names.keys())
     }
 
-    /// True if light from a point can show the material, false if not, `None` if there is none of that name.
+    /// Returns whether the material has a non-specular lobe, which illumination from a point can show; `None`
+    /// if the name is unknown.
     #[must_use]
     pub fn is_smooth(&self, name: &str) -> Option<bool> {
         let set = self.0.first()?;
         set.names.get(name).map(|id| set.materials.has_extended_lobe(*id))
     }
 
-    /// Names of the materials that light from a point can show, which alone a table can hold.
+    /// Returns the names of the materials that a table can represent: those with a non-specular lobe.
     #[must_use]
     pub fn tabulable(&self) -> Vec<String> {
         let smooth = |name: &&String| self.is_smooth(name) == Some(true);
         self.names().filter(smooth).cloned().collect()
     }
 
-    /// The stand-ins' names.
+    /// Returns the names of the substitutes.
     #[must_use]
     pub fn stand_ins(&self) -> Vec<String> {
         let mut names = self.tabulable();
@@ -85,7 +87,8 @@ impl BandedMaterials {
         names
     }
 
-    /// A material as `tabulate` takes it, a table for each four bands; empty if there is none of that name.
+    /// Returns a material as the argument of `tabulate`, one source for each four bands; empty if the name is
+    /// unknown.
     #[must_use]
     pub fn sources(&self, name: &str) -> Vec<(&Materials, u32)> {
         let of = |set| -> Option<(&Materials, u32)> {
@@ -95,7 +98,7 @@ impl BandedMaterials {
         self.0.iter().filter_map(of).collect()
     }
 
-    /// The stand-ins as [`crate::data_set::evaluate`] takes them.
+    /// Returns the substitutes as the argument of [`crate::data_set::evaluate`].
     #[must_use]
     pub fn analytic(&self) -> Vec<Analytic<'_>> {
         let material = |name: String| {

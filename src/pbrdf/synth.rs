@@ -1,4 +1,5 @@
-//! Tables in the KAIST format of analytic materials: which can be made, and the list that goes beside them.
+//! Tables of analytic materials in the KAIST format: checks which materials can be tabulated, and writes the
+//! list of tables.
 
 use crate::stand_ins::BandedMaterials;
 use crate::table_part::nearest_band;
@@ -6,21 +7,20 @@ use base::whole_file;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Bands that the list shows, as near as the tables have them, nanometres.
+/// Preferred bands in the list, in nanometres; the nearest available bands are used.
 const SHOWN_NM: [u16; 3] = [450, 550, 650];
 
-/// A material that cannot be tabulated.
+/// Reason why a material cannot be tabulated.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SynthError {
-    /// No light from a point shows it.
+    /// The material has only specular lobes.
     #[error("`{0}` reflects in single directions only, which a table cannot hold")]
     Specular(String),
-    /// There is none of that name.
+    /// The name is unknown.
     #[error("there is no material `{name}`; there are: {known}")]
     Unknown {
-        /// Name that was asked for.
         name: String,
-        /// All names, with commas between.
+        /// All names, separated by commas.
         known: String,
     },
 }
@@ -28,7 +28,7 @@ pub enum SynthError {
 /// Checks that materials can be tabulated.
 ///
 /// # Errors
-/// [`SynthError`] of the first that cannot.
+/// [`SynthError`] for the first material that cannot.
 pub fn check(materials: &BandedMaterials, names: &[String]) -> Result<(), SynthError> {
     for name in names {
         match materials.is_smooth(name) {
@@ -45,11 +45,11 @@ pub fn check(materials: &BandedMaterials, names: &[String]) -> Result<(), SynthE
     Ok(())
 }
 
-/// Writes `materials.toml` into a folder: every table there as a material, for scenes and for `sunstone pbrdf sheet`, at three
-/// of `bands` (nanometres). Returns its path.
+/// Writes `materials.toml` into a folder and returns its path. The file defines every table in the folder as
+/// a material at three of `bands` (nanometres), for scenes and for `sunstone pbrdf sheet`.
 ///
 /// # Errors
-/// If the file system refuses.
+/// On a file system error.
 pub fn list(folder: &Path, bands: &[u16]) -> std::io::Result<PathBuf> {
     let mut tables: Vec<String> = std::fs::read_dir(folder)?
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())

@@ -1,11 +1,11 @@
-//! Parts of a measured table: the entries nearest to given angles and bands, and what its bands hold in all.
+//! Parts of a measured table: the entries nearest to given angles and bands, and statistics of its bands.
 
 use transport::material::measured::table::Table;
 
-/// Entries that statistics look at, about: of larger tables an even choice.
+/// Approximate number of entries used for statistics; larger tables are subsampled evenly.
 const LOOKED_AT: usize = 200_000;
 
-/// The entry nearest to an angle in degrees, of a table's nodes in radians; 0 if there are none.
+/// Returns the index of the node (in radians) nearest to an angle in degrees; 0 if there are no nodes.
 #[must_use]
 pub fn nearest_angle(nodes: &[f32], degrees: f32) -> usize {
     let distance = |i: &usize| (nodes[*i] - degrees.to_radians()).abs();
@@ -14,36 +14,36 @@ pub fn nearest_angle(nodes: &[f32], degrees: f32) -> usize {
         .unwrap_or(0)
 }
 
-/// The band nearest to a wavelength in nanometres; `None` if there are none.
+/// Returns the index of the band nearest to a wavelength in nanometres; `None` if there are none.
 #[must_use]
 pub fn nearest_band(bands_nm: &[u16], nm: f64) -> Option<usize> {
     let distance = |i: &usize| (f64::from(bands_nm[*i]) - nm).abs();
     (0..bands_nm.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// What a band of a table holds.
+/// Statistics of a band of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BandStatistics {
-    /// The band, nanometres.
+    /// The band, in nanometres.
     pub nm: u16,
-    /// Share of the entries that are known.
+    /// Fraction of the entries that are known.
     pub known: f64,
-    /// Least M00 (BRDF, 1/sr); infinite if nothing is known.
+    /// Smallest M00 (BRDF, 1/sr); infinite if all entries are unknown.
     pub low: f32,
     /// Largest M00.
     pub high: f32,
-    /// Mean depolarization index of Gil & Bernabéu (1985): 1 keeps all polarization, 0 none.
+    /// Mean depolarization index of Gil & Bernabéu (1985): 1 preserves all polarization, 0 none.
     pub kept: f64,
 }
 
-/// Every how many entries [`band_statistics`] looks at one: 1 for all of a small table.
+/// Returns the stride with which [`band_statistics`] samples entries; 1 for small tables.
 #[must_use]
 pub fn statistics_step(table: &Table) -> usize {
     let [p, d, h] = table.angles().map(<[f32]>::len);
     (p * d * h / LOOKED_AT).max(1)
 }
 
-/// What each band of a table holds, in the order of its bands.
+/// Returns the statistics of each band, in the order of the bands.
 #[must_use]
 pub fn band_statistics(table: &Table) -> Vec<BandStatistics> {
     let [p, d, h] = table.angles().map(<[f32]>::len);
@@ -73,18 +73,18 @@ pub fn band_statistics(table: &Table) -> Vec<BandStatistics> {
     table.wavelengths_nm().iter().enumerate().map(of).collect()
 }
 
-/// A part of a table: the entries that are kept along φ_d, θ_d, θ_h and the bands, in this order.
+/// A part of a table: the kept entries along φ_d, θ_d, θ_h and the bands, in this order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TablePart {
-    /// Indices that are kept along each axis.
+    /// Kept indices along each axis.
     pub kept: [Vec<usize>; 4],
-    /// Lengths of the axes of which nothing was fixed.
+    /// Lengths of the axes that are not fixed.
     pub shape: Vec<usize>,
 }
 
 impl TablePart {
-    /// The part where angles (degrees: φ_d, θ_d, θ_h) and wavelength (nanometres) that are given are fixed at their nearest
-    /// entry; the others stay.
+    /// Creates the part in which the given angles (degrees: φ_d, θ_d, θ_h) and wavelength (nanometres) are
+    /// fixed at their nearest entries; the other axes are kept.
     #[must_use]
     pub fn new(table: &Table, angles_deg: [Option<f32>; 3], nm: Option<f32>) -> Self {
         let all = |n: usize| (0..n).collect::<Vec<_>>();
@@ -105,7 +105,8 @@ impl TablePart {
         Self { kept, shape }
     }
 
-    /// Every kept entry, last axis fastest: its four indices and its matrix, row-major, NaN where it is not known.
+    /// Iterates over every kept entry, last axis fastest: its four indices and its row-major matrix, NaN if
+    /// unknown.
     pub fn entries<'a>(&'a self, table: &'a Table) -> impl Iterator<Item = ([usize; 4], [f32; 16])> + 'a {
         let count: usize = self.kept.iter().map(Vec::len).product();
         (0..count).map(move |mut i| {
@@ -160,7 +161,8 @@ mod tests {
         assert_eq!(nearest_band(&[], 550.0), None);
     }
 
-    /// One of 60 entries of the first band is unknown; matrices without polarization keep none.
+    /// One of 60 entries of the first band is unknown; matrices without polarization have a depolarization
+    /// index of 0.
     #[test]
     fn bands_tell_what_they_hold() {
         let (_folder, table) = made();

@@ -1,20 +1,20 @@
-//! A dense piece of a stored slice in memory, with its axes: what probing returns and figures draw.
+//! A dense part of a stored slice in memory with its axes: the result of a probe and the input of figures.
 
 use super::axes::{Axis, AxisKind};
 
 /// Row-major values over named axes (last axis fastest).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
-    /// What it is, for titles and file names.
+    /// Name for titles and file names.
     pub name: String,
-    /// Axes in storage order; may be empty for a single number.
+    /// Axes in storage order; empty for a single number.
     pub axes: Vec<Axis>,
-    /// Values; its length is the product of the axes' lengths.
+    /// Values; the number of values is the product of the axes' lengths.
     pub data: Vec<f32>,
 }
 
 impl Tensor {
-    /// Zeros over the given axes.
+    /// Creates a tensor of zeros over the given axes.
     #[must_use]
     pub fn zeros(name: &str, axes: Vec<Axis>) -> Self {
         let n = axes.iter().map(|a| a.coords.len()).product();
@@ -25,28 +25,28 @@ impl Tensor {
         }
     }
 
-    /// Length of every axis.
+    /// Returns the length of every axis.
     #[must_use]
     pub fn shape(&self) -> Vec<usize> {
         self.axes.iter().map(|a| a.coords.len()).collect()
     }
 
-    /// Position of an axis kind.
+    /// Returns the position of an axis kind.
     #[must_use]
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
-    /// Length of an axis, 1 if it is absent.
+    /// Returns the length of an axis, or 1 if it is absent.
     #[must_use]
     pub fn extent(&self, kind: AxisKind) -> usize {
         self.find(kind).map_or(1, |i| self.axes[i].coords.len())
     }
 
-    /// Value at the given indices; axes that are not named are taken at index 0, axes that are absent are ignored.
+    /// Returns the value at the given indices. Axes not named have index 0; absent axes are ignored.
     ///
     /// # Panics
-    /// If an index lies outside its axis.
+    /// If an index is outside its axis.
     #[must_use]
     pub fn at(&self, indices: &[(AxisKind, usize)]) -> f32 {
         let mut offset = 0;
@@ -65,7 +65,7 @@ impl Tensor {
         self.data[offset]
     }
 
-    /// Calls `f` with the index along every axis, and the place in `data`, of one value after the other.
+    /// Calls `f` for each value in order, with its index along every axis and its position in `data`.
     pub fn walk(&self, mut f: impl FnMut(&[usize], usize)) {
         let shape = self.shape();
         let mut index = vec![0; shape.len()];
@@ -81,7 +81,7 @@ impl Tensor {
         }
     }
 
-    /// (elements before, length, elements after) an axis, for loops over it.
+    /// Returns (elements before, length, elements after) of an axis, for loops over it.
     fn strides(&self, axis: usize) -> (usize, usize, usize) {
         let shape = self.shape();
         (
@@ -91,7 +91,8 @@ impl Tensor {
         )
     }
 
-    /// The sub-tensor at one index of an axis; the axis disappears. Unchanged if the axis is absent.
+    /// Returns the sub-tensor at one index of an axis, without that axis. Returns the tensor unchanged if the
+    /// axis is absent.
     #[must_use]
     pub fn select(&self, kind: AxisKind, index: usize) -> Self {
         self.reduce(kind, |lane, inner, out, k| {
@@ -100,7 +101,8 @@ impl Tensor {
         })
     }
 
-    /// The sum over an axis (accumulated in f64); the axis disappears. Unchanged if the axis is absent.
+    /// Returns the sum over an axis (accumulated in f64), without that axis. Returns the tensor unchanged if
+    /// the axis is absent.
     #[must_use]
     pub fn sum(&self, kind: AxisKind) -> Self {
         self.reduce(kind, |lane, inner, out, k| {
@@ -110,8 +112,8 @@ impl Tensor {
         })
     }
 
-    /// Applies `f(lane, inner, out, length)` to every block of the axis, where `lane` holds `length` runs of `inner`
-    /// values and `out` one run.
+    /// Applies `f(lane, inner, out, length)` to every block of the axis, where `lane` contains `length` runs
+    /// of `inner` values and `out` one run.
     fn reduce(&self, kind: AxisKind, f: impl Fn(&[f32], usize, &mut [f32], usize)) -> Self {
         let Some(axis) = self.find(kind) else {
             return self.clone();

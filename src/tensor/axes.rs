@@ -1,19 +1,21 @@
-//! Named, unit-carrying axes of a stored slice, in one fixed order.
+//! Named axes with units of a stored slice, in one fixed order.
 //!
-//! Order: `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`, each present only where the
-//! slice resolves it. `wavelength` is always last, so one tensor element is one SIMD register of lanes.
+//! Order: `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`, each present
+//! only if the slice
+//! resolves it. `wavelength` is always last, so that one tensor element fills the lanes of one SIMD register.
 
 use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
-/// A chunk never holds more elements than this (8 MiB of f32), so that memory stays bounded by the tile.
+/// Maximum number of elements in a chunk (8 MiB of f32), so that the tile size bounds the memory used.
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
-/// Above this many elements (4 MiB of f32) every element of the matrix gets chunks of its own: many elements are zero
-/// all over a tile, and those chunks are neither made nor stored; nor must 16 be read to look at one.
+/// Number of elements (4 MiB of f32) above which each matrix element has separate chunks. Many matrix
+/// elements are zero in a whole tile, and their chunks are neither created nor stored; also, reading one
+/// element does not require reading all 16.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
 
-/// Which dimension of T an axis resolves.
+/// Dimension of T that an axis resolves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisKind {
     /// Camera row.
@@ -30,18 +32,17 @@ pub enum AxisKind {
     Bounces,
     /// 0 direct, 1 indirect.
     Component,
-    /// What the path did: a set of the bits of [`crate::label`].
+    /// Interactions of the path: a set of bits of [`crate::label`].
     Label,
-    /// Stokes element that leaves (p).
+    /// Outgoing Stokes element (p).
     StokesOut,
-    /// Stokes element that enters (p').
+    /// Incoming Stokes element (p').
     StokesIn,
-    /// Wavelength.
     Wavelength,
 }
 
 impl ProjectorAxis {
-    /// The axis of a slice that it is.
+    /// Returns the corresponding axis kind of a slice.
     #[must_use]
     pub fn kind(self) -> AxisKind {
         match self {
@@ -67,7 +68,7 @@ impl AxisKind {
         Self::Wavelength,
     ];
 
-    /// The dimension name written to the store.
+    /// Returns the dimension name in the store.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -85,13 +86,13 @@ impl AxisKind {
         }
     }
 
-    /// The kind with this dimension name.
+    /// Returns the kind with this dimension name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.name() == name)
     }
 
-    /// Units of the coordinate values ("1" for plain indices).
+    /// Returns the unit of the coordinates ("1" for plain indices).
     #[must_use]
     pub fn units(self) -> &'static str {
         match self {
@@ -102,7 +103,7 @@ impl AxisKind {
         }
     }
 
-    /// One line for people.
+    /// Returns a one-line description.
     #[must_use]
     pub fn long_name(self) -> &'static str {
         match self {
@@ -124,28 +125,30 @@ impl AxisKind {
 /// One axis of a stored slice with its coordinate values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// What it resolves.
+    /// Dimension that the axis resolves.
     pub kind: AxisKind,
-    /// Pixel centres are index + 0.5 less one half, that is the index itself; bins of pixels and time give centres.
+    /// Coordinates. A pixel's coordinate is its index (its centre minus 0.5). Bins of pixels or time have the
+    /// coordinates of their centres.
     pub coords: Vec<f64>,
-    /// Length of a chunk along this axis.
+    /// Chunk length along this axis.
     pub chunk: u64,
 }
 
 impl Axis {
-    /// Number of entries along the axis.
+    /// Returns the number of entries.
     #[must_use]
     pub fn len(&self) -> u64 {
         self.coords.len() as u64
     }
 
-    /// True for an axis without entries.
+    /// Returns whether the axis has no entries.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.coords.is_empty()
     }
 
-    /// Index of the entry nearest to a coordinate (in the axis' unit), the first of equals; 0 for an axis without entries.
+    /// Returns the index of the entry nearest to a coordinate (in the axis's unit), the first of equally near
+    /// ones; 0 for an empty axis.
     #[must_use]
     pub fn nearest(&self, coordinate: f64) -> usize {
         let distance = |i: usize| (self.coords[i] - coordinate).abs();
@@ -155,16 +158,17 @@ impl Axis {
     }
 }
 
-/// First and last pixel of the boxes that tile an axis from pixel 0, given their centres (as binned axes have them).
+/// Returns the first and last pixel of contiguous boxes from pixel 0, given their centres (the coordinates of
+/// a binned axis).
 ///
 /// # Errors
-/// The first centre that is not that of such a box.
+/// The first centre that does not belong to such a box.
 pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     let mut first = 0.0;
     let mut all = Vec::with_capacity(centres.len());
     for &centre in centres {
         let last = 2.0 * centre - first;
-        // Not true of what is no number.
+        // Also false for NaN.
         if !(last >= first && last.fract() == 0.0 && last < f64::from(u32::MAX)) {
             return Err(centre);
         }
@@ -174,18 +178,18 @@ pub fn boxes(centres: &[f64]) -> Result<Vec<(u32, u32)>, f64> {
     Ok(all)
 }
 
-/// The sizes that turn a [`Slice`] into axes.
+/// Sizes that determine the axes of a [`Slice`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extents {
-    /// Camera width and height in pixels.
+    /// Camera width and height, in pixels.
     pub camera: [u32; 2],
-    /// Projector width and height in pixels; `None` where the scene has no projector.
+    /// Projector width and height, in pixels; `None` if the scene has no projector.
     pub projector: Option<[u32; 2]>,
     /// Wavelengths in nanometres.
     pub wavelengths_nm: Vec<f64>,
-    /// Longest path kept: bounces run from 0 to `max_depth - 1`.
+    /// Maximum path length: bounces range from 0 to `max_depth - 1`.
     pub max_depth: u32,
-    /// Edge of a square tile of camera pixels.
+    /// Edge length of a square tile, in camera pixels.
     pub tile: u32,
 }
 
@@ -196,9 +200,10 @@ pub struct SliceLayout {
     pub name: String,
     /// Axes in storage order (row-major, last axis fastest).
     pub axes: Vec<Axis>,
-    /// For a slice with a time axis: first edge and bin width in picoseconds.
+    /// First edge and bin width of the time axis, in picoseconds, if there is one.
     pub time: Option<(f64, f64)>,
-    /// Whether the errors of camera elements' totals are kept too ([`crate::field::Field::TotalStdError`]): renders keep them.
+    /// Whether the standard errors of camera elements' totals are stored
+    /// ([`crate::field::Field::TotalStdError`]); renders store them.
     pub totals: bool,
 }
 
@@ -214,7 +219,7 @@ fn span(first: u32, count: u32) -> Vec<f64> {
     (first..first + count).map(f64::from).collect()
 }
 
-/// Centres of boxes of `n` pixels over `total` (a last, smaller box keeps its own centre).
+/// Returns the centres of boxes of `n` pixels over `total`; a smaller last box has its own centre.
 fn binned(total: u32, n: u32) -> Vec<f64> {
     (0..total)
         .step_by(n as usize)
@@ -223,7 +228,7 @@ fn binned(total: u32, n: u32) -> Vec<f64> {
 }
 
 impl SliceLayout {
-    /// Lays a slice out over the given extents and chooses its chunks.
+    /// Creates the layout of a slice for the given extents and chooses its chunks.
     #[must_use]
     pub fn new(slice: &Slice, extents: &Extents) -> Self {
         let mut axes = Vec::new();
@@ -330,25 +335,25 @@ impl SliceLayout {
         }
     }
 
-    /// Length of every axis.
+    /// Returns the length of every axis.
     #[must_use]
     pub fn shape(&self) -> Vec<u64> {
         self.axes.iter().map(Axis::len).collect()
     }
 
-    /// Length of a chunk along every axis.
+    /// Returns the chunk length along every axis.
     #[must_use]
     pub fn chunk_shape(&self) -> Vec<u64> {
         self.axes.iter().map(|a| a.chunk).collect()
     }
 
-    /// Position of an axis kind among the axes.
+    /// Returns the position of an axis kind.
     #[must_use]
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.axes.iter().position(|a| a.kind == kind)
     }
 
-    /// The same layout without its time axis: that of the overflow arrays. Keeps the name.
+    /// Returns the layout without the time axis, as the overflow arrays have it. Keeps the name.
     #[must_use]
     pub fn without_time(&self) -> Self {
         let mut axes = self.axes.clone();
@@ -362,7 +367,7 @@ impl SliceLayout {
         }
     }
 
-    /// The layout of what there is one of a camera element: the axes `y` and `x`. Keeps the name.
+    /// Returns the layout of arrays with one value per camera element: axes `y` and `x` only. Keeps the name.
     #[must_use]
     pub fn camera_alone(&self) -> Self {
         let mut axes = self.axes.clone();
@@ -380,7 +385,7 @@ fn chunk_size(axes: &[Axis]) -> u64 {
     axes.iter().map(|a| a.chunk).product()
 }
 
-/// Chunks of whole matrices where they are small, else of single elements.
+/// Chunks small slices by whole matrices, large ones by single matrix elements.
 fn divide_matrix(axes: &mut [Axis]) {
     let stokes = |axes: &mut [Axis], chunk: u64| {
         for axis in axes {
@@ -395,8 +400,8 @@ fn divide_matrix(axes: &mut [Axis]) {
     }
 }
 
-/// Makes chunks small enough: by dividing the matrix, then by halving the chunk of the axes between camera and Stokes,
-/// outermost first.
+/// Bounds the chunk size: first divides the matrix, then halves the chunks of the axes between camera and
+/// Stokes, outermost first.
 fn bound_chunks(axes: &mut [Axis]) {
     divide_matrix(axes);
     for kind in [AxisKind::V, AxisKind::U, AxisKind::T, AxisKind::Label] {

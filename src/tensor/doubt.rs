@@ -1,27 +1,30 @@
-//! Which error bars cannot be trusted yet.
+//! Detection of unreliable error estimates.
 //!
-//! Where few samples bring most of the light, a pixel that has met none of them knows neither their light nor that it lacks it:
-//! its error is too short, and nothing in its own samples tells. (The fourth moment does not either: it is large in those pixels
-//! that have met one, whose errors are long.) Its neighbours see much the same light, and some have met it. So a pixel is in doubt
-//! whose error is less than half of the root mean square of the errors around it.
+//! If few samples contribute most of the light, a pixel without such samples underestimates both its light
+//! and its error, and
+//! its own samples do not show this. (Nor does the fourth moment: it is large in the pixels with such
+//! samples, whose errors are
+//! large.) Its neighbours receive similar light, and some of them have such samples. Therefore a pixel is
+//! marked as unreliable
+//! if its error is less than half of the root mean square of the errors around it.
 
 use super::array::Tensor;
 use super::axes::Axis;
 
-/// Least share of the errors around.
+/// Minimum ratio of an error to the root mean square of the errors around it.
 const LEAST: f64 = 0.5;
 
-/// How many pixels of a slice are in doubt.
+/// Number of pixels of a slice with unreliable errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Doubt {
-    /// Pixels with an error: those that have met light which varies, or may have (NaN).
+    /// Pixels with an error: those that received varying light, or may have (NaN).
     pub lit: usize,
-    /// Those of them whose error is in doubt, or not known.
+    /// Those of them whose error is unreliable or unknown.
     pub doubtful: usize,
 }
 
 impl Doubt {
-    /// Of the standard errors of totals over `y`, `x`, and what [`doubtful`] says of them.
+    /// Counts from the standard errors of totals over `y`, `x` and the marks of [`doubtful`].
     #[must_use]
     pub fn of(errors: &[f32], doubtful: &[bool]) -> Self {
         let lit = errors.iter().zip(doubtful).filter(|(e, _)| **e != 0.0);
@@ -31,15 +34,15 @@ impl Doubt {
         })
     }
 
-    /// Share of the lit pixels that is in doubt, 0 to 1.
+    /// Returns the fraction of the lit pixels with unreliable errors, 0 to 1.
     #[must_use]
     pub fn share(&self) -> f64 {
         self.doubtful as f64 / self.lit.max(1) as f64
     }
 }
 
-/// Whether each of the standard errors of totals (axes `y`, `x`) is in doubt. `single`: each is of one pixel, and those whose
-/// coordinates differ by more than one are no neighbours.
+/// Marks the unreliable values among the standard errors of totals (axes `y`, `x`). With `single`, each value
+/// is of one pixel, and pixels whose coordinates differ by more than 1 are not neighbours.
 #[must_use]
 pub fn doubtful(errors: &Tensor, single: bool) -> Vec<bool> {
     let [rows, columns] = &errors.axes[..] else {
@@ -63,7 +66,7 @@ pub fn doubtful(errors: &Tensor, single: bool) -> Vec<bool> {
             let (mut squares, mut lit) = (0.0, 0_u32);
             for row in around(rows, y) {
                 for error in &errors.data[row * width + x.start()..=row * width + x.end()] {
-                    // What is not known tells nothing of its neighbours.
+                    // Skip unknown errors.
                     if *error > 0.0 {
                         squares += f64::from(*error).powi(2);
                         lit += 1;
@@ -98,7 +101,8 @@ mod tests {
 
     #[test]
     fn short_errors_beside_long_ones_are_in_doubt() {
-        // The middle one among eight: 1 < 9 · ¼ / 9 · Σ e², less than half of their root mean square.
+        // The centre of 3 × 3 pixels: 9 · 1² < ¼ · Σ e², so its error is less than half of the root mean
+        // square.
         let mut data = [2.2; 9];
         data[4] = 1.0;
         let marks = doubtful(&errors(&[0.0, 1.0, 2.0], &data), true);
@@ -122,7 +126,7 @@ mod tests {
     fn rows_apart_are_no_neighbours() {
         let data = [0.1, 0.1, 0.1, 9.0, 9.0, 9.0];
         assert_eq!(doubtful(&errors(&[1.0, 5.0], &data), true), [false; 6]);
-        // As boxes of pixels they are.
+        // Boxes of pixels are neighbours at this distance.
         let marks = doubtful(&errors(&[1.5, 5.5], &data), false);
         assert_eq!(marks, [true, true, true, false, false, false]);
     }

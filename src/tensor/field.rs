@@ -1,8 +1,8 @@
-//! The arrays that a slice is made of.
+//! The arrays of a slice.
 
 use crate::axes::SliceLayout;
 
-/// Which array of a slice.
+/// An array of a slice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Field {
     /// Estimated value of every element.
@@ -13,8 +13,8 @@ pub enum Field {
     Overflow,
     /// Standard error of [`Field::Overflow`].
     OverflowStdError,
-    /// Standard error of a camera element's total: M00 summed over all else that the slice keeps, light outside the time bins
-    /// included, the mean over wavelengths (axes `y`, `x` alone).
+    /// Standard error of a camera element's total (axes `y`, `x` only): M00 summed over all other axes,
+    /// including light outside the time bins, averaged over wavelengths.
     TotalStdError,
 }
 
@@ -28,7 +28,7 @@ impl Field {
         Self::TotalStdError,
     ];
 
-    /// Name of the array in the store.
+    /// Returns the name of the array in the store.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -40,7 +40,7 @@ impl Field {
         }
     }
 
-    /// One line for people.
+    /// Returns a one-line description.
     #[must_use]
     pub fn long_name(self) -> &'static str {
         match self {
@@ -54,7 +54,7 @@ impl Field {
         }
     }
 
-    /// The layout of this field in a slice, `None` where the slice does not have it.
+    /// Returns the layout of this field in a slice, or `None` if the slice does not have the field.
     #[must_use]
     pub fn layout_in(self, slice: &SliceLayout) -> Option<SliceLayout> {
         match self {

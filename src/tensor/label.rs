@@ -1,21 +1,23 @@
-//! What a path did on its way, as a set of bits: the coordinates of the axis `label`.
+//! Path labels: sets of bits that describe a path's interactions, used as coordinates of the axis `label`.
 //!
-//! Every interaction that sends light elsewhere sets the bit of its kind; what light goes through by a smooth interface or a sheet is
-//! a matter of the way, and sets none. So 0 is light that came straight from an emitter, through whatever glass.
+//! Every interaction that changes the direction of light sets the bit of its kind. Transmission through a
+//! smooth interface or
+//! a sheet sets no bit. So 0 is light that arrives straight from an emitter, possibly through glass.
 
-/// It was scattered by a medium.
+/// Scattering by a medium.
 pub const MEDIUM: u8 = 1;
-/// It was reflected by something smooth: a mirror, the surface of glass or water, from inside too.
+/// Reflection by a smooth surface: a mirror, or glass or water from outside or inside.
 pub const SPECULAR: u8 = 2;
-/// It was reflected or refracted by rough facets: a rough metal, frosted glass, the coat of plastic.
+/// Reflection or refraction by microfacets: rough metal, frosted glass, the coat of plastic.
 pub const GLOSSY: u8 = 4;
-/// It was scattered diffusely: by a Lambert surface, or the body of plastic.
+/// Diffuse scattering: by a Lambertian surface or the body of plastic.
 pub const DIFFUSE: u8 = 8;
 
 /// Number of sets.
 pub const COUNT: u32 = 16;
 
-/// The bits with their names. What a measured table reflects, which is not parted, sets `glossy` and `diffuse`.
+/// The bits with their names. A measured table, whose reflection is not separable, sets `glossy` and
+/// `diffuse`.
 pub const BITS: [(u8, &str); 4] = [
     (MEDIUM, "medium"),
     (SPECULAR, "specular"),
@@ -23,7 +25,7 @@ pub const BITS: [(u8, &str); 4] = [
     (DIFFUSE, "diffuse"),
 ];
 
-/// A set in words: `specular+diffuse`, `none`.
+/// Returns the name of a set: `specular+diffuse`, `none`.
 #[must_use]
 pub fn name(set: u8) -> String {
     let all: Vec<&str> = BITS
@@ -37,7 +39,7 @@ pub fn name(set: u8) -> String {
     all.join("+")
 }
 
-/// The set that words name, in any order.
+/// Parses the name of a set; its parts may be in any order.
 #[must_use]
 pub fn parse(text: &str) -> Option<u8> {
     if text.trim() == "none" {

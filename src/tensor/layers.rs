@@ -1,61 +1,57 @@
-//! Ground truth of an image, layer by layer: arrays over camera pixels with their names, units and meaning.
+//! Ground-truth layers of an image: arrays over camera pixels with name, unit and description.
 
-/// What follows the pixel in a layer's array.
+/// Values per pixel of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parts {
-    /// One number a pixel.
+    /// One number.
     One,
-    /// The three coordinates of a vector, world frame.
+    /// The three coordinates of a vector in the world frame.
     Vector,
-    /// One number a wavelength.
+    /// One number per wavelength.
     Wavelengths,
 }
 
-/// Numbers of a layer, row by row from the image's top, a pixel's own fastest.
+/// Values of a layer: rows from the top of the image, the values of a pixel contiguous.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LayerValues {
-    /// NaN where there is nothing.
+    /// NaN marks missing values.
     Real(Vec<f32>),
-    /// -1 where there is nothing.
+    /// -1 marks missing values.
     Number(Vec<i32>),
 }
 
 /// One array of ground truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Its name.
     pub name: &'static str,
-    /// Unit of its values, `1` for none.
+    /// Unit of the values, `1` for none.
     pub units: &'static str,
-    /// What it is, for people.
     pub long_name: &'static str,
-    /// What follows y and x in its shape.
+    /// Values per pixel: the axes after y and x.
     pub parts: Parts,
-    /// Its numbers.
     pub values: LayerValues,
-    /// What the numbers of objects and materials stand for, by number.
+    /// Names of the objects or materials, by number.
     pub labels: Option<Vec<String>>,
 }
 
 /// The layers of one image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerSet {
-    /// Width and height, pixels.
+    /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Of layers with a number a wavelength.
+    /// Wavelengths of the layers with one number per wavelength.
     pub wavelengths_nm: Vec<f64>,
-    /// The layers.
     pub layers: Vec<Layer>,
 }
 
 impl LayerSet {
-    /// The layer of a name.
+    /// Returns the layer with this name.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|l| l.name == name)
     }
 
-    /// Numbers a pixel in a layer.
+    /// Returns the number of values per pixel of a layer.
     #[must_use]
     pub fn channels(&self, layer: &Layer) -> usize {
         match layer.parts {
@@ -65,7 +61,7 @@ impl LayerSet {
         }
     }
 
-    /// Shape of a layer's array: y, x and, where a pixel has several numbers, those.
+    /// Returns the shape of a layer's array: y, x and, for several values per pixel, their number.
     #[must_use]
     pub fn shape(&self, layer: &Layer) -> Vec<u64> {
         let [w, h] = self.size.map(u64::from);
@@ -75,7 +71,8 @@ impl LayerSet {
         }
     }
 
-    /// The numbers of a layer of real numbers at pixel (x, y); `None` if there is no such layer, or no such pixel.
+    /// Returns the values of a real-valued layer at pixel (x, y); `None` if the layer or the pixel does not
+    /// exist.
     #[must_use]
     pub fn real(&self, name: &str, x: u32, y: u32) -> Option<&[f32]> {
         let layer = self.get(name)?;
@@ -87,7 +84,7 @@ impl LayerSet {
         (x < self.size[0]).then(|| values.get(first..first + n)).flatten()
     }
 
-    /// The number of an object, a copy or a material at pixel (x, y); `None` as in [`Self::real`].
+    /// Returns the number of an object, copy or material at pixel (x, y); `None` as in [`Self::real`].
     #[must_use]
     pub fn number(&self, name: &str, x: u32, y: u32) -> Option<i32> {
         let LayerValues::Number(values) = &self.get(name)?.values else {
@@ -97,7 +94,7 @@ impl LayerSet {
         (x < self.size[0]).then(|| values.get(at).copied()).flatten()
     }
 
-    /// What a number at pixel (x, y) stands for; `None` where there is nothing, too.
+    /// Returns the name for the number at pixel (x, y); `None` also if the value is missing.
     #[must_use]
     pub fn label(&self, name: &str, x: u32, y: u32) -> Option<&str> {
         let number = usize::try_from(self.number(name, x, y)?).ok()?;

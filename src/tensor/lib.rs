@@ -1,6 +1,6 @@
-//! Slices of the tensor T(s, s', p, p', t): their axes, their layout, and arrays of them in memory.
+//! Slices of the tensor T(s, s', p, p', t): their axes, layout, and arrays in memory.
 //!
-//! Independent of scenes, rigs, files and plots.
+//! This crate is independent of scenes, rigs, files and plots.
 
 #![warn(missing_docs)]
 

@@ -1,4 +1,4 @@
-//! Arrays in memory as a sink of renders: the numbers that a store on disk would hold, without a file.
+//! A sink that keeps a render as arrays in memory, with the same numbers as a store on disk.
 
 use crate::array::Tensor;
 use crate::field::Field;
@@ -7,7 +7,7 @@ use crate::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord}
 use std::convert::Infallible;
 use std::sync::{Mutex, PoisonError};
 
-/// Keeps every field of every slice of a render as an array.
+/// Arrays of all fields of all slices of a render.
 #[derive(Debug, Default)]
 pub struct Arrays {
     slices: Vec<[Option<Mutex<Tensor>>; Field::ALL.len()]>,
@@ -17,13 +17,13 @@ pub struct Arrays {
 }
 
 impl Arrays {
-    /// Names of the slices, in order.
+    /// Returns the names of the slices, in order.
     #[must_use]
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// A field of a slice by its name (shape: the slice's axes, row-major), if the render has it.
+    /// Returns a copy of a field of a slice (shape: the slice's axes, row-major), if the render has it.
     #[must_use]
     pub fn get(&self, slice: &str, field: Field) -> Option<Tensor> {
         let at = self.names.iter().position(|n| n == slice)?;
@@ -31,7 +31,7 @@ impl Arrays {
         Some(array.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 
-    /// [`Self::get`] without a copy: the array leaves.
+    /// Removes and returns a field of a slice without copying; see [`Self::get`].
     #[must_use]
     pub fn take(&mut self, slice: &str, field: Field) -> Option<Tensor> {
         let at = self.names.iter().position(|n| n == slice)?;
@@ -39,7 +39,7 @@ impl Arrays {
         Some(array.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// How many samples of each camera pixel count, row by row.
+    /// Returns the number of valid samples of each camera pixel, row by row.
     #[must_use]
     pub fn samples(&self) -> Vec<u32> {
         self.samples
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use crate::axes::{Axis, AxisKind, SliceLayout};
 
-    /// An image of 3 × 2 pixels in two time bins.
+    /// A job for an image of 3 × 2 pixels with two time bins.
     fn job() -> Job {
         let axis = |kind, n: u32| Axis {
             kind,

@@ -1,14 +1,14 @@
-//! Single and double precision under one name.
+//! A common trait for single and double precision numbers.
 
 use bytemuck::Pod;
 
-/// A floating-point number that arrays are made of.
+/// Element type of arrays: a floating-point number.
 pub trait Number: Pod + Default + PartialOrd + Send + Sync {
-    /// Rounds.
+    /// Rounds `value` to this type.
     fn new(value: f64) -> Self;
-    /// Without loss.
+    /// Converts to `f64` without loss.
     fn get(self) -> f64;
-    /// self · a + b, rounded once.
+    /// Returns self · a + b with a single rounding.
     #[must_use]
     fn times_plus(self, a: Self, b: Self) -> Self;
 }

@@ -1,35 +1,39 @@
-//! Parts of a render: which tiles of camera pixels one of many machines renders.
+//! Parts of a render: the tiles of camera pixels that one of several machines renders.
 //!
-//! A tile is a pure function of scene, seed and samples, so a render in parts is the whole render, bit for bit. Tiles are dealt
-//! out in turn, as cards are: dark sky and deep glass lie together in an image, and each part gets its share of both.
+//! A tile is a pure function of scene, seed and samples, so the parts together are bit-identical to the whole
+//! render. Tiles are
+//! assigned to the parts in turn, because regions of similar cost (dark sky, deep glass) are contiguous in an
+//! image: so each
+//! part gets tiles of all of them.
 
 use serde_json::{Map, Value, json};
 use std::fmt;
 
-/// Root attribute of a store that says which part of a render it is.
+/// Root attribute of a store that identifies its part of a render.
 pub const ATTRIBUTE: &str = "part";
 
-/// Some of the tiles of a render.
+/// A subset of the tiles of a render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
-    /// Every `of`-th tile: those whose number, counted from 1, leaves the same rest as `number`.
+    /// Every `of`-th tile, starting with the `number`-th.
     Share {
         /// From 1 to `of`.
         number: u32,
-        /// How many parts there are.
+        /// Number of parts.
         of: u32,
     },
-    /// Tiles by their numbers, counted from 0 row by row.
+    /// A range of tiles; tiles are numbered from 0, row by row.
     Tiles {
-        /// The first.
+        /// First tile.
         first: u32,
-        /// The last.
+        /// Last tile (inclusive).
         last: u32,
     },
 }
 
 impl Part {
-    /// Says what is wrong with it for a render of so many tiles, if anything. A share may be empty: of more parts than tiles.
+    /// Returns the error of this part for a render of `tiles` tiles, if any. A share is empty if there are
+    /// more parts than tiles.
     #[must_use]
     pub fn fault(self, tiles: u32) -> Option<String> {
         match self {
@@ -49,7 +53,7 @@ impl Part {
         }
     }
 
-    /// Whether a tile is in it.
+    /// Returns whether the part contains a tile.
     #[must_use]
     pub fn contains(self, tile: u32) -> bool {
         match self {
@@ -58,12 +62,12 @@ impl Part {
         }
     }
 
-    /// Its tiles of so many.
+    /// Returns the part's tiles of a render of `tiles` tiles.
     pub fn tiles(self, tiles: u32) -> impl Iterator<Item = u32> {
         (0..tiles).filter(move |tile| self.contains(*tile))
     }
 
-    /// As an attribute of a store: `{"number": 3, "of": 8}` or `{"tiles": [0, 31]}`.
+    /// Converts to an attribute of a store: `{"number": 3, "of": 8}` or `{"tiles": [0, 31]}`.
     #[must_use]
     pub fn to_json(self) -> Value {
         match self {
@@ -72,7 +76,7 @@ impl Part {
         }
     }
 
-    /// From an attribute of a store; `None` if it is not one of [`Self::to_json`].
+    /// Converts from an attribute of a store; returns `None` if it is not one of [`Self::to_json`].
     #[must_use]
     pub fn from_json(value: &Value) -> Option<Self> {
         let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
@@ -89,7 +93,7 @@ impl Part {
         (part.fault(u32::MAX).is_none() && part.to_json() == *value).then_some(part)
     }
 
-    /// The part that the root attributes of a store name.
+    /// Returns the part in the root attributes of a store.
     #[must_use]
     pub fn of_attributes(attributes: &Map<String, Value>) -> Option<Self> {
         attributes.get(ATTRIBUTE).and_then(Self::from_json)
@@ -110,7 +114,7 @@ impl fmt::Display for Part {
 mod tests {
     use super::*;
 
-    /// Every tile is in one share, and shares differ by one tile at most.
+    /// Every tile is in exactly one share, and the sizes of shares differ by at most one tile.
     #[test]
     fn shares_are_all_tiles_once() {
         for (of, tiles) in [(1, 7), (3, 7), (7, 7), (8, 7), (5, 0)] {

@@ -1,8 +1,8 @@
-//! Boxes of row-major arrays: indices of the chunks a box touches, and copies between boxes.
+//! Boxes of row-major arrays: indices of the chunks that a box intersects, and copies between boxes.
 //!
-//! Everything here is plain index arithmetic on `u64` shapes (last axis fastest); no storage, no units.
+//! All functions are index arithmetic on `u64` shapes (last axis fastest), without storage or units.
 
-/// Number of elements of a shape, `None` if it does not fit.
+/// Returns the number of elements of a shape, or `None` on overflow.
 #[must_use]
 pub fn volume(shape: &[u64]) -> Option<usize> {
     shape
@@ -11,7 +11,7 @@ pub fn volume(shape: &[u64]) -> Option<usize> {
         .and_then(|n| usize::try_from(n).ok())
 }
 
-/// True if the box `start..start + shape` has the dimensions of `bounds` and lies inside it.
+/// Returns whether the box `start..start + shape` has the dimensions of `bounds` and lies inside it.
 #[must_use]
 pub fn contains(bounds: &[u64], start: &[u64], shape: &[u64]) -> bool {
     start.len() == bounds.len()
@@ -19,7 +19,7 @@ pub fn contains(bounds: &[u64], start: &[u64], shape: &[u64]) -> bool {
         && (0..bounds.len()).all(|i| start[i].checked_add(shape[i]).is_some_and(|e| e <= bounds[i]))
 }
 
-/// Every index of `lo..hi` (exclusive), last axis fastest. A box without axes holds one index.
+/// Iterates over the indices of `lo..hi` (exclusive), last axis fastest. A box without axes has one index.
 pub fn indices(lo: &[u64], hi: &[u64]) -> impl Iterator<Item = Vec<u64>> + use<> {
     let (lo, hi) = (lo.to_vec(), hi.to_vec());
     let mut next = lo.iter().zip(&hi).all(|(a, b)| a < b).then(|| lo.clone());
@@ -38,7 +38,7 @@ pub fn indices(lo: &[u64], hi: &[u64]) -> impl Iterator<Item = Vec<u64>> + use<>
     })
 }
 
-/// The boxes (start, shape) of a regular chunk grid, clipped to the array, in row-major order of chunks.
+/// Iterates over the boxes (start, shape) of a regular chunk grid, clipped to the array, in row-major order.
 pub fn chunks(shape: &[u64], chunk: &[u64]) -> impl Iterator<Item = (Vec<u64>, Vec<u64>)> + use<> {
     let counts: Vec<u64> = shape
         .iter()
@@ -49,7 +49,7 @@ pub fn chunks(shape: &[u64], chunk: &[u64]) -> impl Iterator<Item = (Vec<u64>, V
     indices(&vec![0; counts.len()], &counts).map(move |index| chunk_box(&shape, &chunk, &index))
 }
 
-/// The box (start, shape) of one chunk of a regular grid, clipped to the array.
+/// Returns the box (start, shape) of one chunk of a regular grid, clipped to the array.
 #[must_use]
 pub fn chunk_box(shape: &[u64], chunk: &[u64], index: &[u64]) -> (Vec<u64>, Vec<u64>) {
     let start: Vec<u64> = index.iter().zip(chunk).map(|(&i, &c)| i * c).collect();
@@ -59,7 +59,7 @@ pub fn chunk_box(shape: &[u64], chunk: &[u64], index: &[u64]) -> (Vec<u64>, Vec<
     (start, size)
 }
 
-/// Where in a row-major array a box begins.
+/// Position of a box in a row-major array.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {
     /// Shape of the whole array.
@@ -71,12 +71,12 @@ pub struct Window<'a> {
 /// Copies a box of shape `extent` between two row-major arrays.
 ///
 /// # Panics
-/// If a box does not lie inside its array, or an array is shorter than its shape.
+/// If a box is not inside its array, or an array is shorter than its shape.
 pub fn copy<T: Copy>(from: &[T], source: Window, into: &mut [T], target: Window, extent: &[u64]) {
     if extent.contains(&0) {
         return;
     }
-    // Trailing axes that are whole on both sides are copied as one run.
+    // Trailing axes that the box spans completely in both arrays are copied as one run.
     let mut split = extent.len();
     while split > 0 {
         split -= 1;

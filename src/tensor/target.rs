@@ -1,60 +1,71 @@
-//! How many samples each tile of an image needs until a slice is known to the error that was asked for.
+//! Adaptive sampling: chooses the number of samples per tile so that a slice reaches a requested error.
 //!
-//! Rounds of samples are added up. After each, every lit pixel tells by its relative error e and its samples n that it needs
-//! n (e / goal)² samples. The slice is there once a share of its lit pixels is (half of them: the median). So samples go first to tiles
-//! where the next ones bring most pixels there, and are saved where pixels are there already or would not be for long. No tile gets less than
-//! half of the number that would do the same everywhere, so that no error is more than √2 times what it then would be.
+//! Samples are added in rounds. After each round, the relative error e and the samples n of every lit pixel
+//! give the samples
+//! that it needs: n (e / goal)². The slice reaches the goal when a given share of its lit pixels does (one
+//! half: the median).
+//! So samples go first to the tiles where they bring most pixels to the goal. They are saved where pixels
+//! have reached it, or
+//! would take long to reach it. No tile gets less than half of the uniform number of samples that would reach
+//! the goal, so that
+//! no error exceeds √2 times the uniform one.
 //!
-//! A count that a pixel's own noise decides makes its mean wrong: where the dim samples came first, sampling stops. So
-//! tiles decide, by at least [`LEAST_LIT`] pixels, of which one moves a quantile hardly.
+//! If a pixel's own noise decided its sample count, its mean would be biased: sampling would stop where the
+//! first samples are
+//! dim. Therefore at least [`LEAST_LIT`] pixels decide for a tile, so that a single pixel barely affects
+//! their quantile.
 
 use serde_json::{Value, json};
 
-/// Root attribute of a store that was rendered to an error.
+/// Root attribute of a store that was rendered to a target error.
 pub const ATTRIBUTE: &str = "target";
 
-/// Root attribute of a round's store: its number and what it is a round of.
+/// Root attribute of a round's store: the round's number and the render it belongs to.
 pub const ROUND: &str = "round";
 
-/// Root attribute of a store whose tiles have each its own number of samples.
+/// Root attribute of a store whose tiles have different numbers of samples.
 pub const TILE_SAMPLES: &str = "tile_samples";
 
-/// Least number of lit pixels that decide over a tile; where it has fewer, those of its neighbours do too, or all.
+/// Minimum number of lit pixels that decide for a tile. If the tile has fewer, its neighbours' or all lit
+/// pixels decide as well.
 pub const LEAST_LIT: usize = 64;
 
-/// Counts of tiles that are thought of: so many times what would do everywhere, from half of it.
+/// Candidate sample counts per tile: powers of 2^(1/`STEPS`) times the uniform count, from half of it to
+/// eight times it.
 const STEPS: i32 = 16;
 const COUNTS: std::ops::RangeInclusive<i32> = -STEPS..=3 * STEPS;
 
-/// A round is at most so many times what was there before, whose errors are the less sure the fewer it was.
+/// Maximum ratio of a round's samples to all samples before it, because error estimates from fewer samples
+/// are less reliable.
 const GROWTH: f64 = 4.0;
 
-/// Rounds aim a little below the goal, so that the last one does not miss it by a hair.
+/// Rounds aim slightly below the goal, so that the last one does not narrowly miss it.
 const MARGIN: f64 = 0.99;
 
-/// Least number of samples of a tile in a round, more than half of which are worth its while.
+/// Minimum number of samples of a tile in a round; a tile that needs at most half of it is skipped.
 const LEAST_ROUND: u32 = 16;
 
-/// Groups of samples that a round's errors come from.
+/// Minimum number of sample groups from which a round's errors are estimated.
 const GROUPS: u32 = 32;
 
-/// What is asked for.
+/// Target of the sampling.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
     /// Name of the slice.
     pub slice: String,
     /// Relative standard error of a pixel, such as 0.02.
     pub error: f64,
-    /// Share of the lit pixels that shall be known so well: 0.5 for the median.
+    /// Share of the lit pixels that must reach the error: 0.5 for the median.
     pub share: f64,
-    /// Samples of each pixel in the first round.
+    /// Samples per pixel in the first round.
     pub first: u32,
-    /// Most samples of a pixel in all rounds.
+    /// Maximum number of samples per pixel in all rounds.
     pub most: u32,
 }
 
 impl Goal {
-    /// Says what is wrong with it, if anything. `dashes` stand before the names of choices: those of a command, or nothing.
+    /// Returns the error of this goal, if any. `dashes` is the prefix of option names in the message: that of
+    /// the command line, or empty.
     #[must_use]
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
@@ -87,7 +98,7 @@ impl Goal {
         None
     }
 
-    /// As an attribute of a store.
+    /// Converts to an attribute of a store.
     #[must_use]
     pub fn to_json(&self) -> Value {
         json!({
@@ -100,51 +111,51 @@ impl Goal {
     }
 }
 
-/// A lit pixel, or element of several, as the rounds so far know it.
+/// A lit pixel, or an element of several pixels, after the rounds so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lit {
-    /// Its tile.
+    /// Number of its tile.
     pub tile: u32,
-    /// Samples of each of its pixels.
+    /// Samples per pixel.
     pub samples: f64,
-    /// Its relative standard error; infinite where it is not known.
+    /// Relative standard error; infinite if unknown.
     pub error: f64,
 }
 
-/// A tile as the rounds so far made it.
+/// A tile after the rounds so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tile {
-    /// Camera pixels.
+    /// Number of camera pixels.
     pub pixels: u32,
-    /// Samples of each.
+    /// Samples per pixel.
     pub samples: u32,
-    /// Whether the slice keeps some of them.
+    /// Whether the slice keeps any of its pixels.
     pub kept: bool,
 }
 
-/// What rounds so far tell of a slice.
+/// Results of the rounds so far for a slice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
-    /// Its lit pixels.
     pub lit: Vec<Lit>,
     /// All tiles, row by row.
     pub tiles: Vec<Tile>,
-    /// Tiles in a row.
+    /// Number of tiles per row.
     pub across: u32,
 }
 
-/// What is to be done.
+/// Next step.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Next {
-    /// Nothing: the goal is reached.
+    /// The goal is reached.
     Reached,
-    /// Nothing more may be: pixels have the most samples that they may have.
+    /// Stop: pixels have the maximum number of samples.
     Exhausted,
-    /// A round of so many samples a pixel of each tile.
+    /// Render a round with this number of samples per pixel for each tile.
     Round(Vec<u32>),
 }
 
-/// The smallest number that at least a share of sorted ones does not exceed; none of none.
+/// Returns the smallest value that at least a share of the sorted values does not exceed; `None` for an empty
+/// slice.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil().max(1.0) as usize;
     sorted.get(rank - 1).copied()
@@ -155,16 +166,16 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// The samples that pixels need.
+/// Numbers of samples that pixels need.
 struct Needs {
-    /// Lit ones of a tile.
+    /// Needs of the tile's own lit pixels.
     own: Vec<f64>,
-    /// Sorted, of those that decide over it.
+    /// Sorted needs of the pixels that decide for the tile.
     samples: Vec<f64>,
 }
 
 impl Needs {
-    /// How many of the tile's lit pixels are there with `n` samples.
+    /// Returns how many of the tile's lit pixels reach the goal with `n` samples.
     fn there(&self, n: f64) -> f64 {
         let there = self.samples.partition_point(|need| *need <= n);
         (self.own.len() * there) as f64 / self.samples.len().max(1) as f64
@@ -172,7 +183,8 @@ impl Needs {
 }
 
 impl Tile {
-    /// So many samples, or what it has, which is all where nothing of it is kept.
+    /// Returns `samples`, but at least the tile's present samples; if the slice keeps none of its pixels, the
+    /// present ones.
     fn at_least(&self, samples: f64) -> f64 {
         let had = f64::from(self.samples);
         if self.kept { had.max(samples) } else { had }
@@ -180,14 +192,15 @@ impl Tile {
 }
 
 impl Survey {
-    /// The relative error that a share of the lit pixels does not exceed; zero if nothing is lit.
+    /// Returns the relative error that a share of the lit pixels does not exceed; 0 if no pixel is lit.
     #[must_use]
     pub fn reached(&self, share: f64) -> f64 {
         let errors = sorted(self.lit.iter().map(|p| p.error).collect());
         quantile(&errors, share).unwrap_or(0.0)
     }
 
-    /// Samples a pixel that, the same number everywhere, would reach the same error, so far as variances tell.
+    /// Returns the uniform number of samples per pixel that would reach the same error, estimated from
+    /// variances.
     #[must_use]
     pub fn uniform(&self, share: f64) -> f64 {
         let reached = self.reached(share);
@@ -195,27 +208,27 @@ impl Survey {
         quantile(&sorted(needs.collect()), share).unwrap_or(0.0)
     }
 
-    /// Samples of all pixels.
+    /// Returns the total number of samples.
     #[must_use]
     pub fn samples(&self) -> u64 {
         let of = |t: &Tile| u64::from(t.pixels) * u64::from(t.samples);
         self.tiles.iter().map(of).sum()
     }
 
-    /// Samples a pixel, the mean over the image.
+    /// Returns the mean number of samples per pixel over the image.
     #[must_use]
     pub fn mean_samples(&self) -> f64 {
         let pixels: u64 = self.tiles.iter().map(|t| u64::from(t.pixels)).sum();
         self.samples() as f64 / pixels.max(1) as f64
     }
 
-    /// The next round.
+    /// Returns the next step.
     #[must_use]
     pub fn next(&self, goal: &Goal) -> Next {
         self.next_by(goal, LEAST_LIT)
     }
 
-    /// [`Self::next`] with tiles that so many pixels decide over.
+    /// As [`Self::next`], with at least `least` pixels that decide for a tile.
     pub(crate) fn next_by(&self, goal: &Goal, least: usize) -> Next {
         if self.reached(goal.share) <= goal.error {
             return Next::Reached;
@@ -240,7 +253,7 @@ impl Survey {
         self.round(&cheapest, goal)
     }
 
-    /// Samples of all pixels, of so many of the pixels of each tile.
+    /// Returns the total number of samples for given samples per pixel of each tile.
     fn cost(&self, counts: &[f64]) -> f64 {
         let tiles = self.tiles.iter().zip(counts);
         tiles.map(|(t, n)| f64::from(t.pixels) * n).sum()
@@ -286,10 +299,11 @@ impl Survey {
         (0..own.len()).map(of).collect()
     }
 
-    /// Samples of each tile's pixels, each one of the rising `counts`, by which `wanted` lit pixels are there: each tile takes what
-    /// brings most of them there, less a price of samples, which is as high as may be. None if no price is low enough.
+    /// Returns the samples per pixel for each tile, chosen from the increasing `counts`, with which `wanted`
+    /// lit pixels reach the goal. Each tile maximizes its pixels at the goal minus a price per sample; the
+    /// price is as high as possible. Returns `None` if no price is low enough.
     fn plan(&self, needs: &[Needs], counts: &[f64], wanted: f64) -> Option<Vec<f64>> {
-        // Samples and pixels there of each tile's choices.
+        // Per tile and choice: samples per pixel, and pixels at the goal.
         let choices: Vec<Vec<[f64; 2]>> = self
             .tiles
             .iter()
@@ -302,14 +316,14 @@ impl Survey {
         let best = |price: f64| -> Vec<[f64; 2]> {
             let of = |(tile, choices): (&Tile, &Vec<[f64; 2]>)| {
                 let worth = |[n, there]: &[f64; 2]| there - price * f64::from(tile.pixels) * n;
-                // Of equals the first, which costs least.
+                // Of equal choices the first, which is cheapest.
                 let better = |a: [f64; 2], b: &[f64; 2]| if worth(b) > worth(&a) { *b } else { a };
                 choices.iter().fold(choices[0], better)
             };
             self.tiles.iter().zip(&choices).map(of).collect()
         };
         let enough = |price: f64| best(price).iter().map(|c| c[1]).sum::<f64>() >= wanted;
-        // Pixels for a sample, on a scale of logarithms.
+        // Price: pixels per sample, searched on a logarithmic scale.
         let (mut low, mut high) = (-40.0_f64, 5.0);
         if counts.is_empty() || !enough(low.exp()) {
             return None;
@@ -325,7 +339,7 @@ impl Survey {
         Some(best(low.exp()).into_iter().map(|c| c[0]).collect())
     }
 
-    /// What of a plan the next round brings.
+    /// Returns the part of a plan that the next round renders.
     fn round(&self, plan: &[f64], goal: &Goal) -> Next {
         let more: Vec<f64> = self
             .tiles
@@ -341,7 +355,7 @@ impl Survey {
             let least = |t: &Tile| if t.kept { LEAST_ROUND.min(left(t)) } else { 0 };
             counts = self.tiles.iter().map(least).collect();
         }
-        // One sample alone has no error.
+        // A single sample gives no error estimate.
         counts.iter_mut().filter(|n| **n < 2).for_each(|n| *n = 0);
         if counts.iter().all(|n| *n == 0) {
             Next::Exhausted
@@ -351,7 +365,8 @@ impl Survey {
     }
 }
 
-/// At least so many samples, in whole stratified groups of a power of two, of which there are [`GROUPS`] to twice as many; none of few.
+/// Returns at least `samples`, rounded up to whole stratified groups of a power-of-two size, such that there
+/// are [`GROUPS`] to twice as many groups; 0 for few samples.
 fn round_count(samples: f64) -> u32 {
     if samples <= f64::from(LEAST_ROUND / 2) {
         return 0;

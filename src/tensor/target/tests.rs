@@ -1,10 +1,11 @@
-//! Plans of rounds.
+//! Tests of the plans of rounds.
 
 use super::*;
 
 const EDGE: u32 = 16;
 
-/// Tiles whose pixels have lognormal relative variances of one sample: between tiles, and within.
+/// Tiles whose pixels have lognormal relative variances per sample, with a spread between tiles and one
+/// within.
 struct Image {
     variances: Vec<(u32, f64)>,
     samples: Vec<u32>,
@@ -54,7 +55,7 @@ impl Image {
         }
     }
 
-    /// Rounds to a goal, and how many.
+    /// Renders rounds until the goal is reached, and returns their number.
     fn render(&mut self, goal: &Goal) -> u32 {
         for rounds in 0..20 {
             match self.survey().next(goal) {
@@ -77,8 +78,8 @@ fn goal(error: f64, share: f64) -> Goal {
     }
 }
 
-/// Where variances differ from tile to tile, fewer samples reach the goal than the same number everywhere does: some fewer
-/// for the median, of which the noisy half has no part, many fewer for nine in ten.
+/// If variances differ between tiles, the goal is reached with fewer samples than uniform sampling needs. The
+/// saving is small for the median, which excludes the noisy half, and large for a share of 0.9.
 #[test]
 fn the_goal_is_reached_with_fewer_samples() {
     for (share, least, most) in [(0.5, 0.60, 0.9), (0.9, 0.3, 0.6)] {
@@ -95,7 +96,7 @@ fn the_goal_is_reached_with_fewer_samples() {
     }
 }
 
-/// Where tiles are alike there is nothing to save, and no more is spent than by the same number everywhere.
+/// If tiles are equal, no samples can be saved, and no more are used than by uniform sampling.
 #[test]
 fn alike_tiles_cost_what_they_cost() {
     let mut image = Image::new(0.0, 0.5);
@@ -105,12 +106,12 @@ fn alike_tiles_cost_what_they_cost() {
     assert!((0.95..1.06).contains(&cost), "{cost}");
 }
 
-/// A pixel alone in its tile that needs a hundred times the samples gets what its neighbours do.
+/// The only lit pixel of a tile needs a hundred times the samples, but gets as many as its neighbours.
 #[test]
 fn no_pixel_decides_alone() {
     let counts = |variance: f64| {
         let mut image = Image::new(0.5, 0.3);
-        // Of tile 20 one pixel is lit.
+        // Tile 20 has one lit pixel.
         let mut seen = 0;
         image.variances.retain(|(tile, _)| {
             seen += u32::from(*tile == 20);
@@ -129,13 +130,13 @@ fn no_pixel_decides_alone() {
     let (low, high) = (counts(0.01), counts(100.0));
     let moved: u32 = low.iter().zip(&high).map(|(a, b)| a.abs_diff(*b)).sum();
     let all: u32 = low.iter().sum();
-    // A step or two of tile 20, and of tiles that were about to take one.
+    // Tile 20, and tiles close to a threshold, may change by a step or two.
     let own = f64::from(low[20]) / f64::from(high[20]);
     assert!(
         moved * 200 < all && (0.9..1.1).contains(&own),
         "{moved} of {all}, {own}"
     );
-    // Planted: by its own error alone, it does.
+    // Control: if a single pixel decides, its error does change the count.
     let mut image = Image::new(0.5, 0.3);
     let alone = |image: &Image| image.survey().next_by(&goal(0.1, 0.9), 1);
     let before = alone(&image);
