@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sunstone::polarimetry::decompose::maps::{Quantity, Real, WITH_ERRORS, errors, maps};
 
-/// Names of all that a decomposition gives.
+/// Return the names of all quantities that a decomposition computes.
 #[pyfunction]
 pub fn quantities() -> Vec<&'static str> {
     Quantity::ALL.into_iter().map(Quantity::name).collect()
@@ -20,13 +20,14 @@ pub enum Either<'py> {
     Double(PyReadonlyArrayDyn<'py, f64>),
 }
 
-/// The values of an array that is contiguous, as the package's Python makes it.
+/// Returns the values of a contiguous array; the Python package always passes contiguous ones.
 pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
     a.as_slice()
         .map_err(|_| input(format!("{what}: the array is not contiguous")))
 }
 
-/// Decomposes C-contiguous matrices of shape (..., 4, 4): arrays by name, and the number that have no decomposition.
+/// Decompose C-contiguous matrices of shape (..., 4, 4). Return arrays by name, and the number of matrices
+/// without a decomposition.
 #[pyfunction]
 pub fn decompose<'py>(
     py: Python<'py>,

@@ -1,4 +1,4 @@
-//! The applications.
+//! Applications.
 
 use crate::error::{failed, input, located};
 use crate::watch::watched;
@@ -15,7 +15,7 @@ use sunstone::apply::chain::file;
 use sunstone::render::is_of_system;
 use sunstone::studio::StudioError;
 
-/// What all applications are, as JSON: a list in the paper's order.
+/// Return the descriptions of all applications as JSON: a list in the paper's order.
 #[pyfunction]
 pub fn applications_json() -> String {
     let of = |a: Box<dyn Application>| {
@@ -37,7 +37,7 @@ pub fn applications_json() -> String {
     serde_json::Value::from(catalog::all().into_iter().map(of).collect::<Vec<_>>()).to_string()
 }
 
-/// How an application is run.
+/// Arguments of an application's run.
 #[derive(FromPyObject)]
 pub struct Asked {
     name: String,
@@ -58,7 +58,7 @@ fn failure(py: Python<'_>, e: ApplicationError) -> PyErr {
     }
 }
 
-/// Runs an application: its report as JSON, and the pictures of the first seed.
+/// Run an application. Return its report as JSON, and the images of the first seed.
 #[pyfunction]
 pub fn run_application<'py>(
     py: Python<'py>,

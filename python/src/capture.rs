@@ -1,4 +1,4 @@
-//! Capture schemes, simulated captures, and their reconstruction.
+//! Capture schemes, simulated captures and their reconstruction.
 
 use crate::analysis::{Either, slice};
 use crate::error::{input, located};
@@ -20,11 +20,11 @@ use sunstone::polarimetry::capture::simulate::{self as simulation, Layout, Noise
 use sunstone::polarimetry::reconstruct::along_rays::{self, Places};
 use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber};
 
-/// How a rig is set in each capture.
+/// Settings of the polarizing elements for each capture.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Scheme(pub sunstone::Scheme);
 
-/// The most captures that a scheme is made for, as by the command.
+/// Maximum number of captures in a scheme, as in the command line.
 const MOST: usize = 100_000;
 
 #[pymethods]
@@ -42,7 +42,7 @@ impl Scheme {
             .map_err(|e| located(py, &e))
     }
 
-    /// One of the presets: drr, qrpr, lc, or the four elements at rest that learning begins with: quad.
+    /// Return a preset: drr, qrpr, lc, or quad (four fixed elements, the initial scheme for learning).
     #[staticmethod]
     fn preset(name: &str, captures: usize, polarizer_array: bool) -> PyResult<Self> {
         if captures > MOST {
@@ -81,26 +81,26 @@ impl Scheme {
         self.0.sensor.channels()
     }
 
-    /// Least captures of rank 16.
+    /// Smallest number of captures with rank 16.
     #[getter]
     fn least_captures(&self) -> usize {
         self.0.least_captures()
     }
 
-    /// Least error variance that as many captures allow.
+    /// Lower bound of the error variance for this number of captures (A-optimal).
     #[getter]
     fn bound(&self) -> f64 {
         a_optimal_bound(&self.0)
     }
 
-    /// Rank, condition number, and error variance (infinite below rank 16).
+    /// Return rank, condition number and error variance (infinite below rank 16).
     fn quality(&self, wavelength_nm: f64) -> PyResult<(usize, f64, f64)> {
         let design = DesignMatrix::new(&self.0, &rays(&[wavelength_nm])?[0]);
         let variance = design.error_variance().unwrap_or(f64::INFINITY);
         Ok((design.rank(), design.condition(), variance))
     }
 
-    /// Shape (captures × channels, 16).
+    /// Return the design matrix, of shape (captures × channels, 16).
     fn design_matrix<'py>(
         &self,
         py: Python<'py>,
@@ -124,13 +124,13 @@ impl Scheme {
     }
 }
 
-/// Rays along the axis.
+/// Returns axial rays.
 pub fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
     check_wavelengths(nm)?;
     Ok(nm.iter().copied().map(Ray::axial).collect())
 }
 
-/// That there are wavelengths, all of which light can have.
+/// Checks that there is at least one wavelength and that all are valid.
 pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     if let Some(bad) = nm.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
         return Err(input(format!(
@@ -143,7 +143,8 @@ pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     Ok(())
 }
 
-/// Intensities (measurements, pixels) of C-contiguous matrices (pixels, 16) whose wavelengths go round.
+/// Simulate the intensities (measurements, pixels) of C-contiguous matrices (pixels, 16). Wavelengths repeat
+/// cyclically over the pixels.
 #[pyfunction]
 pub fn simulate<'py>(
     py: Python<'py>,
@@ -175,7 +176,8 @@ pub fn simulate<'py>(
     PyArray1::from_vec(py, captured.intensities).reshape(vec![scheme.0.measurements(), pixels])
 }
 
-/// Matrices (pixels, 16), and their standard errors if they are wanted, of C-contiguous intensities (measurements, pixels).
+/// Reconstruct matrices (pixels, 16) and, on request, their standard errors from C-contiguous intensities
+/// (measurements, pixels).
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
 pub fn reconstruct<'py>(
@@ -246,7 +248,7 @@ pub fn reconstruct<'py>(
     }
 }
 
-/// The rays of each wavelength, or of each place and wavelength.
+/// Rays per wavelength, or per position and wavelength.
 #[derive(Clone, Copy)]
 struct Along<'a> {
     rays: &'a [Ray],

@@ -1,4 +1,4 @@
-//! Captures by an instrument: a camera or a photon counter, noise relative to the light, rays of a lens.
+//! Captures by an instrument: camera or photon counter, noise relative to the light, and rays of a lens.
 
 use crate::analysis::slice;
 use crate::capture::{Scheme, check_wavelengths};
@@ -13,18 +13,18 @@ use sunstone::polarimetry::capture::detector::file;
 use sunstone::polarimetry::capture::mueller_image::MuellerImage;
 use sunstone::polarimetry::capture::simulate::Noise;
 
-/// What comes between light and numbers.
+/// Instrument that converts light to digital numbers.
 #[derive(FromPyObject)]
 pub struct Instrument {
-    /// A detector's file, or the content of one as JSON.
+    /// Path of a detector file; `detector_text` is the content of one as JSON.
     detector_file: Option<PathBuf>,
     detector_text: Option<String>,
-    /// Standard deviation of normal noise, and the same over the mean T00.
+    /// Standard deviation of Gaussian noise; `relative_noise` is the same as a fraction of the mean T00.
     noise: Option<f64>,
     relative_noise: Option<f64>,
-    /// Horizontal field of view, degrees; None: along the axis.
+    /// Horizontal field of view, in degrees; None means that all rays are axial.
     fov_x_deg: Option<f64>,
-    /// Width of the time bins of the axis behind rows and columns.
+    /// Width of the time bins; the time axis follows rows and columns.
     bin_ps: Option<f64>,
     seed: u64,
 }
@@ -32,8 +32,9 @@ pub struct Instrument {
 /// An array of intensities or variances.
 type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
 
-/// Intensities (measurements, pixels) and, of a camera, their variances, of matrices (..., 4, 4); and the pixels' shape, whose rows and
-/// columns a sensor may halve. `lanes`: the last axis before the matrices is that of the wavelengths.
+/// Simulate the capture of matrices (..., 4, 4). Return the intensities (measurements, pixels), for a
+/// camera also their variances, and the shape of the pixels, whose rows and columns a sensor may halve.
+/// `lanes` states that the last axis before the matrices is the wavelength.
 #[pyfunction]
 pub fn capture<'py>(
     py: Python<'py>,

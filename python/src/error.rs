@@ -1,4 +1,4 @@
-//! Errors of Rust as exceptions of Python.
+//! Conversion of Rust errors to Python exceptions.
 
 use base::locate::InputError as Fault;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -18,7 +18,7 @@ pyo3::create_exception!(
     "A render failed on its way: a full disk, no threads. What was finished stays on disk and can be resumed."
 );
 
-/// What an [`InputError`] has besides its text.
+/// Attributes of an [`InputError`] in addition to its text.
 const PARTS: [&str; 5] = ["file", "line", "column", "message", "fix"];
 
 pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -31,17 +31,17 @@ pub fn register(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("RenderError", py.get_type::<RenderError>())
 }
 
-/// Bad input that no file holds.
+/// Creates an error for invalid input that is not from a file.
 pub fn input(e: impl Display) -> PyErr {
     InputError::new_err(e.to_string())
 }
 
-/// A failure on the way.
+/// Creates an error for a failure at run time.
 pub fn failed(e: impl Display) -> PyErr {
     RenderError::new_err(e.to_string())
 }
 
-/// Bad input with its place.
+/// Creates an error for invalid input with its location in a file.
 pub fn located(py: Python<'_>, fault: &Fault) -> PyErr {
     let error = input(fault);
     let (line, column) = fault.line_column().unzip();

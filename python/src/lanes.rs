@@ -1,19 +1,20 @@
-//! Wavelengths as people ask for them, any number in any order, and as materials and media are built for them: few, rising.
+//! Mapping of requested wavelengths (any number, any order) to the sets for which materials and media are
+//! built (few wavelengths, increasing).
 
 use crate::error::input;
 use pyo3::prelude::*;
 use sunstone::optics::spectrum::{MAX_WAVELENGTHS, Wavelengths};
 
-/// What is built for wavelengths, and where in it each one is that was asked for.
+/// Wavelength sets and the position of each requested wavelength in them.
 pub struct Lanes {
-    /// What to build for.
+    /// Sets to build.
     pub sets: Vec<Wavelengths>,
-    /// Of each wavelength asked for, the number of its set, and its place there.
+    /// For each requested wavelength, the number of its set and its index in the set.
     pub places: Vec<(usize, usize)>,
 }
 
 impl Lanes {
-    /// Of wavelengths in nanometres.
+    /// Creates the sets for wavelengths in nanometres.
     pub fn new(asked_nm: &[f64]) -> PyResult<Self> {
         if asked_nm.is_empty() {
             return Err(input("wavelengths_nm: give one wavelength at least"));
@@ -37,7 +38,8 @@ impl Lanes {
     }
 }
 
-/// The one that is meant of what a file holds, by name; `what` is it: `material`, and `several` in the plural.
+/// Selects an item of a file by name; without a name, the only item. `what` is the kind, such as `material`,
+/// and `several` its plural.
 pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -> PyResult<String> {
     let known = names.join(", ");
     match (name, names) {

@@ -1,4 +1,4 @@
-//! Learning the settings of capture schemes.
+//! Learning of capture schemes.
 
 use crate::capture::{Scheme, rays};
 use crate::error::{failed, input, located};
@@ -17,7 +17,7 @@ use sunstone::polarimetry::reconstruct::pca::data_set::Settings;
 use sunstone::polarimetry::reconstruct::second_moment::{self, Moment, SecondMoment};
 use sunstone::transport::material::measured::axes::Axes;
 
-/// What there is to learn from: the second moment of materials, and of folds of them.
+/// Data for learning: the second moment of materials and those of their folds.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct LearningData(cross_validation::LearningData);
 
@@ -27,7 +27,7 @@ fn array<'py>(py: Python<'py>, s: &Moment) -> PyResult<Bound<'py, PyArrayDyn<f64
 
 #[pymethods]
 impl LearningData {
-    /// Of a folder of measured tables, or of the stand-ins for the materials of the KAIST set.
+    /// Create the data from a folder of measured tables, or from the substitutes for the KAIST data set.
     #[staticmethod]
     fn materials(
         py: Python<'_>,
@@ -67,7 +67,8 @@ impl LearningData {
             .map_err(input)
     }
 
-    /// Of a second moment, without folds; turned to any frames if it is of the plane of scattering.
+    /// Create the data from a second moment, without folds. If the moment refers to the scattering plane, it
+    /// is averaged over frames.
     #[staticmethod]
     fn of_moment(given: PyReadonlyArray2<'_, f64>, turn: bool) -> PyResult<Self> {
         let s = moment(&given)?;
@@ -77,26 +78,26 @@ impl LearningData {
         }))
     }
 
-    /// Of a file of a second moment.
+    /// Create the data from a file of a second moment.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let all = second_moment::load(&path).map_err(|e| located(py, &e))?;
         Ok(Self(cross_validation::LearningData { all, folds: vec![] }))
     }
 
-    /// Writes the second moment's file.
+    /// Write the second moment to a file.
     fn save(&self, path: PathBuf, name: &str) -> PyResult<()> {
         second_moment::save(&path, name, &self.0.all).map_err(|e| failed(format!("{}: {e}", path.display())))
     }
 
-    /// Second moment of all materials, (16, 16).
+    /// Second moment of all materials, of shape (16, 16).
     #[getter]
     fn prior<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         array(py, &self.0.all)
     }
 }
 
-/// How a scheme is learned.
+/// Settings of the learning.
 #[derive(FromPyObject)]
 pub struct Asked {
     prior: bool,
@@ -109,15 +110,15 @@ pub struct Asked {
     seed: u64,
 }
 
-/// A learned scheme, its errors (on materials that were not learned from, standard error, on those that were), and its descents:
-/// name, loss and the loss of every step.
+/// A learned scheme, its errors (on validation materials, their standard error, on training materials) and
+/// its descents: name, loss, and loss of every step.
 type Found<'py> = (
     Scheme,
     (f64, f64, f64),
     Vec<(String, f64, Bound<'py, PyArray1<f64>>)>,
 );
 
-/// Learns what changes from capture to capture in a template.
+/// Learn the settings of a template that vary between captures.
 #[pyfunction]
 pub fn learn<'py>(
     py: Python<'py>,

@@ -1,5 +1,5 @@
-//! The extension module `pysunstone._native`: Sunstone's public face with Python's types, and no logic of its own beyond their
-//! conversion. What people use is the package `pysunstone` around it, which says what everything means.
+//! The extension module `pysunstone._native`: converts between Python types and Sunstone's public API,
+//! without other logic. Users import the package `pysunstone`, which documents the interface.
 
 mod analysis;
 mod apply;
@@ -23,7 +23,7 @@ mod watch;
 
 use pyo3::prelude::*;
 
-/// Runs the command line `sunstone` in this process; returns its exit code.
+/// Run the command `sunstone` in this process; return its exit code.
 #[pyfunction]
 fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> PyResult<u8> {
     off_python::detached(py, || sunstone::cli::run_words(words))

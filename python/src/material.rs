@@ -1,4 +1,4 @@
-//! Materials by themselves: their BRDFs, and what smooth ones mirror and transmit.
+//! Single materials: BRDFs, and specular reflection and transmission.
 
 use crate::error::{input, located};
 use crate::lanes::{Lanes, choose};
@@ -20,21 +20,21 @@ pub struct Material {
     of: Of,
     #[pyo3(get)]
     name: String,
-    /// Of each wavelength, the number of its specimen, and its place there.
+    /// For each wavelength, the number of its specimen and its index there.
     places: Vec<(usize, usize)>,
 }
 
-/// What holds the material.
+/// Owner of the material.
 enum Of {
-    /// Sets for a few wavelengths each.
+    /// Material sets for a few wavelengths each.
     Sets(Vec<MaterialSet>),
     Scene(Py<Scene>),
 }
 
-/// Directions (n, 3).
+/// Directions of shape (n, 3).
 type Rows<'py> = PyReadonlyArray2<'py, f64>;
 
-/// Matrices, and directions.
+/// Matrices and directions.
 type Specular<'py> = (Bound<'py, PyArrayDyn<f32>>, Bound<'py, PyArrayDyn<f64>>);
 
 fn directions(what: &str, rows: &Rows<'_>) -> PyResult<Vec<Direction>> {
@@ -71,7 +71,7 @@ impl Material {
         })
     }
 
-    /// Does something with the specimens; none if there is no such material.
+    /// Calls `then` with the specimens, none if the material does not exist.
     fn with<T>(&self, uv: [f32; 2], then: impl FnOnce(&[Specimen]) -> T) -> T {
         match &self.of {
             Of::Sets(sets) => {
@@ -92,7 +92,7 @@ impl Material {
 
 #[pymethods]
 impl Material {
-    /// Of a file of materials.
+    /// Create a material from a file of materials.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, name: Option<&str>, wavelengths_nm: Vec<f64>) -> PyResult<Self> {
         let text = py
@@ -101,7 +101,7 @@ impl Material {
         Self::of_text(py, &path, &text, name, &wavelengths_nm)
     }
 
-    /// Of a file's content as JSON, as if the file were in a folder.
+    /// Create a material from a file's content as JSON, with paths relative to a folder.
     #[staticmethod]
     fn from_json(
         py: Python<'_>,
@@ -120,7 +120,7 @@ impl Material {
         )
     }
 
-    /// Of a scene, at some of its wavelengths.
+    /// Create a material of a scene, at some of its wavelengths.
     #[staticmethod]
     fn of_scene(
         py: Python<'_>,
@@ -146,7 +146,7 @@ impl Material {
         })
     }
 
-    /// BRDFs (n, wavelengths, 4, 4), 1/sr, of directions (n, 3).
+    /// Return BRDFs (n, wavelengths, 4, 4) in 1/sr for directions (n, 3).
     fn brdf<'py>(
         &self,
         py: Python<'py>,
@@ -179,8 +179,9 @@ impl Material {
         PyArray1::from_vec(py, out).reshape(vec![incoming.len(), lanes, 4, 4])
     }
 
-    /// Matrices (n, wavelengths, 4, 4) of power that a smooth surface mirrors or transmits of light from directions (n, 3), and the
-    /// directions (n, wavelengths, 3) in which it leaves, NaN under total reflection.
+    /// Return the matrices (n, wavelengths, 4, 4) of the power that a smooth surface reflects or transmits
+    /// for light from directions (n, 3), and the outgoing directions (n, wavelengths, 3), NaN under total
+    /// reflection.
     fn specular<'py>(
         &self,
         py: Python<'py>,

@@ -1,4 +1,4 @@
-//! Participating media by themselves: how they scatter.
+//! Single participating media: their scattering.
 
 use crate::error::{input, located};
 use crate::lanes::{Lanes, choose};
@@ -20,7 +20,7 @@ pub struct Medium {
     sets: Vec<MediumSet>,
     #[pyo3(get)]
     name: String,
-    /// Of each wavelength, the number of its set, and its place there.
+    /// For each wavelength, the number of its set and its index there.
     places: Vec<(usize, usize)>,
 }
 
@@ -43,14 +43,14 @@ impl Medium {
 
 #[pymethods]
 impl Medium {
-    /// Of a file of media.
+    /// Create a medium from a file of media.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, name: Option<&str>, wavelengths_nm: Vec<f64>) -> PyResult<Self> {
         let text = media::read_file(&path).map_err(|e| located(py, &e))?;
         Self::of_text(py, &path, &text, name, &wavelengths_nm)
     }
 
-    /// Of a file's content as JSON, as if the file were in a folder.
+    /// Create a medium from a file's content as JSON, with paths relative to a folder.
     #[staticmethod]
     fn from_json(
         py: Python<'_>,
@@ -63,7 +63,7 @@ impl Medium {
         Self::of_text(py, &folder.join("media in a dict"), &text, name, &wavelengths_nm)
     }
 
-    /// Of a scene, whose file says what its media are.
+    /// Create a medium of a scene, whose file defines its media.
     #[staticmethod]
     fn of_scene(
         py: Python<'_>,
@@ -84,7 +84,7 @@ impl Medium {
         Self::of_text(py, Path::new("media of the scene"), &text, name, &wavelengths_nm)
     }
 
-    /// Coefficients, one a wavelength, by name.
+    /// Return the coefficients by name, one value per wavelength.
     fn bulk<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let tables: Vec<_> = self.sets.iter().map(|s| of_set(s, &self.name, &[])).collect();
         let out = PyDict::new(py);
@@ -101,7 +101,7 @@ impl Medium {
         Ok(out)
     }
 
-    /// Scattering matrices (n, wavelengths, 4, 4), 1/sr, at angles (n) in degrees.
+    /// Return scattering matrices (n, wavelengths, 4, 4) in 1/sr at angles (n) in degrees.
     fn evaluate<'py>(
         &self,
         py: Python<'py>,

@@ -1,4 +1,4 @@
-//! Scenes of Mitsuba.
+//! Import of Mitsuba scenes.
 
 use crate::off_python::detached;
 use crate::scene::Scene;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use sunstone::InputError;
 use sunstone::scene::mitsuba::import::Import;
 
-/// What is wrong: file, line, column, message and fix.
+/// An import error: file, line, column, message and fix.
 type Fault = (String, Option<usize>, Option<usize>, String, Option<String>);
 
 fn fault(e: &InputError) -> Fault {
@@ -22,8 +22,8 @@ fn fault(e: &InputError) -> Fault {
     )
 }
 
-/// A scene and what changed its meaning on the way; or none, and all that is wrong. `files` are those that are in memory, by the names
-/// that the text has of them.
+/// Import a scene. Return the scene and the changes of meaning in the import, or no scene and all errors.
+/// `files` maps names in the text to files in memory.
 #[pyfunction]
 pub fn import_mitsuba(
     py: Python<'_>,

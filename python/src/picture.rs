@@ -1,4 +1,4 @@
-//! Arrays as the files of pictures that scenes read.
+//! Encoding of arrays as image files that scenes read.
 
 use crate::error::input;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::io::Cursor;
 
-/// An array (h, w) or (h, w, 3) of 8 bits as PNG, or of single precision as OpenEXR.
+/// Encode an array (h, w) or (h, w, 3) as PNG (8 bits) or OpenEXR (single precision).
 #[pyfunction]
 pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound<'py, PyBytes>> {
     use image::ImageFormat::{OpenExr, Png};
@@ -60,11 +60,10 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
     Ok(PyBytes::new(py, bytes.get_ref()))
 }
 
-/// Pixels.
 #[derive(FromPyObject)]
 pub enum Values<'py> {
-    /// 0..255.
+    /// Values 0 to 255.
     Bytes(PyReadonlyArrayDyn<'py, u8>),
-    /// Linear.
+    /// Linear values.
     Single(PyReadonlyArrayDyn<'py, f32>),
 }

@@ -1,11 +1,11 @@
-//! Second moments of Mueller matrices, as what is expected of them.
+//! Second moments of Mueller matrices as priors.
 
 use crate::error::input;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use sunstone::polarimetry::reconstruct::second_moment::{self, Moment};
 
-/// A second moment (16, 16).
+/// Converts an array (16, 16) to a second moment.
 pub fn moment(given: &PyReadonlyArray2<'_, f64>) -> PyResult<Moment> {
     let view = given.as_array();
     if view.shape() != [16, 16] {

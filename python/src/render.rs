@@ -14,7 +14,7 @@ use sunstone::transport::render::schedule;
 use sunstone::transport::scene::Settings;
 use sunstone::{Arrays, Field, Job, Piece, Render, SampleCounts, Sink, Summary, Target, TileRecord, Watch};
 
-/// What a render changes of its scene; put back when it ends.
+/// Parts of a scene that a render changes; restored when it ends.
 struct Changed<'a> {
     scene: &'a mut sunstone::Scene,
     settings: Settings,
@@ -40,7 +40,7 @@ impl Drop for Changed<'_> {
     }
 }
 
-/// How to render.
+/// Settings of a render.
 #[derive(FromPyObject)]
 pub struct Asked {
     spp: Option<u32>,
@@ -51,7 +51,7 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Threads; 0 stands for as many as cores.
+    /// Returns the number of threads; 0 means one per core.
     fn threads(&self) -> PyResult<usize> {
         let most = most_threads();
         match self.threads {
@@ -70,7 +70,7 @@ impl Asked {
     }
 }
 
-/// Arrays, and what is known of them besides.
+/// Rendered arrays and their attributes.
 #[derive(Default)]
 struct Kept {
     arrays: Arrays,
@@ -112,7 +112,7 @@ impl Sink for Kept {
     }
 }
 
-/// What a render did, for Python.
+/// Returns the summary of a render as JSON for Python.
 fn told(summary: &Summary) -> String {
     json!({
         "complete": summary.complete,
@@ -126,7 +126,7 @@ fn told(summary: &Summary) -> String {
     .to_string()
 }
 
-/// Runs a render of a scene with what is asked of it, watched.
+/// Renders a scene with the requested settings; reports progress and reacts to signals.
 fn run<T: Send>(
     py: Python<'_>,
     scene: &Scene,
@@ -148,7 +148,7 @@ fn run<T: Send>(
     })?
 }
 
-/// Renders into a store; returns what was done, as JSON.
+/// Render into a store; return the summary as JSON.
 #[pyfunction]
 pub fn render_store(
     py: Python<'_>,
@@ -172,8 +172,8 @@ pub fn render_store(
     Ok(told(&summary))
 }
 
-/// Renders into arrays: of each slice its name, attributes and fields with their axes; sample counts; attributes; what was
-/// done.
+/// Render into arrays. Return name, attributes and fields with their axes for each slice; the sample
+/// counts; the attributes; and the summary.
 #[pyfunction]
 pub fn render_arrays<'py>(
     py: Python<'py>,

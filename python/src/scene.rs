@@ -22,13 +22,13 @@ use sunstone::transport::geometry::mesh::Mesh;
 pub struct Scene {
     built: Mutex<sunstone::Scene>,
     pub figures: Vec<Figure>,
-    /// Where its file is, or would be if it had one.
+    /// Path of its file, or the path it would have.
     path: PathBuf,
-    /// Files that it has in memory alone, by their names.
+    /// Files that exist only in memory, by name.
     memory: BTreeMap<String, Vec<u8>>,
 }
 
-/// A scene and its figures, from the text of its file.
+/// Builds a scene and its figures from the text of its file.
 fn from_text(path: &Path, text: &str, variant: Option<u64>) -> Result<Scene, InputError> {
     let scene = match variant {
         Some(number) => scene::variant_from_text(path, text, number)?,
@@ -44,12 +44,12 @@ fn from_text(path: &Path, text: &str, variant: Option<u64>) -> Result<Scene, Inp
 }
 
 impl Scene {
-    /// The scene; who renders it has it alone.
+    /// Locks the scene; a render has exclusive access.
     pub fn lock(&self) -> MutexGuard<'_, sunstone::Scene> {
         self.built.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A scene from the text of its file, whose meshes and some of whose files are in memory.
+    /// Builds a scene from the text of its file; its meshes and some of its files are in memory.
     pub fn in_memory(
         path: &Path,
         text: &str,
@@ -71,7 +71,7 @@ impl Scene {
         let scene = builder.build()?;
         let figures = listed::from_text(path, text, &scene.slices, scene.wavelengths.nm())?;
         Ok(Self {
-            // Who has no name of its own is called so.
+            // The path that the scene's file would have.
             path: folder.join(format!("{}.toml", scene.name)),
             built: Mutex::new(scene),
             figures,
@@ -79,13 +79,14 @@ impl Scene {
         })
     }
 
-    /// Looks at the scene; waits, without Python's lock, while it is rendered.
+    /// Reads the scene; while it is being rendered, waits without Python's lock.
     fn look<T: Send>(&self, py: Python<'_>, at: impl FnOnce(&sunstone::Scene) -> T + Send) -> T {
         py.detach(|| at(&self.lock()))
     }
 }
 
-/// A mesh of Python: vertices (n, 3) in metres, triangles (m, 3), and normals (n, 3) and texture coordinates (n, 2) or none.
+/// A Python mesh: vertices (n, 3) in metres, triangles (m, 3), and optional normals (n, 3) and texture
+/// coordinates (n, 2).
 type Arrays<'py> = (
     PyReadonlyArray2<'py, f32>,
     PyReadonlyArray2<'py, u32>,
@@ -93,7 +94,7 @@ type Arrays<'py> = (
     Option<PyReadonlyArray2<'py, f32>>,
 );
 
-/// Rows of N numbers.
+/// Converts an array to rows of N numbers.
 fn rows<const N: usize, T: numpy::Element + Copy>(
     what: &str,
     array: &PyReadonlyArray2<'_, T>,
@@ -148,7 +149,7 @@ impl Scene {
         detached(py, || from_text(&path, text, variant))?.map_err(|e| located(py, &e))
     }
 
-    /// From a document as JSON, whose meshes and files are in memory.
+    /// Create a scene from a document as JSON, whose meshes and files are in memory.
     #[staticmethod]
     fn from_json(
         py: Python<'_>,
@@ -181,13 +182,13 @@ impl Scene {
         &self.path
     }
 
-    /// Number of the variant that it is of its file.
+    /// Number of the variant, if the scene is a variant of its file.
     #[getter]
     fn variant(&self, py: Python<'_>) -> Option<u64> {
         self.look(py, |s| s.variant.as_ref().map(|v| v.number))
     }
 
-    /// The files that it is made of, by the names that they have in its text, which are paths from its own folder.
+    /// Return the files of the scene by the names in its text, which are paths relative to its folder.
     fn files(&self, py: Python<'_>) -> PyResult<Vec<(String, Cow<'_, [u8]>)>> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let names = self.look(py, |s| s.files.clone());
@@ -196,7 +197,7 @@ impl Scene {
                 return Some(Ok((name, Cow::Borrowed(&bytes[..]))));
             }
             let path = folder.join(&name);
-            // What lies in another one of them has no file of its own.
+            // An entry inside an archive or another file has no separate file.
             path.exists().then(|| {
                 let bytes = std::fs::read(&path).map_err(|e| input(format!("{}: {e}", path.display())))?;
                 Ok((name, Cow::Owned(bytes)))
@@ -225,7 +226,7 @@ impl Scene {
         self.look(py, |s| s.wavelengths.nm().to_vec())
     }
 
-    /// Width and height of the camera's image.
+    /// Width and height of the camera image, in pixels.
     #[getter]
     fn resolution(&self, py: Python<'_>) -> (u32, u32) {
         self.look(py, |s| s.camera.resolution.into())

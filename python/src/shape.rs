@@ -1,4 +1,4 @@
-//! Shape from arrays: codes of structured light, triangulation, and normals.
+//! Shape from arrays: structured-light codes, triangulation and normals.
 
 use crate::analysis::slice;
 use crate::error::input;
@@ -15,11 +15,12 @@ use sunstone::apply::shape::polarization::{self, Cues, Reflection};
 use sunstone::apply::shape::surface_normals::{self, Window};
 use sunstone::apply::shape::{gray_code, logical_codes, micro_phase_shift, phase_shift, triangulation};
 
-/// A calibrated camera, and a projector or the camera twice.
+/// A calibrated camera with a projector, or the camera twice.
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Devices(Rig);
 
-/// Resolution, focal lengths, principal point, origin, and the axes: image right, image down and forward in the world.
+/// Resolution, focal lengths, principal point, origin, and the axes image right, image down and forward in
+/// world coordinates.
 type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
 
 fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {
@@ -54,7 +55,7 @@ impl Devices {
         Ok(Self(Rig { camera, projector }))
     }
 
-    /// Those of a scene, as if calibrated without error; none without a projector.
+    /// Return the devices of a scene, as if calibrated without error; None without a projector.
     #[staticmethod]
     fn of_scene(py: Python<'_>, scene: Py<Scene>) -> Option<Self> {
         py.detach(|| truth::rig(&scene.get().lock())).map(Self)
@@ -75,7 +76,7 @@ type Image<'py> = PyReadonlyArrayDyn<'py, f64>;
 
 type Found<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// A C-contiguous array (rows, columns, channels).
+/// Converts a C-contiguous array (rows, columns, channels).
 fn map(what: &str, image: &Image<'_>) -> PyResult<Map> {
     let [height, width, channels] = *image.shape() else {
         return Err(input(format!(
@@ -91,7 +92,7 @@ fn map(what: &str, image: &Image<'_>) -> PyResult<Map> {
     })
 }
 
-/// That a map is of as many pixels as the camera, which methods take for granted.
+/// Checks that a map has the camera's resolution, which the methods assume.
 fn of_camera(what: &str, map: &Map, camera: &Pinhole) -> PyResult<()> {
     if [map.width, map.height] == camera.resolution {
         return Ok(());
@@ -107,7 +108,7 @@ fn array(py: Python<'_>, map: Map) -> PyResult<Found<'_>> {
     PyArray1::from_vec(py, map.data).reshape(vec![map.height, map.width, map.channels])
 }
 
-/// A code of structured light.
+/// A structured-light code.
 enum Code {
     Gray,
     Xor(Base),
@@ -164,7 +165,7 @@ impl Code {
     }
 }
 
-/// Drives (captures, columns) of a code.
+/// Return the patterns of a code as drives (captures, columns).
 #[pyfunction]
 pub fn code_patterns<'py>(
     py: Python<'py>,
@@ -177,7 +178,7 @@ pub fn code_patterns<'py>(
     PyArray1::from_vec(py, patterns.drives.concat()).reshape(vec![captures, columns])
 }
 
-/// Columns and confidences (rows, columns, 1) of captures (rows, columns, captures).
+/// Decode captures (rows, columns, captures) to projector columns and confidences (rows, columns, 1).
 #[pyfunction]
 pub fn decode_columns<'py>(
     py: Python<'py>,
@@ -194,7 +195,7 @@ pub fn decode_columns<'py>(
     Ok((array(py, column)?, array(py, confidence)?))
 }
 
-/// Depths (rows, columns, 1) of projector columns.
+/// Triangulate projector columns to depths (rows, columns, 1).
 #[pyfunction]
 pub fn triangulate<'py>(py: Python<'py>, devices: &Devices, columns: Image<'py>) -> PyResult<Found<'py>> {
     let columns = map("columns", &columns)?;
@@ -202,7 +203,7 @@ pub fn triangulate<'py>(py: Python<'py>, devices: &Devices, columns: Image<'py>)
     array(py, detached(py, || triangulation::depth(&devices.0, &columns))?)
 }
 
-/// Normals (rows, columns, 3) of depths.
+/// Compute normals (rows, columns, 3) from depths.
 #[pyfunction]
 pub fn normals_of_depth<'py>(
     py: Python<'py>,
@@ -222,7 +223,8 @@ pub fn normals_of_depth<'py>(
     )
 }
 
-/// Degree, zenith and azimuth (rows, columns, 3) that polarization tells of matrices (rows, columns, 16).
+/// Compute the polarization cues degree, zenith and azimuth (rows, columns, 3) from matrices (rows, columns,
+/// 16).
 #[pyfunction]
 pub fn polarization_cues<'py>(
     py: Python<'py>,
@@ -246,7 +248,7 @@ pub fn polarization_cues<'py>(
     array(py, cues.angles)
 }
 
-/// Normals (rows, columns, 3): of both that cues allow the one nearest to a guess.
+/// Compute normals (rows, columns, 3): of the two normals that the cues allow, the one nearest to a guess.
 #[pyfunction]
 pub fn normals_of_cues<'py>(
     py: Python<'py>,

@@ -1,9 +1,9 @@
-//! Dicts of Python, which come as JSON, as the TOML of the files that they stand for.
+//! Conversion of Python dicts, passed as JSON, to TOML documents.
 
 use crate::error::input;
 use pyo3::prelude::*;
 
-/// TOML that says the same as a JSON object.
+/// Converts a JSON object to equivalent TOML.
 pub fn toml_of_json(json: &str) -> PyResult<String> {
     let value: toml::Table = serde_json::from_str(json).map_err(input)?;
     toml::to_string(&value).map_err(input)

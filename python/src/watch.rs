@@ -1,4 +1,4 @@
-//! Work that tells Python how far it is, and that Ctrl-C ends.
+//! Long-running work that reports progress to Python and stops on Ctrl-C.
 
 use crate::off_python::fork_safe;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
@@ -9,21 +9,21 @@ use std::time::Duration;
 use sunstone::polarimetry::reconstruct::learn::Onlooker;
 use sunstone::{Summary, Watch};
 
-/// How often signals are looked for and progress is told.
+/// Interval for checking signals and reporting progress.
 const EVERY: Duration = Duration::from_millis(50);
 
-/// What the thread that works and the one of Python tell each other.
+/// State shared by the worker thread and the Python thread.
 #[derive(Default)]
 pub struct Shared {
     stop: AtomicBool,
-    /// Tiles done, and tiles in all.
+    /// Finished and total number of tiles.
     tiles: Mutex<Option<(u32, u32)>>,
-    /// Descents in all, of what is learned.
+    /// Total number of descents in learning.
     descents: AtomicU32,
     done: AtomicU32,
     ended: Mutex<bool>,
     bell: Condvar,
-    /// The thread that works, as Python numbers it, where it calls Python.
+    /// Python's identifier of the worker thread, if the worker calls Python.
     worker: Mutex<Option<u64>>,
 }
 
@@ -54,7 +54,7 @@ impl Onlooker for Shared {
 }
 
 impl Shared {
-    /// True once the work has ended; waits a little for it.
+    /// Waits a short time for the work to end; returns whether it has ended.
     fn wait(&self) -> bool {
         let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
         let waited = self.bell.wait_timeout_while(ended, EVERY, |ended| !*ended);
@@ -62,7 +62,7 @@ impl Shared {
     }
 }
 
-/// Says that the work has ended, also where it panics.
+/// Signals the end of the work, also on a panic.
 struct Ring<'a>(&'a Shared);
 
 impl Drop for Ring<'_> {
@@ -72,8 +72,9 @@ impl Drop for Ring<'_> {
     }
 }
 
-/// Does work on a thread of its own, while this one looks for signals and calls `progress(done, tiles)` where there are news. A
-/// signal's exception (`KeyboardInterrupt`), or one that `progress` raises, ends the work at the next tile and is the result.
+/// Runs work on another thread, while this one checks signals and calls `progress(done, tiles)` on changes.
+/// An exception of a signal (`KeyboardInterrupt`) or of `progress` stops the work at the next tile and is
+/// returned.
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -82,7 +83,7 @@ pub fn watched<T: Send>(
     looked_on(py, progress, |shared| work(shared))
 }
 
-/// As [`watched`], of work that tells of other things than tiles.
+/// As [`watched`], for work with other units of progress than tiles.
 pub fn looked_on<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -106,7 +107,7 @@ pub fn looked_on<T: Send>(
                     shared.stop.store(true, Ordering::Relaxed);
                     fault = Some(e);
                 }
-                // A second Ctrl-C. The work goes on until it sees it, and is waited for in any case.
+                // A second Ctrl-C. The work continues until it checks the stop flag; wait for it in any case.
                 Err(_) => {
                     if let Err(e) = shared.insist(py) {
                         e.write_unraisable(py, None);
@@ -129,7 +130,7 @@ pub fn looked_on<T: Send>(
     })
 }
 
-/// Calls `progress`, if a tile has been finished since the last time.
+/// Calls `progress` if a tile was finished since the last call.
 fn tell(shared: &Shared, progress: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
     let news = shared.tiles.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let (Some(news), Some(progress)) = (news, progress) {
@@ -138,21 +139,21 @@ fn tell(shared: &Shared, progress: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
     Ok(())
 }
 
-/// Of work that calls Python itself.
+/// Methods for work that calls Python itself.
 impl Shared {
-    /// True once the work is to end.
+    /// Returns the flag that requests the work to stop.
     pub fn stop(&self) -> &AtomicBool {
         &self.stop
     }
 
-    /// Notes that this thread works and calls Python: a second Ctrl-C then ends that call.
+    /// Records that this thread works and calls Python, so that a second Ctrl-C interrupts that call.
     pub fn calls_python(&self) -> PyResult<()> {
         let ident = Python::attach(|py| py.import("threading")?.call_method0("get_ident")?.extract())?;
         *self.worker.lock().unwrap_or_else(PoisonError::into_inner) = Some(ident);
         Ok(())
     }
 
-    /// Raises `KeyboardInterrupt` in the thread that works, if that runs code of Python.
+    /// Raises `KeyboardInterrupt` in the worker thread if it runs Python code.
     fn insist(&self, py: Python<'_>) -> PyResult<()> {
         let worker = *self.worker.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(ident) = worker else {
@@ -166,7 +167,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Notes how far the work is.
+    /// Records the progress.
     pub fn tell(&self, done: u32, all: u32) {
         *self.tiles.lock().unwrap_or_else(PoisonError::into_inner) = Some((done, all));
     }

@@ -1,4 +1,4 @@
-//! Arrays that instruments take and give: patterns, frames, histograms.
+//! Conversion of patterns, frames and histograms between Python and instruments.
 
 use super::values::{Answer, shown};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -6,20 +6,20 @@ use pyo3::prelude::*;
 use pyo3::types::PyList;
 use sunstone::rig::instrument::{Failure, Fault, Histogram, Pattern, PixelFormat, RawFrame, pixels};
 
-/// A frame of Python, as it came.
+/// A frame from Python, unconverted.
 pub struct Picture {
     /// Rows and columns.
     pub shape: [usize; 2],
-    /// Numbers, rows from the top.
+    /// Digital numbers, rows from the top.
     pub numbers: Vec<u32>,
-    /// The camera's own count, if it counts.
+    /// The camera's frame number, if it counts frames.
     pub number: Option<u64>,
-    /// The camera's own clock, nanoseconds.
+    /// Camera clock, in nanoseconds.
     pub timestamp_ns: u64,
 }
 
 impl Picture {
-    /// Of what a camera answered: a `Frame`, or its array alone.
+    /// Reads a camera's reply: a `Frame` or only its array.
     pub fn read(from: &Answer<'_, '_>, format: PixelFormat) -> Result<Self, String> {
         let of_frame = from.0.getattr("pixels").ok();
         let array = of_frame.as_ref().unwrap_or(from.0);
@@ -55,20 +55,20 @@ impl Picture {
     }
 }
 
-/// Shape and numbers of a two-dimensional array of one type.
+/// Reads shape and numbers of a two-dimensional array of one type.
 fn table<T: numpy::Element + Copy + Into<u32>>(array: &Bound<'_, PyAny>) -> Option<([usize; 2], Vec<u32>)> {
     let array: PyReadonlyArray2<'_, T> = array.extract().ok()?;
     let shape = [array.shape()[0], array.shape()[1]];
     Some((shape, array.as_array().iter().map(|n| (*n).into()).collect()))
 }
 
-/// Numbers of a one-dimensional array of one type.
+/// Reads the numbers of a one-dimensional array of one type.
 fn list<T: numpy::Element + Copy + TryInto<u32>>(array: &Bound<'_, PyAny>) -> Option<Vec<u32>> {
     let array: PyReadonlyArray1<'_, T> = array.extract().ok()?;
     array.as_array().iter().map(|n| (*n).try_into().ok()).collect()
 }
 
-/// What an array is, for messages.
+/// Describes an array in messages.
 fn kind(array: &Bound<'_, PyAny>) -> String {
     let part = |name: &str| array.getattr(name).ok().map(|v| v.to_string());
     match (part("dtype"), part("shape")) {
@@ -77,7 +77,7 @@ fn kind(array: &Bound<'_, PyAny>) -> String {
     }
 }
 
-/// Integers of a field, each of 32 bits.
+/// Reads a field of 32-bit integers.
 fn integers(from: &Answer<'_, '_>, name: &str) -> Result<Vec<u32>, String> {
     let array = from
         .0
@@ -96,7 +96,7 @@ fn integers(from: &Answer<'_, '_>, name: &str) -> Result<Vec<u32>, String> {
     })
 }
 
-/// A histogram of what a counter answered; `number` counts for a counter that does not.
+/// Reads a counter's reply as a histogram; `number` is used if the counter does not number its acquisitions.
 pub fn histogram(from: &Answer<'_, '_>, number: u64) -> Result<Histogram, String> {
     let tagged = from.0.getattr("records").is_ok_and(|r| !r.is_none());
     let own: Option<u64> = from.field("number", "the counter's own count, or None")?;
@@ -113,7 +113,7 @@ pub fn histogram(from: &Answer<'_, '_>, number: u64) -> Result<Histogram, String
     })
 }
 
-/// A histogram as Python has it.
+/// Converts a histogram to Python.
 pub fn of_histogram<'py>(py: Python<'py>, h: &Histogram) -> PyResult<Bound<'py, PyAny>> {
     let counts = PyArray1::from_slice(py, &h.counts);
     let records = (!h.records.is_empty()).then(|| PyArray1::from_slice(py, &h.records));
@@ -121,7 +121,7 @@ pub fn of_histogram<'py>(py: Python<'py>, h: &Histogram) -> PyResult<Bound<'py, 
     class.call1((counts, h.pulses, h.number, h.timestamp_ns, records))
 }
 
-/// A frame as Python has it; a torn one is a failure that passes.
+/// Converts a frame to Python; a truncated frame is a failure that a retry can fix.
 pub fn of_frame(py: Python<'_>, name: &str, frame: &RawFrame) -> PyResult<Py<PyAny>> {
     let Some(numbers) = pixels::unpack(frame) else {
         let what = format!("a frame of {} bytes came: it is torn", frame.bytes.len());
@@ -129,14 +129,14 @@ pub fn of_frame(py: Python<'_>, name: &str, frame: &RawFrame) -> PyResult<Py<PyA
         return Err(super::fault::exception(py, &failure, ""));
     };
     let shape = [frame.region.height as usize, frame.region.width as usize];
-    // No format has more than 16 bits.
+    // All formats have at most 16 bits.
     let numbers: Vec<u16> = numbers.into_iter().map(|n| n as u16).collect();
     let array = PyArray1::from_vec(py, numbers).reshape(shape)?;
     let class = py.import(super::fault::HOME)?.getattr("Frame")?;
     Ok(class.call1((array, frame.number, frame.timestamp_ns))?.unbind())
 }
 
-/// Patterns as Python has them: a list of arrays (rows, columns) of uint8.
+/// Converts patterns to Python: a list of arrays (rows, columns) of uint8.
 pub fn of_patterns<'py>(py: Python<'py>, patterns: &[Pattern]) -> PyResult<Bound<'py, PyList>> {
     let arrays = patterns.iter().map(|p| {
         let shape = [p.height as usize, p.width as usize];
@@ -145,7 +145,7 @@ pub fn of_patterns<'py>(py: Python<'py>, patterns: &[Pattern]) -> PyResult<Bound
     PyList::new(py, arrays.collect::<PyResult<Vec<_>>>()?)
 }
 
-/// Patterns of Python.
+/// Reads patterns from Python.
 pub fn patterns(given: &Bound<'_, PyAny>) -> Result<Vec<Pattern>, String> {
     let wanted = "give a sequence of NumPy arrays (rows, columns) of uint8";
     let items = given

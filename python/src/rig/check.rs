@@ -1,4 +1,4 @@
-//! The checks that every driver passes, of an object of Python.
+//! Conformance checks for Python instruments.
 
 use super::fault::Thrown;
 use super::given;
@@ -11,7 +11,7 @@ use sunstone::rig::instrument::{
     AreaCamera, GalvoScanner, PatternProjector, PhotonCounter, PulsedLaser, RotationStage,
 };
 
-/// Runs a check on an instrument of the rig, or on one of Python.
+/// Runs a check on an instrument of the rig or on a Python instrument.
 macro_rules! checked {
     ($py:ident, $name:ident, $object:ident, $own:ident, $given:ident, $device:ident, $check:path) => {{
         let (mut device, own): (Box<dyn $device>, bool) = match $own::lend($object) {
@@ -29,7 +29,7 @@ macro_rules! checked {
     }};
 }
 
-/// Checks an instrument of a kind: names of checks, and what was wrong.
+/// Check an instrument of a kind; return the names of the checks and the faults found.
 #[pyfunction]
 pub fn rig_check<'py>(
     py: Python<'py>,

@@ -1,20 +1,22 @@
-//! Exceptions of instruments that are written in Python as failures of a session, and failures as exceptions.
+//! Conversion between Python exceptions of instruments and failures of a session.
 
 use pyo3::exceptions::{PyConnectionError, PyException, PyOSError, PyTimeoutError};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 use sunstone::rig::instrument::{Failure, Fault};
 
-/// Where Python keeps what is named here.
+/// Python module that defines the classes named here.
 pub const HOME: &str = "pysunstone.rig.instruments";
 
-/// The exception behind the last failure of any instrument of a session, so that it can be told as that failure's cause.
+/// The exception behind the last failure of any instrument in a session, used as the cause of the raised
+/// exception.
 #[derive(Clone, Default)]
 pub struct Thrown(Arc<Mutex<Option<(Failure, PyErr)>>>);
 
 impl Thrown {
-    /// What an exception means to a session: what `InstrumentError` says; a timeout; a line that is gone (`OSError`, and so
-    /// pyserial's and PyUSB's errors); all others are told to the user, since trying again does not fix a program.
+    /// Converts an exception to a failure: an `InstrumentError` states its fault; timeouts map to timeout;
+    /// `OSError` (including the errors of pyserial and PyUSB) maps to disconnected; all others are reported
+    /// to the user, because a retry does not fix a program.
     pub fn failure(&self, py: Python<'_>, instrument: &str, method: &str, error: PyErr) -> Failure {
         let failure = told(py, instrument, &error).unwrap_or_else(|| {
             let fault = if error.is_instance_of::<PyTimeoutError>(py) || of_name(py, &error, "TimeoutError") {
@@ -30,8 +32,8 @@ impl Thrown {
         failure
     }
 
-    /// The exception of a session that a failure ended: with its cause, or the cause itself where that is no `Exception` but
-    /// Python's wish to end.
+    /// Returns the exception for a failure that ended a session, with its cause. If the cause is not an
+    /// `Exception` but a request to exit, returns the cause itself.
     pub fn raise(&self, py: Python<'_>, failure: &Failure, rest: &str) -> PyErr {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
         let cause = last.filter(|(of, _)| of == failure).map(|(_, cause)| cause);
@@ -48,7 +50,7 @@ impl Thrown {
     }
 }
 
-/// A failure as Python's `InstrumentError`; `rest` is said after it.
+/// Converts a failure to a Python `InstrumentError`; `rest` is appended to its text.
 pub fn exception(py: Python<'_>, failure: &Failure, rest: &str) -> PyErr {
     let made = py.import(HOME).and_then(|m| {
         let class = m.getattr("InstrumentError")?;
@@ -60,7 +62,7 @@ pub fn exception(py: Python<'_>, failure: &Failure, rest: &str) -> PyErr {
     }
 }
 
-/// What an `InstrumentError` says itself.
+/// Reads the failure from an `InstrumentError`.
 fn told(py: Python<'_>, instrument: &str, error: &PyErr) -> Option<Failure> {
     let class = py.import(HOME).ok()?.getattr("InstrumentError").ok()?;
     let value = error.value(py);
@@ -73,7 +75,8 @@ fn told(py: Python<'_>, instrument: &str, error: &PyErr) -> Option<Failure> {
     Some(Failure::new(fault, instrument, what))
 }
 
-/// Whether an exception has a class of a name among its own: asyncio's timeout is Python's from 3.11 on.
+/// Returns whether a class with this name is among the exception's base classes. (Before Python 3.11,
+/// asyncio's timeout is a separate class.)
 fn of_name(py: Python<'_>, error: &PyErr, name: &str) -> bool {
     let classes = error.get_type(py).mro();
     let mut names = classes

@@ -1,5 +1,5 @@
-//! Instruments that are objects of Python: their methods are called from the session's thread, which has Python's lock for the
-//! time of the call alone. What the limits forbid is refused here, so that no object has to.
+//! Instruments that are Python objects. The session's thread calls their methods and has Python's lock only
+//! during the call. Requests outside the limits are refused here, so that the objects need no checks.
 
 use super::arrays::{Picture, histogram, of_patterns};
 use super::fault::Thrown;
@@ -14,7 +14,7 @@ use sunstone::rig::instrument::{
     pixels,
 };
 
-/// An object of Python in the place of an instrument, with what its limits say and what it is set to.
+/// A Python object used as an instrument, with its limits and settings.
 pub struct Given<Limits, State> {
     name: String,
     object: Py<PyAny>,
@@ -24,7 +24,7 @@ pub struct Given<Limits, State> {
 }
 
 impl<L: Value, S: Default> Given<L, S> {
-    /// Asks an object for its limits, once.
+    /// Wraps an object and reads its limits once.
     pub fn new(name: &str, object: &Bound<'_, PyAny>, thrown: &Thrown) -> PyResult<Self> {
         let answer = object.call_method0("limits")?;
         let limits = L::read(&Answer(&answer)).map_err(|what| {
@@ -45,7 +45,7 @@ impl<L, S> Given<L, S> {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Calls a method, with Python's lock, and reads its answer.
+    /// Calls a method with Python's lock and reads its return value.
     fn call<T>(
         &self,
         method: &str,
@@ -64,7 +64,7 @@ impl<L, S> Given<L, S> {
         })
     }
 
-    /// Calls a method whose answer is of no matter.
+    /// Calls a method and ignores its return value.
     fn tell(&self, method: &str, args: impl for<'py> PyCallArgs<'py>) -> Result<(), Failure> {
         self.call(method, args, |_| Ok(()))
     }
@@ -89,7 +89,7 @@ impl<L: Send, S: Default + Send> Instrument for Given<L, S> {
             let object = self.object.bind(py);
             let method = object.getattr("temperature_c").ok()?;
             let found = method.call0().and_then(|t| t.extract::<Option<f64>>());
-            // The trait's word for a failure is none; that it was one is told on stderr.
+            // The trait has no error for this method: return `None` and print the exception on stderr.
             found.unwrap_or_else(|e| {
                 e.write_unraisable(py, Some(object));
                 None
@@ -98,7 +98,7 @@ impl<L: Send, S: Default + Send> Instrument for Given<L, S> {
     }
 }
 
-/// A rotation stage of Python.
+/// A Python rotation stage.
 pub type Stage = Given<StageLimits, ()>;
 
 impl RotationStage for Stage {
@@ -132,7 +132,7 @@ impl RotationStage for Stage {
     }
 }
 
-/// A pattern projector of Python, and how many patterns it has.
+/// A Python pattern projector and its number of loaded patterns.
 pub type Projector = Given<ProjectorLimits, usize>;
 
 impl PatternProjector for Projector {
@@ -182,14 +182,14 @@ impl PatternProjector for Projector {
     }
 }
 
-/// What a camera of Python is set to.
+/// Settings of a Python camera.
 #[derive(Default)]
 pub struct Exposing {
     settings: Option<CameraSettings>,
     under_way: bool,
 }
 
-/// An area camera of Python. The count of its frames is kept apart: it goes on when the camera is connected anew.
+/// A Python area camera. The frame count is stored separately, so that it continues after a reconnection.
 pub struct Camera {
     of: Given<CameraLimits, Exposing>,
     taken: u64,
@@ -203,7 +203,7 @@ impl Camera {
     }
 }
 
-/// What a camera and a counter have of the object that they are.
+/// Implements `Instrument` for the camera and the counter through the object that they wrap.
 macro_rules! instrument_of {
     ($of:ty) => {
         impl Instrument for $of {
@@ -265,7 +265,7 @@ impl AreaCamera for Camera {
         let Region { width, height, .. } = region;
         let [rows, columns] = picture.shape;
         if picture.shape != [height as usize, width as usize] {
-            // One of before may come late: it is asked for again.
+            // An earlier frame may arrive late: timeout, so that the frame is requested again.
             let what = format!(
                 "`frame` answered an array of shape ({rows}, {columns}); the region that it was set to has {height} rows and {width} columns"
             );
@@ -282,7 +282,7 @@ impl AreaCamera for Camera {
     }
 }
 
-/// A galvo scanner of Python.
+/// A Python galvo scanner.
 pub type Galvo = Given<GalvoLimits, ()>;
 
 impl GalvoScanner for Galvo {
@@ -308,7 +308,7 @@ impl GalvoScanner for Galvo {
     }
 }
 
-/// A pulsed laser of Python.
+/// A Python pulsed laser.
 pub type Laser = Given<LaserLimits, ()>;
 
 impl PulsedLaser for Laser {
@@ -330,14 +330,14 @@ impl PulsedLaser for Laser {
     }
 }
 
-/// What a counter of Python is set to.
+/// Settings of a Python counter.
 #[derive(Default)]
 pub struct Counting {
     settings: Option<CounterSettings>,
     under_way: bool,
 }
 
-/// A photon counter of Python.
+/// A Python photon counter.
 pub struct Counter {
     of: Given<CounterLimits, Counting>,
     taken: u64,

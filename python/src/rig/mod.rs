@@ -1,4 +1,4 @@
-//! Rigs: sessions with instruments of the rig file and of Python.
+//! Rigs: sessions with instruments of the rig file and Python instruments.
 
 mod arrays;
 mod check;

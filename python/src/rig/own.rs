@@ -1,5 +1,6 @@
-//! The rig's own instruments, simulated or behind a driver, as objects of Python: with the methods that a session calls, so that
-//! an instrument of Python can pass on to one of them. While a session runs with one itself, nobody else has it.
+//! The rig's instruments, simulated or with a driver, as Python objects with the methods that a session
+//! calls, so that a Python instrument can forward calls to them. While a session uses an instrument itself,
+//! it is unavailable to others.
 
 use super::arrays;
 use super::fault::exception;
@@ -13,7 +14,7 @@ use sunstone::rig::instrument::{
     PulsedLaser, RotationStage,
 };
 
-/// An instrument that is lent to a session and comes back.
+/// An instrument that can be lent to a session.
 pub struct Slot<D: ?Sized> {
     name: String,
     device: Mutex<Option<Box<D>>>,
@@ -27,17 +28,17 @@ impl<D: ?Sized + Send> Slot<D> {
         }
     }
 
-    /// Takes the instrument, if it is there.
+    /// Takes the instrument, if it is available.
     fn take(&self) -> Option<Box<D>> {
         self.device.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// Puts it back.
+    /// Returns the instrument.
     fn put(&self, device: Box<D>) {
         *self.device.lock().unwrap_or_else(PoisonError::into_inner) = Some(device);
     }
 
-    /// Uses it without Python's lock.
+    /// Uses the instrument without Python's lock.
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut D) -> T + Send) -> PyResult<T> {
         let done = detached(py, || {
             let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
@@ -51,7 +52,7 @@ impl<D: ?Sized + Send> Slot<D> {
         })
     }
 
-    /// Asks it for what it may refuse.
+    /// Sends a request that the instrument may refuse.
     fn ask<T: Send>(
         &self,
         py: Python<'_>,
@@ -62,7 +63,7 @@ impl<D: ?Sized + Send> Slot<D> {
     }
 }
 
-/// A class of Python around one kind of instrument: what all have in common, and its own methods.
+/// Defines a Python class for one kind of instrument: the common methods and its own.
 macro_rules! own {
     ($(#[$doc:meta])* $class:ident, $device:ident, { $($methods:tt)* }) => {
         $(#[$doc])*
@@ -70,13 +71,13 @@ macro_rules! own {
         pub struct $class(Slot<dyn $device>);
 
         impl $class {
-            /// Of an instrument.
+            /// Wraps an instrument.
             pub fn new(device: Box<dyn $device>) -> Self {
                 let name = device.name().to_owned();
                 Self(Slot::new(&name, device))
             }
 
-            /// Takes the instrument out of an object, if that is one of this class.
+            /// Takes the instrument out of an object, if the object is of this class.
             pub fn lend(object: &Bound<'_, PyAny>) -> Option<PyResult<Box<dyn $device>>> {
                 let own = object.cast::<Self>().ok()?.get();
                 Some(own.0.take().ok_or_else(|| {
@@ -84,7 +85,7 @@ macro_rules! own {
                 }))
             }
 
-            /// Puts it back; nothing where the object is of another class.
+            /// Returns the instrument to an object; has no effect if the object is of another class.
             pub fn give_back(object: &Bound<'_, PyAny>, device: Box<dyn $device>) {
                 if let Ok(own) = object.cast::<Self>() {
                     own.get().0.put(device);

@@ -1,4 +1,4 @@
-//! Sessions: a plan, a rig file, instruments of the file and of Python.
+//! Sessions: a plan, a rig file, and instruments of the file and of Python.
 
 use super::fault::Thrown;
 use super::given;
@@ -20,7 +20,8 @@ use sunstone::rigs::prepared::{Existing, PrepareError, Prepared};
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct RigSession {
     prepared: Prepared,
-    /// The rig without its instruments, which Python has: its clock, and what a simulated bench listens to.
+    /// The rig without its instruments, which Python owns: its clock, and the connections of a simulated
+    /// bench.
     bare: Mutex<Option<Rig>>,
     sample: Option<String>,
 }
@@ -33,8 +34,8 @@ fn prepare(py: Python<'_>, e: &PrepareError) -> PyErr {
     }
 }
 
-/// Loads plan and rig, and connects the instruments of the rig file but those that are given; returns the session and its
-/// instruments by name. `progress` is told of the render of what a bench plays.
+/// Load plan and rig, and connect the instruments of the rig file except the given ones. Return the
+/// session and its instruments by name. `progress` reports the render that a simulated bench plays.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python gives them by name")]
 pub fn rig_open<'py>(
@@ -80,7 +81,7 @@ pub fn rig_open<'py>(
     Ok((session, own))
 }
 
-/// A rig whose instruments are lent to it by objects of Python; they go back when it ends.
+/// A rig whose instruments are lent by Python objects; they are returned when it is dropped.
 struct Lent<'a, 'py> {
     session: &'a RigSession,
     objects: BTreeMap<String, Bound<'py, PyAny>>,
@@ -147,7 +148,7 @@ impl Drop for Lent<'_, '_> {
     }
 }
 
-/// Puts an object into a rig, as the instrument of a name.
+/// Adds an object to a rig as the instrument with this name.
 fn lend(
     rig: &mut Rig,
     session: &RigSession,
@@ -199,7 +200,8 @@ fn lend(
     Ok(())
 }
 
-/// What a run costs: frames, seconds, of them while stages move, bytes; and the stages that carry elements.
+/// Return the cost of a run: frames, seconds, seconds of these in which stages move, and bytes; and the
+/// stages that carry elements.
 #[pyfunction]
 pub fn rig_cost<'py>(
     py: Python<'py>,
@@ -221,7 +223,7 @@ pub fn rig_cost<'py>(
     ))
 }
 
-/// How a run ended before its end.
+/// Reason why a run ended early.
 enum Ended {
     Prepare(PrepareError),
     Run(RunError),
@@ -229,8 +231,8 @@ enum Ended {
     Python(PyErr),
 }
 
-/// Takes all frames that are missing; returns how many, tries that failed, and seconds of the rig's clock. The session's thread is another
-/// one; this one looks for signals.
+/// Take all missing frames. Return their number, the number of failed attempts, and the seconds of the
+/// rig's clock. The session runs on another thread; this one checks signals.
 #[pyfunction]
 pub fn rig_run<'py>(
     py: Python<'py>,

@@ -1,5 +1,5 @@
-//! What instruments are asked and what they answer, as the data classes of `pysunstone.rig.instruments`; answers are checked:
-//! fields that are there, of their kind, finite.
+//! Requests to instruments and their replies, as the data classes of `pysunstone.rig.instruments`. Replies
+//! are checked: fields exist, have the right type and are finite.
 
 use super::fault::HOME;
 use pyo3::conversion::FromPyObjectOwned;
@@ -12,7 +12,7 @@ use sunstone::rig::instrument::{
 };
 use sunstone::rig::ptu::record::RecordType;
 
-/// All formats of pixels.
+/// All pixel formats.
 const FORMATS: [PixelFormat; 4] = [
     PixelFormat::Mono8,
     PixelFormat::Mono10p,
@@ -20,15 +20,15 @@ const FORMATS: [PixelFormat; 4] = [
     PixelFormat::Mono16,
 ];
 
-/// What a method answered, with its fields.
+/// Return value of a method, with its fields.
 pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 
-/// An object as messages show it.
+/// Formats an object for messages.
 pub fn shown(object: &Bound<'_, PyAny>) -> String {
     let text = object
         .repr()
         .map_or_else(|_| "what has no repr".into(), |t| t.to_string());
-    // Arrays go over many lines.
+    // The text of an array has many lines.
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     match text.char_indices().nth(120) {
         Some((at, _)) => format!("{} …", &text[..at]),
@@ -37,7 +37,7 @@ pub fn shown(object: &Bound<'_, PyAny>) -> String {
 }
 
 impl<'py> Answer<'_, 'py> {
-    /// A field of a kind; `wanted` says which.
+    /// Reads a field; `wanted` describes the expected type.
     pub fn field<T: FromPyObjectOwned<'py>>(&self, name: &str, wanted: &str) -> Result<T, String> {
         let value = self
             .0
@@ -48,7 +48,7 @@ impl<'py> Answer<'_, 'py> {
             .map_err(|_| format!("`{name}` is {}; give {wanted}", shown(&value)))
     }
 
-    /// A finite number.
+    /// Reads a finite number.
     pub fn number(&self, name: &str, units: &str) -> Result<f64, String> {
         let wanted = format!("a finite number of {units}");
         let value: f64 = self.field(name, &wanted)?;
@@ -59,7 +59,7 @@ impl<'py> Answer<'_, 'py> {
         }
     }
 
-    /// Two numbers, finite or infinite.
+    /// Reads two numbers, finite or infinite.
     fn pair(&self, name: &str, units: &str) -> Result<[f64; 2], String> {
         let wanted = format!("two numbers of {units}");
         let pair: [f64; 2] = self.field(name, &wanted)?;
@@ -69,19 +69,19 @@ impl<'py> Answer<'_, 'py> {
         Ok(pair)
     }
 
-    /// A time.
+    /// Reads a duration.
     fn seconds(&self, name: &str) -> Result<Duration, String> {
         duration(name, self.number(name, "seconds")?)
     }
 }
 
-/// A time of seconds.
+/// Converts seconds to a duration.
 pub fn duration(name: &str, seconds: f64) -> Result<Duration, String> {
     Duration::try_from_secs_f64(seconds)
         .map_err(|_| format!("`{name}` is {seconds}; give seconds, 0 or more"))
 }
 
-/// A deadline; for ever is long, too.
+/// Converts a deadline; infinity is replaced by a very long time.
 pub fn within(seconds: f64) -> Result<Duration, String> {
     if seconds == f64::INFINITY {
         return Ok(Duration::from_secs(u64::from(u32::MAX)));
@@ -89,18 +89,18 @@ pub fn within(seconds: f64) -> Result<Duration, String> {
     duration("within_s", seconds)
 }
 
-/// A data class of Python.
+/// A Python data class.
 pub trait Value: Sized {
-    /// Its name.
+    /// Name of the class.
     const CLASS: &'static str;
 
-    /// From what a method answered, or was given.
+    /// Reads the value from a return value or an argument.
     fn read(from: &Answer<'_, '_>) -> Result<Self, String>;
 
-    /// Its fields in their order.
+    /// Returns the fields in order.
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>>;
 
-    /// As Python has it.
+    /// Converts the value to Python.
     fn object<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         py.import(HOME)?.getattr(Self::CLASS)?.call1(self.fields(py)?)
     }
@@ -187,7 +187,7 @@ impl Value for ProjectorLimits {
     }
 }
 
-/// A format of pixels by GenICam's name.
+/// Returns the pixel format with a GenICam name.
 fn format(name: &str) -> Result<PixelFormat, String> {
     let known = FORMATS.into_iter().find(|f| f.name() == name);
     known.ok_or_else(|| format!("no format is called `{name}`; Mono8, Mono10p, Mono12p, Mono16 are known"))
@@ -257,7 +257,7 @@ impl Value for CameraSettings {
         Ok(Self {
             region: Region::read(&Answer(&region))?,
             exposure: from.seconds("exposure_s")?,
-            // Whether it is a gain at all, limits say.
+            // The limits check the range of the gain.
             gain_db: from.field("gain_db", "a number of decibels")?,
             format: format(&name)?,
             trigger: match trigger.as_str() {
