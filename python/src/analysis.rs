@@ -26,8 +26,7 @@ pub fn slice<'a, T: Element>(what: &str, a: &'a PyReadonlyArrayDyn<'_, T>) -> Py
         .map_err(|_| input(format!("{what}: the array is not contiguous")))
 }
 
-/// Decompose C-contiguous matrices of shape (..., 4, 4). Return arrays by name, and the number of matrices
-/// without a decomposition.
+/// Decompose C-contiguous matrices (..., 4, 4). Return arrays by name, and the number of failures.
 #[pyfunction]
 pub fn decompose<'py>(
     py: Python<'py>,

@@ -143,8 +143,7 @@ pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     Ok(())
 }
 
-/// Simulate the intensities (measurements, pixels) of C-contiguous matrices (pixels, 16). Wavelengths repeat
-/// cyclically over the pixels.
+/// Simulate intensities (measurements, pixels) of matrices (pixels, 16); wavelengths repeat cyclically.
 #[pyfunction]
 pub fn simulate<'py>(
     py: Python<'py>,
@@ -176,8 +175,8 @@ pub fn simulate<'py>(
     PyArray1::from_vec(py, captured.intensities).reshape(vec![scheme.0.measurements(), pixels])
 }
 
-/// Reconstruct matrices (pixels, 16) and, on request, their standard errors from C-contiguous intensities
-/// (measurements, pixels).
+/// Reconstruct matrices (pixels, 16), and optionally standard errors, from intensities (measurements,
+/// pixels).
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
 pub fn reconstruct<'py>(

@@ -1,5 +1,4 @@
-//! Mapping of requested wavelengths (any number, any order) to the sets for which materials and media are
-//! built (few wavelengths, increasing).
+//! Mapping of requested wavelengths (any number and order) to sets of few, increasing wavelengths.
 
 use crate::error::input;
 use pyo3::prelude::*;
@@ -38,8 +37,7 @@ impl Lanes {
     }
 }
 
-/// Selects an item of a file by name; without a name, the only item. `what` is the kind, such as `material`,
-/// and `several` its plural.
+/// Selects an item by name, or the only item. `what` is its kind, such as `material`, `several` the plural.
 pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -> PyResult<String> {
     let known = names.join(", ");
     match (name, names) {

@@ -67,8 +67,7 @@ impl LearningData {
             .map_err(input)
     }
 
-    /// Create the data from a second moment, without folds. If the moment refers to the scattering plane, it
-    /// is averaged over frames.
+    /// Create the data from a second moment, without folds. `turn` averages it over frames.
     #[staticmethod]
     fn of_moment(given: PyReadonlyArray2<'_, f64>, turn: bool) -> PyResult<Self> {
         let s = moment(&given)?;

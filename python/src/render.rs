@@ -172,8 +172,7 @@ pub fn render_store(
     Ok(told(&summary))
 }
 
-/// Render into arrays. Return name, attributes and fields with their axes for each slice; the sample
-/// counts; the attributes; and the summary.
+/// Render into arrays. Return each slice's name, attributes and fields; sample counts; attributes; summary.
 #[pyfunction]
 pub fn render_arrays<'py>(
     py: Python<'py>,

@@ -85,8 +85,8 @@ impl Scene {
     }
 }
 
-/// A Python mesh: vertices (n, 3) in metres, triangles (m, 3), and optional normals (n, 3) and texture
-/// coordinates (n, 2).
+/// A mesh: vertices (n, 3) in metres, triangles (m, 3), optional normals (n, 3) and texture coordinates (n,
+/// 2).
 type Arrays<'py> = (
     PyReadonlyArray2<'py, f32>,
     PyReadonlyArray2<'py, u32>,

@@ -19,8 +19,7 @@ use sunstone::apply::shape::{gray_code, logical_codes, micro_phase_shift, phase_
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct Devices(Rig);
 
-/// Resolution, focal lengths, principal point, origin, and the axes image right, image down and forward in
-/// world coordinates.
+/// Resolution, focal lengths, principal point, origin; image right, image down and forward in world axes.
 type Numbers = ([usize; 2], [f64; 2], [f64; 2], [f64; 3], [[f64; 3]; 3]);
 
 fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pinhole> {
@@ -223,8 +222,7 @@ pub fn normals_of_depth<'py>(
     )
 }
 
-/// Compute the polarization cues degree, zenith and azimuth (rows, columns, 3) from matrices (rows, columns,
-/// 16).
+/// Compute degree, zenith and azimuth (rows, columns, 3) of polarization from matrices (rows, columns, 16).
 #[pyfunction]
 pub fn polarization_cues<'py>(
     py: Python<'py>,

@@ -1,5 +1,4 @@
-//! The calibration file of a rig: one TOML document into which each calibration writes its own tables and
-//! keeps the others.
+//! The calibration file of a rig: one TOML document; each calibration writes only its own tables into it.
 //!
 //! | part | keys | readers |
 //! |---|---|---|
@@ -135,8 +134,7 @@ struct Detectors {
     spad: IgnoredAny,
 }
 
-/// Parses the part of a calibration file that a reader needs. Keys unknown to every reader are refused; those
-/// of other readers are ignored.
+/// Parses the part that a reader needs. Keys unknown to all readers are refused; other readers' are ignored.
 ///
 /// # Errors
 /// [`InputError`] with its location.
@@ -234,8 +232,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// In any order, with repetitions: every part is the last one written, and the file contains nothing
-        /// else.
+        /// In any order, with repetitions: every part is the last one written; there are no others.
         #[test]
         fn parts_come_back(order in prop::collection::vec(0_usize..4, 1..7)) {
             let folder = tempfile::tempdir().expect("a folder");

@@ -1,5 +1,4 @@
-//! Parsing of TOML documents: every error names file, line, column and fix, and a list is never accepted for
-//! a table.
+//! Parsing of TOML documents. Errors name file, line, column and fix; a list never replaces a table.
 
 use crate::input;
 use crate::locate::InputError;
@@ -9,8 +8,7 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::DeTable;
 
-/// Reads the text of a file that the user named. The error message contains `what` (the kind of file) and the
-/// advice `fix`.
+/// Reads the text of a user's file. Error messages contain `what` (the kind of file) and the advice `fix`.
 ///
 /// # Errors
 /// [`InputError`] without a location, if the file cannot be read.

@@ -53,8 +53,7 @@ impl<T: Serialize + DeserializeOwned> Journal<T> {
     pub fn push(&self, record: &T) -> std::io::Result<()> {
         let mut line = serde_json::to_string(record)?;
         line.push('\n');
-        // A poisoned lock means that another thread panicked between two complete lines; the file is still
-        // valid.
+        // After another thread's panic, the file is still valid: lines are written whole.
         let mut file = self
             .file
             .lock()

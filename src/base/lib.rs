@@ -1,5 +1,4 @@
-//! Types that every crate uses: units, documents with error locations, atomic file reads and writes, locks,
-//! journals and spectral tables.
+//! Types that every crate uses: units, documents, atomic files, locks, journals and spectral tables.
 
 #![warn(missing_docs)]
 

@@ -40,8 +40,7 @@ pub fn file_of(output: &Path) -> PathBuf {
 }
 
 impl Lock {
-    /// Locks an output, which need not exist; creates missing parent folders. Follows symbolic links, so that
-    /// each path has only one lock.
+    /// Locks an output, which need not exist; creates missing parent folders. Follows symbolic links.
     ///
     /// # Errors
     /// [`LockError`]: another process or another part of this one holds the lock, or the file system fails.
@@ -82,14 +81,12 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Remove the file while it is locked: no other process removes it, and one that opened it before
-        // detects that it was deleted.
+        // Remove the file while it is locked: a process that opened it before detects the removal.
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-/// Returns the lock's holder from its file. The holder writes the file just after it acquires the lock, so an
-/// empty file is read again.
+/// Returns the lock's holder from its file; retries if the holder has not yet written the file.
 fn holder(mut file: File) -> String {
     for _ in 0..TRIES {
         let mut text = String::new();

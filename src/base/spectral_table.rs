@@ -35,8 +35,7 @@ impl SpectralTable<'_> {
     }
 }
 
-/// Returns the index of the entry nearest to `wanted`, the first of two equally near ones; `None` for an
-/// empty list.
+/// Returns the index of the entry nearest to `wanted`, the first of equal ones; `None` for an empty list.
 #[must_use]
 pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
     let distance = |i: &usize| (nm[*i] - wanted).abs();
@@ -46,8 +45,7 @@ pub fn nearest(nm: &[f64], wanted: f64) -> Option<usize> {
 /// Maximum distance of a wavelength beyond the table's range, in nanometres.
 pub const BEYOND_NM: f64 = 5.0;
 
-/// Returns the index like [`nearest`], but `None` for a wavelength more than [`BEYOND_NM`] beyond the
-/// entries.
+/// As [`nearest`], but `None` for a wavelength more than [`BEYOND_NM`] beyond the entries.
 #[must_use]
 pub fn nearest_within(nm: &[f64], wanted: f64) -> Option<usize> {
     let low = nm.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,10 +1,7 @@
-//! Atomic creation of folders: a folder is built next to its destination under a name that readers ignore,
-//! then moved there in one step.
+//! Atomic creation of folders: built next to the destination under a hidden name, then renamed.
 //!
-//! The next process that holds the destination's [`super::lock::Lock`] finds the files that a killed process
-//! left:
-//! `.NAME.part` (unfinished work, to be resumed or restarted) and `.NAME.old` (a replaced folder to be
-//! deleted).
+//! The next holder of the destination's [`super::lock::Lock`] finds what a killed process left: `.NAME.part`
+//! (unfinished work, to be resumed or restarted) and `.NAME.old` (a replaced folder to be deleted).
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -48,8 +45,7 @@ pub fn recover(path: &Path) -> io::Result<()> {
     remove(&old)
 }
 
-/// Renames the folder `part` to `path` and replaces an existing folder. If the system can exchange two names
-/// atomically, `path` exists at all times.
+/// Renames the folder `part` to `path`, replacing an existing folder, atomically where the system allows it.
 ///
 /// # Errors
 /// On a file system error; the old folder stays in place.

@@ -1,11 +1,8 @@
 //! Atomic file writes: a file appears completely or not at all.
 //!
 //! Bytes are written to a temporary file (`.NAME.PID-N.tmp`) next to the destination, which is then renamed
-//! over it. If the
-//! process is killed at any moment, either the old or the new file remains, never a partial one; at worst the
-//! temporary file
-//! is left over. Files are not synced, so this protects against the death of the process, not against power
-//! loss.
+//! over it. If the process is killed, either the old or the new file remains, never a partial one; at worst
+//! the temporary file is left. Files are not synced: this does not protect against power loss.
 
 use crate::input;
 use std::fs::{self, File};
@@ -69,8 +66,7 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
     false
 }
 
-/// Writes a file atomically: writes a temporary file in the same directory, then renames it. Creates missing
-/// directories.
+/// Writes a file atomically (temporary file in the same directory, then rename); creates directories.
 ///
 /// # Errors
 /// On a file system error; the old file, if any, is unchanged.
@@ -86,8 +82,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
 }
 
-/// Writes a file atomically like [`write()`], through a buffered writer. Also removes temporary files that
-/// killed processes left for the same path.
+/// As [`write()`], through a buffered writer; first removes temporary files that killed processes left.
 ///
 /// # Errors
 /// As [`write()`], and errors of `fill`.

@@ -1,8 +1,6 @@
-//! Data sets of pBRDFs: moments and samples of every material, from `.pbsdf` files or from analytic
-//! materials.
+//! Data sets of pBRDFs: moments and samples of materials from `.pbsdf` files or analytic materials.
 //!
-//! Materials are read one at a time, with their φ_d slabs in parallel. Only the pages of a file that are
-//! being read are in
+//! Materials are read one at a time, with their φ_d slabs in parallel. Only the pages being read are in
 //! memory; for an analytic material, one slab per thread. Angles are not used, so files with empty axes are
 //! accepted.
 
@@ -159,8 +157,7 @@ mod tests {
     use scene::materials::MaterialSet;
     use transport::material::measured::write::{tabulate, write};
 
-    /// Writes a table whose matrices depend on their position, with one missing, one dark and one unphysical
-    /// entry.
+    /// Writes a table of position-dependent matrices with one missing, one dark and one unphysical entry.
     fn made(path: &Path, scale: f32) {
         let axes = Axes::even([5, 3, 4], vec![450, 550, 650]);
         write(path, &axes, |i, values| {
@@ -228,8 +225,7 @@ mod tests {
         assert_eq!(again.mapped(Weight::Bins), data.mapped(Weight::Bins));
     }
 
-    /// A material evaluated in memory is bit-identical to its table read from a file, with more bands than
-    /// one material set holds.
+    /// Evaluation in memory is bit-identical to reading a file, with more bands than one set holds.
     #[test]
     fn memory_and_file_agree() {
         let text = "[materials]\nm.plastic = { albedo = 0.4, ior = 1.5, alpha = 0.2 }";

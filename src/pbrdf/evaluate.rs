@@ -43,8 +43,8 @@ impl Direction {
         [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]
     }
 
-    /// Returns the horizontal of the Stokes frame of light along the direction: (-sin φ, cos φ, 0), also on
-    /// the normal.
+    /// Returns the horizontal of the Stokes frame along the direction: (-sin φ, cos φ, 0), also on the
+    /// normal.
     #[must_use]
     pub fn frame(self) -> [f64; 3] {
         let phi = self.phi_deg.to_radians();
@@ -65,8 +65,7 @@ impl Direction {
         }
     }
 
-    /// Returns the direction of a vector in this direction's plane of incidence, on the other side of the
-    /// normal.
+    /// Returns a vector's direction, on the other side of the normal in this plane of incidence.
     fn across(self, w: Vec3A) -> Self {
         Self {
             theta_deg: f64::from(w.x.hypot(w.y)).atan2(f64::from(w.z)).to_degrees(),
@@ -108,16 +107,14 @@ pub struct Specimen<'a> {
 }
 
 impl<'a> Specimen<'a> {
-    /// Creates a specimen of a material at texture coordinates `uv`; returns `None` if the set does not
-    /// contain the name.
+    /// Creates a specimen of a material at texture coordinates `uv`; `None` if the name is unknown.
     #[must_use]
     pub fn new(set: &'a MaterialSet, name: &str, uv: [f32; 2]) -> Option<Self> {
         let id = *set.names.get(name)?;
         Some(Self::of(&set.materials, set.wavelengths.count(), id, uv))
     }
 
-    /// Creates a specimen of a scene's material at texture coordinates `uv`; returns `None` if the scene does
-    /// not contain the name.
+    /// Creates a specimen of a scene's material at texture coordinates `uv`; `None` if the name is unknown.
     #[must_use]
     pub fn in_scene(scene: &'a Scene, name: &str, uv: [f32; 2]) -> Option<Self> {
         let names = &scene.names;
@@ -174,8 +171,7 @@ impl<'a> Specimen<'a> {
             .unwrap_or_default()
     }
 
-    /// Returns the specular reflection or transmission of light from `incoming`; each wavelength has its own
-    /// outgoing direction.
+    /// Returns the specular reflection or transmission of light from `incoming`, per wavelength.
     ///
     /// Light paths are reversible, so the outgoing direction is found by tracing light backwards.
     ///
@@ -252,8 +248,7 @@ mod tests {
         Direction { theta_deg, phi_deg }
     }
 
-    /// Glass of index 1.5 transmits all power that it does not reflect (Fresnel's formulas at 50°), from
-    /// either side.
+    /// Glass of index 1.5 transmits the power that it does not reflect (Fresnel, 50°), from either side.
     #[test]
     fn smooth_surfaces_keep_power() {
         let set = set("g.dielectric = { ior = 1.5 }");

@@ -1,5 +1,4 @@
-//! Tables of the scattering of a participating medium: its Mueller matrix as a function of the scattering
-//! angle.
+//! Tables of a participating medium's scattering: its Mueller matrix over the scattering angle.
 
 use base::locate::InputError;
 use glam::Vec3A;
@@ -52,8 +51,7 @@ pub fn tables(
     Ok(out)
 }
 
-/// Returns the tables of the medium `name` of a set, one for each of its wavelengths; empty if there is no
-/// such medium.
+/// Returns the tables of the medium `name`, one per wavelength of the set; empty if the name is unknown.
 #[must_use]
 pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
     let mut out = vec![];
@@ -96,8 +94,7 @@ pub fn of_set(set: &MediumSet, name: &str, degrees: &[f64]) -> Vec<PhaseTable> {
 mod tests {
     use super::*;
 
-    /// Rayleigh scattering at right angles is fully polarized and equals 3/(16π), for any number of
-    /// wavelengths.
+    /// Rayleigh scattering at right angles is fully polarized and equals 3/(16π), at any wavelengths.
     #[test]
     fn rayleigh_polarizes_at_right_angles() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -1,5 +1,4 @@
-//! Analytic materials for tables: the 25 built-in substitutes for the KAIST data set, or the materials of a
-//! file.
+//! Analytic materials for tables: the 25 built-in substitutes for the KAIST data set, or those of a file.
 
 use crate::data_set::Analytic;
 use base::locate::InputError;
@@ -64,8 +63,7 @@ impl BandedMaterials {
         self.0.iter().take(1).flat_map(|set| set.names.keys())
     }
 
-    /// Returns whether the material has a non-specular lobe, which illumination from a point can show; `None`
-    /// if the name is unknown.
+    /// Returns whether the material has a non-specular lobe; `None` if the name is unknown.
     #[must_use]
     pub fn is_smooth(&self, name: &str) -> Option<bool> {
         let set = self.0.first()?;
@@ -87,8 +85,7 @@ impl BandedMaterials {
         names
     }
 
-    /// Returns a material as the argument of `tabulate`, one source for each four bands; empty if the name is
-    /// unknown.
+    /// Returns a material as the argument of `tabulate`, one source per four bands; empty if unknown.
     #[must_use]
     pub fn sources(&self, name: &str) -> Vec<(&Materials, u32)> {
         let of = |set| -> Option<(&Materials, u32)> {

@@ -105,8 +105,7 @@ impl TablePart {
         Self { kept, shape }
     }
 
-    /// Iterates over every kept entry, last axis fastest: its four indices and its row-major matrix, NaN if
-    /// unknown.
+    /// Iterates over kept entries, last axis fastest: four indices and the row-major matrix, NaN if unknown.
     pub fn entries<'a>(&'a self, table: &'a Table) -> impl Iterator<Item = ([usize; 4], [f32; 16])> + 'a {
         let count: usize = self.kept.iter().map(Vec::len).product();
         (0..count).map(move |mut i| {
@@ -161,8 +160,7 @@ mod tests {
         assert_eq!(nearest_band(&[], 550.0), None);
     }
 
-    /// One of 60 entries of the first band is unknown; matrices without polarization have a depolarization
-    /// index of 0.
+    /// One of 60 entries of the first band is unknown; unpolarized matrices have a depolarization index of 0.
     #[test]
     fn bands_tell_what_they_hold() {
         let (_folder, table) = made();

@@ -91,8 +91,8 @@ impl Tensor {
         )
     }
 
-    /// Returns the sub-tensor at one index of an axis, without that axis. Returns the tensor unchanged if the
-    /// axis is absent.
+    /// Returns the sub-tensor at one index of an axis, without that axis. Has no effect if the axis is
+    /// absent.
     #[must_use]
     pub fn select(&self, kind: AxisKind, index: usize) -> Self {
         self.reduce(kind, |lane, inner, out, k| {
@@ -101,8 +101,7 @@ impl Tensor {
         })
     }
 
-    /// Returns the sum over an axis (accumulated in f64), without that axis. Returns the tensor unchanged if
-    /// the axis is absent.
+    /// Returns the sum (in f64) over an axis, without that axis. Has no effect if the axis is absent.
     #[must_use]
     pub fn sum(&self, kind: AxisKind) -> Self {
         self.reduce(kind, |lane, inner, out, k| {

@@ -11,8 +11,8 @@ use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSe
 pub const MAX_CHUNK_ELEMENTS: u64 = 1 << 21;
 
 /// Number of elements (4 MiB of f32) above which each matrix element has separate chunks. Many matrix
-/// elements are zero in a whole tile, and their chunks are neither created nor stored; also, reading one
-/// element does not require reading all 16.
+/// elements are zero in a whole tile; their chunks are not created, and one element can be read without the
+/// other 15.
 const WHOLE_MATRIX_ELEMENTS: u64 = 1 << 20;
 
 /// Dimension of T that an axis resolves.
@@ -127,8 +127,7 @@ impl AxisKind {
 pub struct Axis {
     /// Dimension that the axis resolves.
     pub kind: AxisKind,
-    /// Coordinates. A pixel's coordinate is its index (its centre minus 0.5). Bins of pixels or time have the
-    /// coordinates of their centres.
+    /// Coordinates: a pixel's index (its centre minus 0.5), or the centre of a bin of pixels or time.
     pub coords: Vec<f64>,
     /// Chunk length along this axis.
     pub chunk: u64,
@@ -147,8 +146,7 @@ impl Axis {
         self.coords.is_empty()
     }
 
-    /// Returns the index of the entry nearest to a coordinate (in the axis's unit), the first of equally near
-    /// ones; 0 for an empty axis.
+    /// Returns the index of the entry nearest to a coordinate, the first of equal ones; 0 for an empty axis.
     #[must_use]
     pub fn nearest(&self, coordinate: f64) -> usize {
         let distance = |i: usize| (self.coords[i] - coordinate).abs();
@@ -158,8 +156,7 @@ impl Axis {
     }
 }
 
-/// Returns the first and last pixel of contiguous boxes from pixel 0, given their centres (the coordinates of
-/// a binned axis).
+/// Returns first and last pixel of contiguous boxes from pixel 0, given their centres (of a binned axis).
 ///
 /// # Errors
 /// The first centre that does not belong to such a box.
@@ -400,8 +397,8 @@ fn divide_matrix(axes: &mut [Axis]) {
     }
 }
 
-/// Bounds the chunk size: first divides the matrix, then halves the chunks of the axes between camera and
-/// Stokes, outermost first.
+/// Bounds the chunk size: divides the matrix, then halves chunks of the axes V, U, T and Label, in this
+/// order.
 fn bound_chunks(axes: &mut [Axis]) {
     divide_matrix(axes);
     for kind in [AxisKind::V, AxisKind::U, AxisKind::T, AxisKind::Label] {

@@ -101,8 +101,7 @@ mod tests {
 
     #[test]
     fn short_errors_beside_long_ones_are_in_doubt() {
-        // The centre of 3 × 3 pixels: 9 · 1² < ¼ · Σ e², so its error is less than half of the root mean
-        // square.
+        // The centre of 3 × 3 pixels: 9 · 1² < ¼ · Σ e², less than half of the root mean square.
         let mut data = [2.2; 9];
         data[4] = 1.0;
         let marks = doubtful(&errors(&[0.0, 1.0, 2.0], &data), true);

@@ -16,8 +16,7 @@ pub const DIFFUSE: u8 = 8;
 /// Number of sets.
 pub const COUNT: u32 = 16;
 
-/// The bits with their names. A measured table, whose reflection is not separable, sets `glossy` and
-/// `diffuse`.
+/// The bits with their names. A measured table is not separable: it sets `glossy` and `diffuse`.
 pub const BITS: [(u8, &str); 4] = [
     (MEDIUM, "medium"),
     (SPECULAR, "specular"),

@@ -71,8 +71,7 @@ impl LayerSet {
         }
     }
 
-    /// Returns the values of a real-valued layer at pixel (x, y); `None` if the layer or the pixel does not
-    /// exist.
+    /// Returns the values of a real-valued layer at pixel (x, y), if layer and pixel exist.
     #[must_use]
     pub fn real(&self, name: &str, x: u32, y: u32) -> Option<&[f32]> {
         let layer = self.get(name)?;

@@ -1,10 +1,8 @@
 //! Parts of a render: the tiles of camera pixels that one of several machines renders.
 //!
 //! A tile is a pure function of scene, seed and samples, so the parts together are bit-identical to the whole
-//! render. Tiles are
-//! assigned to the parts in turn, because regions of similar cost (dark sky, deep glass) are contiguous in an
-//! image: so each
-//! part gets tiles of all of them.
+//! render. Regions of similar cost (dark sky, deep glass) are contiguous in an image; tiles are therefore
+//! assigned to the parts in turn.
 
 use serde_json::{Map, Value, json};
 use std::fmt;
@@ -32,8 +30,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// Returns the error of this part for a render of `tiles` tiles, if any. A share is empty if there are
-    /// more parts than tiles.
+    /// Returns the error of this part for a render of `tiles` tiles, if any. A share may be empty.
     #[must_use]
     pub fn fault(self, tiles: u32) -> Option<String> {
         match self {

@@ -50,8 +50,7 @@ pub struct Piece<'a> {
     pub shape: &'a [u64],
     /// Values, row-major (last axis fastest).
     pub data: &'a [f32],
-    /// Bit mask with one bit for every [`STRETCH`] bytes of data, lowest bit first; a bit is unset if all
-    /// these bytes are zero.
+    /// Bit mask, lowest bit first: one bit per [`STRETCH`] bytes of data, unset if all of them are zero.
     pub touched: &'a [u64],
 }
 

@@ -1,8 +1,6 @@
 //! Selection of the parts of T(s, s', p, p', t) to keep: one independent choice per axis.
 //!
-//! A [`Slice`] is plain data, already resolved against the scene (files read, names checked). All slices of a
-//! render are filled
-//! in the same pass.
+//! A [`Slice`] is plain data, already resolved against the scene. All slices are filled in the same pass.
 
 /// Selection and layout of camera pixels s (axes `y`, `x`).
 #[derive(Clone, Debug, PartialEq)]
@@ -44,22 +42,19 @@ pub enum ProjectorSelect {
         /// Rows per box.
         ny: u32,
     },
-    /// Σ over s' with a weight per projector pixel, row-major: a drive image in 0..1, or a coordinate. No
-    /// axis.
+    /// Σ over s' weighted per projector pixel (row-major): a drive image in 0..1, or a coordinate. No axis.
     Mask {
         /// Name of the image or coordinate.
         name: String,
         /// One weight per projector pixel.
         weights: Vec<f32>,
     },
-    /// Σ over the s' whose centre is within the half width (projector pixels) of the epipolar line of s. No
-    /// axis.
+    /// Σ over the s' whose centre is within the half width of the epipolar line of s. No axis.
     Epipolar {
         /// Half width of the strip around the line, in projector pixels.
         half_width_px: f32,
     },
-    /// The s' of [`Self::Epipolar`], resolved by column or row: one axis, `u` or `v`, each entry Σ over the
-    /// s' in it.
+    /// The s' of [`Self::Epipolar`], summed by column or row: one axis, `u` or `v`.
     EpipolarAlong {
         /// Half width of the strip around the line, in projector pixels.
         half_width_px: f32,
@@ -134,7 +129,6 @@ pub struct Slice {
     /// Separates direct light, whose only surface interaction was lit by the emitter (component 0), from all
     /// other light (component 1, "indirect"): axis `component`.
     pub split_first_bounce: bool,
-    /// Separates light by its path's interactions: axis `label`, whose coordinates are the sets of
-    /// [`crate::label`].
+    /// Separates light by its path's label: axis `label`, with the sets of [`crate::label`].
     pub labels: bool,
 }

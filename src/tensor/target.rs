@@ -26,17 +26,15 @@ pub const ROUND: &str = "round";
 /// Root attribute of a store whose tiles have different numbers of samples.
 pub const TILE_SAMPLES: &str = "tile_samples";
 
-/// Minimum number of lit pixels that decide for a tile. If the tile has fewer, its neighbours' or all lit
-/// pixels decide as well.
+/// Minimum number of lit pixels that decide for a tile; if it has fewer, its neighbours or all tiles count
+/// too.
 pub const LEAST_LIT: usize = 64;
 
-/// Candidate sample counts per tile: powers of 2^(1/`STEPS`) times the uniform count, from half of it to
-/// eight times it.
+/// Candidate sample counts: powers of 2^(1/`STEPS`) times the uniform count, from 1/2 to 8 times it.
 const STEPS: i32 = 16;
 const COUNTS: std::ops::RangeInclusive<i32> = -STEPS..=3 * STEPS;
 
-/// Maximum ratio of a round's samples to all samples before it, because error estimates from fewer samples
-/// are less reliable.
+/// Maximum ratio of a round's samples to all earlier ones, whose error estimates are less reliable if few.
 const GROWTH: f64 = 4.0;
 
 /// Rounds aim slightly below the goal, so that the last one does not narrowly miss it.
@@ -64,8 +62,7 @@ pub struct Goal {
 }
 
 impl Goal {
-    /// Returns the error of this goal, if any. `dashes` is the prefix of option names in the message: that of
-    /// the command line, or empty.
+    /// Returns the error of this goal, if any. `dashes` is the prefix of option names in the message.
     #[must_use]
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
@@ -154,8 +151,7 @@ pub enum Next {
     Round(Vec<u32>),
 }
 
-/// Returns the smallest value that at least a share of the sorted values does not exceed; `None` for an empty
-/// slice.
+/// Returns the smallest value that at least a share of the sorted values does not exceed, if any.
 fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (share * sorted.len() as f64).ceil().max(1.0) as usize;
     sorted.get(rank - 1).copied()
@@ -183,8 +179,7 @@ impl Needs {
 }
 
 impl Tile {
-    /// Returns `samples`, but at least the tile's present samples; if the slice keeps none of its pixels, the
-    /// present ones.
+    /// Returns `samples`, at least the tile's present ones; only the latter if the slice keeps no pixel.
     fn at_least(&self, samples: f64) -> f64 {
         let had = f64::from(self.samples);
         if self.kept { had.max(samples) } else { had }
@@ -199,8 +194,7 @@ impl Survey {
         quantile(&errors, share).unwrap_or(0.0)
     }
 
-    /// Returns the uniform number of samples per pixel that would reach the same error, estimated from
-    /// variances.
+    /// Returns the uniform number of samples per pixel that would reach this error, from variances.
     #[must_use]
     pub fn uniform(&self, share: f64) -> f64 {
         let reached = self.reached(share);

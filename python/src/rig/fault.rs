@@ -8,8 +8,7 @@ use sunstone::rig::instrument::{Failure, Fault};
 /// Python module that defines the classes named here.
 pub const HOME: &str = "pysunstone.rig.instruments";
 
-/// The exception behind the last failure of any instrument in a session, used as the cause of the raised
-/// exception.
+/// The exception behind the last failure of any instrument in a session: the cause of the raised exception.
 #[derive(Clone, Default)]
 pub struct Thrown(Arc<Mutex<Option<(Failure, PyErr)>>>);
 
@@ -75,8 +74,7 @@ fn told(py: Python<'_>, instrument: &str, error: &PyErr) -> Option<Failure> {
     Some(Failure::new(fault, instrument, what))
 }
 
-/// Returns whether a class with this name is among the exception's base classes. (Before Python 3.11,
-/// asyncio's timeout is a separate class.)
+/// Tests the names of base classes. (Before Python 3.11, asyncio's timeout is a separate class.)
 fn of_name(py: Python<'_>, error: &PyErr, name: &str) -> bool {
     let classes = error.get_type(py).mro();
     let mut names = classes

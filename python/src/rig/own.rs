@@ -1,6 +1,5 @@
-//! The rig's instruments, simulated or with a driver, as Python objects with the methods that a session
-//! calls, so that a Python instrument can forward calls to them. While a session uses an instrument itself,
-//! it is unavailable to others.
+//! The rig's instruments as Python objects with the methods that a session calls, so that a Python instrument
+//! can forward calls to them. An instrument that a session uses is unavailable to others.
 
 use super::arrays;
 use super::fault::exception;

@@ -20,8 +20,7 @@ use sunstone::rigs::prepared::{Existing, PrepareError, Prepared};
 #[pyclass(frozen, module = "pysunstone._native")]
 pub struct RigSession {
     prepared: Prepared,
-    /// The rig without its instruments, which Python owns: its clock, and the connections of a simulated
-    /// bench.
+    /// The rig without its instruments, which Python owns: its clock and a simulated bench's connections.
     bare: Mutex<Option<Rig>>,
     sample: Option<String>,
 }
@@ -200,8 +199,7 @@ fn lend(
     Ok(())
 }
 
-/// Return the cost of a run: frames, seconds, seconds of these in which stages move, and bytes; and the
-/// stages that carry elements.
+/// Return the cost of a run: frames, seconds (also while stages move), bytes; and the element stages.
 #[pyfunction]
 pub fn rig_cost<'py>(
     py: Python<'py>,

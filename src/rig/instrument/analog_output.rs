@@ -1,7 +1,6 @@
 //! An analog output card that outputs voltages at its own sample clock, used to drive galvo mirrors.
 //!
-//! Writing a buffer, starting it and waiting for its end are separate calls. After the last sample the card
-//! holds its voltage.
+//! Buffers are written, started and awaited separately. The card holds the last sample's voltage.
 
 use super::failure::Failure;
 use super::identity::Instrument;
@@ -62,8 +61,7 @@ impl AnalogLimits {
         Ok(())
     }
 
-    /// Checks that the card can output a buffer: one list of volts for each of `channels` channels, all of
-    /// equal length.
+    /// Checks that the card can output a buffer: one list of volts per channel, all of equal length.
     ///
     /// # Errors
     /// A message with the cause.
@@ -108,7 +106,7 @@ pub trait AnalogOutput: Instrument {
     /// Loads a buffer into the card's memory: a list of volts for each driven channel, all of equal length.
     ///
     /// # Errors
-    /// [`Failure`]: limit ([`AnalogLimits::check_buffer`]), refused (not configured, or a buffer is playing),
+    /// [`Failure`]: limit ([`AnalogLimits::check_buffer`]), refused (not configured, or playing),
     /// disconnected.
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure>;
 
@@ -121,8 +119,7 @@ pub trait AnalogOutput: Instrument {
     /// Waits until the last sample has been output for its full duration.
     ///
     /// # Errors
-    /// [`Failure`]: timeout (output continues), stalled (output stopped early), refused (not started),
-    /// disconnected.
+    /// [`Failure`]: timeout (still playing), stalled (stopped early), refused (not started), disconnected.
     fn wait(&mut self, within: Duration) -> Result<(), Failure>;
 
     /// Stops immediately at the present voltage; has no effect if nothing was started.

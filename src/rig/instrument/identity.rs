@@ -24,8 +24,7 @@ pub trait Instrument: Send {
     /// [`Failure`], at the latest after `within`.
     fn identify(&mut self, within: Duration) -> Result<Identity, Failure>;
 
-    /// Reconnects after the line was lost; discards pending operations. The instrument must be configured
-    /// again.
+    /// Reconnects after a disconnection; discards pending operations and settings.
     ///
     /// # Errors
     /// [`Failure`], at the latest after `within`.

@@ -34,8 +34,7 @@ pub trait PatternProjector: Instrument {
     /// Loads patterns, numbered from 0; they replace those loaded before.
     ///
     /// # Errors
-    /// [`Failure`]: limit (too many patterns, wrong size, gray levels on a binary projector), timeout,
-    /// disconnected.
+    /// [`Failure`]: limit (number, size, or gray levels on a binary projector), timeout, disconnected.
     fn load(&mut self, patterns: &[Pattern], within: Duration) -> Result<(), Failure>;
 
     /// Displays a loaded pattern until the next call, and returns when its light is stable.

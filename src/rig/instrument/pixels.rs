@@ -24,8 +24,7 @@ pub fn pack(numbers: &[u32], format: PixelFormat) -> Vec<u8> {
     bytes
 }
 
-/// Unpacks the numbers of a frame, rows from the top; returns `None` if the number of bytes does not match
-/// its region and format.
+/// Unpacks a frame's numbers, rows from the top; `None` if the length does not match region and format.
 #[must_use]
 pub fn unpack(frame: &RawFrame) -> Option<Vec<u32>> {
     let bits = frame.format.bits();

@@ -43,8 +43,7 @@ pub struct StageReading {
     pub homed: bool,
 }
 
-/// A rotation stage. Starting a move and waiting for it are separate calls, so that several stages can move
-/// concurrently.
+/// A rotation stage. Moves are started and awaited separately, so that stages can move concurrently.
 pub trait RotationStage: Instrument {
     fn limits(&self) -> StageLimits;
 
@@ -57,8 +56,7 @@ pub trait RotationStage: Instrument {
     /// Starts a move to an angle of the scale and returns immediately. It replaces a move in progress.
     ///
     /// # Errors
-    /// [`Failure`]: limit (beyond [`StageLimits::range_deg`] or not finite), refused (not homed),
-    /// disconnected.
+    /// [`Failure`]: limit (outside [`StageLimits::range_deg`]), refused (not homed), disconnected.
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure>;
 
     /// Waits for the end of the move and returns the encoder's reading.

@@ -4,8 +4,7 @@ use super::*;
 
 const EDGE: u32 = 16;
 
-/// Tiles whose pixels have lognormal relative variances per sample, with a spread between tiles and one
-/// within.
+/// Tiles of pixels with lognormal relative variances per sample, spread between and within tiles.
 struct Image {
     variances: Vec<(u32, f64)>,
     samples: Vec<u32>,

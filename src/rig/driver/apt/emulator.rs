@@ -1,5 +1,4 @@
-//! An emulated controller with its stage. It replies as the protocol document specifies, moves in real time
-//! and can be set to fail.
+//! An emulated controller with its stage that follows the protocol document and can be set to fail.
 
 use super::super::line::{Line, LineError};
 use super::message::{CONTROLLER, HOST, Message, Parser, Status, bits};
@@ -132,8 +131,7 @@ impl Controller {
     }
 }
 
-/// Runs a controller on its end of a line until the other end closes. The stage starts at 40° without a known
-/// zero.
+/// Runs a controller until the line's other end closes. The stage starts at 40°, not homed.
 pub fn run(mut line: impl Line, model: Model, trouble: Trouble) {
     let mut parser = Parser::new(CONTROLLER);
     let mut controller = Controller {

@@ -25,8 +25,8 @@ pub struct Model {
 impl Model {
     /// Returns a model by its product name.
     ///
-    /// PRM1-Z8: 1919.6418578623391 counts per degree, sampled every 2048/6e6 s (Thorlabs' protocol, appendix
-    /// on scaling).
+    /// PRM1-Z8: 1919.6418578623391 counts per degree, sampled every 2048/6e6 s (protocol, appendix on
+    /// scaling).
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         const COUNTS: f64 = 1919.641857862339;
@@ -64,8 +64,7 @@ pub struct AptStage {
 }
 
 impl AptStage {
-    /// Creates a stage on a line. Turns off the controller's status updates and enables its channel; nothing
-    /// moves.
+    /// Creates a stage on a line. Stops status updates and enables the channel; nothing moves.
     ///
     /// # Errors
     /// [`Failure`] if the line is disconnected.

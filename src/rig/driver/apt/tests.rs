@@ -1,5 +1,4 @@
-//! Tests of the protocol's bytes, of the driver with the emulator in memory and behind a serial device, and
-//! of invalid streams.
+//! Tests of bytes, of the driver with the emulator (in memory and by serial device) and of invalid streams.
 
 use super::super::line::{MemoryLine, SerialLine};
 use super::emulator::{self, Trouble};

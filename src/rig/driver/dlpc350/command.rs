@@ -39,8 +39,7 @@ pub enum Begin {
 pub struct Entry {
     /// Trigger that begins the pattern.
     pub begin: Begin,
-    /// Bit position in the image: for one-bit patterns the plane, 0 to 23, starting at green's lowest bit.
-    /// [`Self::WHITE`] lights all pixels.
+    /// Bit of the image: for one-bit patterns the plane, 0 to 23 from green's lowest bit, or [`Self::WHITE`].
     pub plane: u8,
     /// Bits per pixel, 1 to 8.
     pub bits: u8,
@@ -107,8 +106,7 @@ pub enum Command {
     Source(Source),
     /// Trigger mode. 0: video frames begin sequences; 1: internal or external triggers begin patterns.
     TriggerMode(u8),
-    /// Output 1, active for every pattern. Edges are 0 to 213 steps of 107.2 ns, counted from 20.05 µs before
-    /// the pattern.
+    /// Output 1, once per pattern: edges are 0 to 213 steps of 107.2 ns from 20.05 µs before the pattern.
     TriggerOut1 {
         /// Active low.
         inverted: bool,
@@ -127,8 +125,7 @@ pub enum Command {
     TriggerIn2(bool),
     /// Stops, pauses or starts the sequence.
     Run(Run),
-    /// Exposure and period of every pattern, in microseconds. The period equals the exposure or exceeds it by
-    /// at least 230 µs.
+    /// Times of every pattern in microseconds; the period equals the exposure or exceeds it by ≥ 230 µs.
     Exposure { exposure_us: u32, period_us: u32 },
     /// Shape of the sequence; counts start at 1.
     Config {
@@ -145,8 +142,8 @@ pub enum Command {
     Open(Mailbox),
     /// Write offset in the open mailbox.
     Address(u8),
-    /// Flash numbers of the sequence's images. TI's own program writes two images in reverse order; the
-    /// driver writes only one.
+    /// Flash numbers of the sequence's images. TI's program writes two in reverse order; the driver writes
+    /// one.
     ImageTable(Vec<u8>),
     /// Patterns of the sequence.
     PatternTable(Vec<Entry>),
@@ -224,8 +221,7 @@ pub enum Question {
     Validation,
     /// Number of images in flash.
     Images,
-    /// Four versions of four bytes each: patch (16 bits), minor, major. The application's version comes
-    /// first.
+    /// Four versions of four bytes, the application's first: patch (16 bits), minor, major.
     Version,
     /// Tag that the firmware's author assigned.
     Tag,
@@ -246,8 +242,7 @@ impl Question {
     }
 }
 
-/// Returns the messages for the bits of a validation result; the first two bits are errors, the others
-/// warnings.
+/// Returns messages for the bits of a validation result; the first two are errors, the others warnings.
 #[must_use]
 pub fn complaints(bits: u8) -> Vec<&'static str> {
     let all = [

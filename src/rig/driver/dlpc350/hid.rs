@@ -60,8 +60,7 @@ impl Message {
         }
     }
 
-    /// Encodes the message as reports: flags, number, payload length (little-endian), payload. The last
-    /// report is padded with zeros.
+    /// Encodes reports: flags, number, payload length (little-endian), payload, padded with zeros.
     #[must_use]
     pub fn reports(&self) -> Vec<[u8; REPORT]> {
         let flags = REPLY | if self.read { READ } else { 0 } | if self.refused { NACK } else { 0 };

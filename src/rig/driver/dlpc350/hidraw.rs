@@ -29,8 +29,7 @@ impl HidRaw {
     }
 }
 
-/// Returns the device files with a vendor and product ID in the system's list of HID devices
-/// (`/sys/class/hidraw`), sorted.
+/// Returns the sorted device files of a vendor and product ID in a list such as `/sys/class/hidraw`.
 #[must_use]
 pub fn find(class: &Path, [maker, product]: [u16; 2]) -> Vec<PathBuf> {
     let wanted = format!("{maker:08X}:{product:08X}");

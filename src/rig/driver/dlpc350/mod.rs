@@ -1,15 +1,10 @@
-//! Driver for TI's DLPC350, the controller of LightCrafter 4500 projectors, in pattern mode over USB HID
-//! (programmer's guide DLPU010).
+//! TI's DLPC350, the controller of LightCrafter 4500 projectors: pattern mode over USB HID (guide DLPU010).
 //!
 //! **Patterns.** In pattern mode the controller displays bit planes of images in its flash, or of the video
-//! port. TI's own
-//! program writes these images together with the firmware; they cannot be sent over USB while the sequence
-//! runs. The driver
-//! therefore takes a list of the flash contents (`dlpc350::projector::Flash`) and finds each pattern, or its
-//! negative, in
-//! that list. White and black are always available. Any other pattern fails with a limit error. The video
-//! port is not
-//! supported.
+//! port. TI's own program writes these images together with the firmware; they cannot be sent over USB while
+//! the sequence runs. The driver therefore takes a list of the flash contents (`dlpc350::projector::Flash`)
+//! and finds each pattern, or its negative, there. White and black are always available. Any other pattern
+//! fails with a limit error. The video port is not supported.
 //!
 //! **Not tested with real hardware.** Packets are compared with those of the independent package
 //! `pycrafter4500`

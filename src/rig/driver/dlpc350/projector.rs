@@ -48,8 +48,7 @@ impl Dlpc350 {
     /// A pattern repeats every `period`.
     ///
     /// # Errors
-    /// [`Failure`] with limit: too many images or planes, wrong pixels in flash, no LED, or a period out of
-    /// range.
+    /// [`Failure`] with limit: too many images or planes, wrong pixels, no LED, or a period out of range.
     pub fn new(
         name: &str,
         line: Box<dyn HidLine>,

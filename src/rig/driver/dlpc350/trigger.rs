@@ -50,8 +50,7 @@ pub struct Input {
     pub delay_us: f64,
 }
 
-/// All triggers. Absent outputs keep the controller's settings; without an input, the internal clock begins
-/// patterns.
+/// All triggers. Absent outputs keep the controller's settings; without an input, its clock begins patterns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Triggers {

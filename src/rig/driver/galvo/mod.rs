@@ -1,5 +1,4 @@
-//! Galvo mirrors driven by an analog output card: conversion of degrees to volts, moves as buffers of
-//! samples, and settling.
+//! Galvo mirrors on an analog output card: volts for degrees, moves as buffers of samples, settling.
 
 pub mod scanner;
 pub mod wiring;

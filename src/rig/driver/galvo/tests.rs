@@ -1,5 +1,4 @@
-//! Compares voltages and paths with closed forms, and tests the scanner on a simulated card: output over time
-//! and behaviour on failures.
+//! Compares voltages and paths with closed forms; tests the scanner on a simulated card, also on failures.
 
 use super::scanner::AnalogGalvo;
 use super::wiring::{Travel, Wiring};
@@ -79,8 +78,8 @@ fn steps_are_those_of_the_bits() {
 }
 
 proptest! {
-    /// The conversion to volts is invertible. A path ends at its goal, is straight and symmetric, and never
-    /// exceeds the speed limit.
+    /// Volts convert back to degrees. A path ends at its goal, is straight, symmetric and within the speed
+    /// limit.
     #[test]
     fn ways_keep_their_promises(from in [-20.0..20.0, -15.0..15.0], to in [-20.0..20.0, -15.0..15.0]) {
         let (a, b) = (WIRING.volts(from), WIRING.volts(to));
@@ -128,8 +127,7 @@ fn card_and_scanner_conform() {
     }
 }
 
-/// Every sample is output at its time, on its channel and rounded to the card's steps. Then the mirrors
-/// settle and the beam has arrived.
+/// Each sample is output at its time and channel, in the card's steps; then the mirrors settle at the goal.
 #[test]
 fn every_sample_stands_at_its_time() {
     let world = world(&[]);

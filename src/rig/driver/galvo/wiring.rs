@@ -1,5 +1,4 @@
-//! Wiring of a pair of galvo mirrors to a card: conversion of degrees to volts, and the path between two
-//! positions.
+//! Wiring of galvo mirrors to a card: conversion of degrees to volts, and paths between positions.
 //!
 //! A mirror that turns by θ turns the beam by 2θ. Makers state volts per mechanical degree of the mirror
 //! (0.5, 0.8 or 1 for
@@ -14,8 +13,7 @@ use std::time::Duration;
 pub enum Travel {
     /// A single step of one sample.
     Stepped,
-    /// An S-curve with zero speed and acceleration at both ends; the value is the beam's maximum speed, in
-    /// degrees per second.
+    /// An S-curve with zero speed and acceleration at its ends; its maximum speed, in degrees per second.
     Smooth(f64),
 }
 
@@ -94,8 +92,8 @@ impl Wiring {
         Duration::from_secs_f64(self.samples(corner.map(|v| -v), corner) as f64 / self.rate_hz)
     }
 
-    /// Returns the samples of the path between two voltages, per channel. Both axes start and arrive
-    /// together. The last sample is the goal.
+    /// Returns the samples of a path per channel. Both axes start and arrive together; the last sample is
+    /// `to`.
     #[must_use]
     pub fn way(&self, from: [f64; 2], to: [f64; 2]) -> Vec<Vec<f64>> {
         let n = self.samples(from, to);

@@ -1,7 +1,6 @@
 //! A GenICam camera as an area camera: one frame per trigger.
 //!
-//! The camera acquires from [`AreaCamera::configure`] on and waits for triggers, so that an exposure starts
-//! without delay.
+//! The camera acquires from [`AreaCamera::configure`] on and waits for triggers: exposures start immediately.
 
 use super::nodes::{Control, Nodes};
 use super::stream::{Block, Frames, fault};
@@ -43,8 +42,7 @@ fn common_multiple(a: u32, b: u32) -> u32 {
 }
 
 impl GenICamCamera {
-    /// Opens a camera and reads its limits. `row_time` is the readout time of a row, which no feature
-    /// reports.
+    /// Opens a camera and reads its limits. `row_time` is a row's readout time, which no feature reports.
     ///
     /// # Errors
     /// [`Failure`]: disconnected, timeout, refused (camera in use, or a required feature is missing).
@@ -134,8 +132,7 @@ impl GenICamCamera {
         Ok(())
     }
 
-    /// Starts the acquisition in the order of USB3 Vision: stream registers, lock, command; then receives
-    /// frames.
+    /// Starts acquisition in the order of USB3 Vision: stream registers, lock, command, reception.
     fn acquire(&mut self) -> Result<(), Failure> {
         self.nodes.line("stream", |c| c.enable_streaming())?;
         self.acquiring = true;

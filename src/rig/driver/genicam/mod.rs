@@ -1,6 +1,5 @@
-//! GenICam cameras: features named by the Standard Features Naming Convention, over any line that reads and
-//! writes registers. Uses the crate `cameleon` and requires the feature `genicam`; the feature `usb3_vision`
-//! adds the USB line.
+//! GenICam cameras (crate `cameleon`, feature `genicam`): features named by the Standard Features Naming
+//! Convention, over any line that reads and writes registers. The feature `usb3_vision` adds the USB line.
 
 pub mod camera;
 pub mod nodes;

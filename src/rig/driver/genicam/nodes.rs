@@ -1,5 +1,4 @@
-//! Features of a camera by name. `cameleon` evaluates the camera's XML description of its registers; nothing
-//! is cached.
+//! Features of a camera by name. `cameleon` evaluates the camera's XML; nothing is cached.
 
 use crate::instrument::{Failure, Fault};
 use cameleon::genapi::{FromXml, GenApiError, NoCacheGenApiCtxt, Node, ParamsCtxt};

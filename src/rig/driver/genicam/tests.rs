@@ -41,8 +41,7 @@ fn a_camera_conforms() {
     assert!(faults.is_empty() && report.0.len() >= 18, "{faults:?}");
 }
 
-/// Each feature is written to its register in the register's unit: the stream's layout before the lock, the
-/// lock before the start.
+/// Features reach their registers in the registers' units: stream layout, then the lock, then the start.
 #[test]
 fn features_are_registers() {
     let fake = Fake::new();

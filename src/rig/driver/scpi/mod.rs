@@ -2,9 +2,7 @@
 //! laser or delay generator, and an emulator of one.
 //!
 //! Not tested with a real instrument. `validation/scpi.py` tests the exchange over TCP with the packages
-//! PyVISA-py (which
-//! queries the emulator) and PyVISA-sim (which replies to the driver); the other tests use this module's
-//! emulator.
+//! PyVISA-py (which queries the emulator) and PyVISA-sim (which replies to the driver).
 
 pub mod emulator;
 pub mod laser;

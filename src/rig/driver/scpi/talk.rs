@@ -104,8 +104,7 @@ impl Talk {
         }
     }
 
-    /// Sends a query and returns its reply as a number. SCPI's codes for not-a-number and infinity (9.91E37,
-    /// 9.9E37) are refused.
+    /// Sends a query and returns its reply as a number; refuses SCPI's NaN and infinity (9.91E37, 9.9E37).
     ///
     /// # Errors
     /// [`Failure`], as [`Self::ask`].
@@ -124,8 +123,7 @@ impl Talk {
     /// digits, the length digits, the bytes.
     ///
     /// # Errors
-    /// [`Failure`]: timeout, disconnected (also for a block of indefinite length, whose end is undetectable
-    /// in a byte stream).
+    /// [`Failure`]: timeout, disconnected (also for a block of indefinite length, whose end is unknown).
     pub fn ask_block(&mut self, question: &str, within: Duration) -> Result<Vec<u8>, Failure> {
         let until = Instant::now() + within;
         self.tell(question)?;
@@ -165,8 +163,8 @@ impl Talk {
         }
     }
 
-    /// Empties the instrument's error queue by repeating `question` (`SYST:ERR?` in SCPI), and fails with the
-    /// first error, if any.
+    /// Empties the error queue by repeating `question` (SCPI: `SYST:ERR?`); fails with the first error, if
+    /// any.
     ///
     /// # Errors
     /// [`Failure`]: limit (-222, -224 and similar: value out of range), refused (unknown or currently

@@ -246,8 +246,7 @@ impl Line for Garbage {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-    /// Ten thousand random streams cause no panic and no hang, and the laser never emits without reporting
-    /// it.
+    /// Ten thousand random streams: no panic, no hang, and the laser never emits without reporting it.
     #[test]
     fn garbage_is_no_answer(
         bytes in prop::collection::vec(prop_oneof![any::<u8>(), prop::sample::select(b"#0123456789,\n+-.E\"".to_vec())], 0..120),

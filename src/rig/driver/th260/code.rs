@@ -40,8 +40,7 @@ pub fn fault(code: i32) -> Fault {
         -43..=-40 => Fault::Timeout,
         // Defects of the board: modules, EEPROM.
         -56..=-53 | -74..=-64 => Fault::Refused,
-        // No such board, not open, not initialized, DMA, FPGA, calibration or status errors, and unknown
-        // codes.
+        // Not found, not open, not initialized; DMA, FPGA, calibration, status; unknown codes.
         _ => Fault::Disconnected,
     }
 }

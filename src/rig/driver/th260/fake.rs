@@ -13,8 +13,7 @@ pub struct State {
     pub model: &'static str,
     /// All commands received, in order.
     pub told: Vec<Order>,
-    /// Prefix of a call's `Debug` text and the error code with which such calls fail, until it is reset to
-    /// `None`.
+    /// Prefix of a call's `Debug` text, and the error code with which such calls fail.
     pub fails: Option<(&'static str, i32)>,
     pub flags: i32,
     /// Laser pulses per second.

@@ -1,9 +1,7 @@
-//! Binding to PicoQuant's library, which is loaded at run time. This module contains all unsafe code of the
-//! driver.
+//! Binding to PicoQuant's library, loaded at run time. All unsafe code of the driver is in this module.
 //!
-//! Signatures follow `th260lib.h` 3.1. Every buffer that the library writes into is longer than
-//! `th260defin.h`
-//! requires, and outlives its call.
+//! Signatures follow `th260lib.h` 3.1. Every buffer that the library writes is longer than `th260defin.h`
+//! requires and outlives its call.
 
 use super::code::LONGEST_HISTOGRAM;
 use libloading::Library;
@@ -143,8 +141,7 @@ type Counts = unsafe extern "system" fn(c_int, *mut c_uint, c_int, c_int) -> c_i
 /// Declares the function table and the code that fills it, one entry per name.
 macro_rules! functions {
     ($($field:ident: $kind:ty = $name:literal,)*) => {
-        /// The loaded library. The function pointers are valid while `_library` is loaded, which is dropped
-        /// with them.
+        /// The loaded library. Its function pointers are valid while `_library` is loaded.
         pub struct Loaded {
             $($field: $kind,)*
             _library: Library,
@@ -202,8 +199,7 @@ pub fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
     let mut told = vec![];
     for name in &tried {
-        // SAFETY: loading runs the library's initializers. The file is PicoQuant's library or the one that
-        // the user's rig file names.
+        // SAFETY: loading runs the initializers of PicoQuant's library or of the user's replacement.
         let found = unsafe { Library::new(name) };
         match found.map_err(|e| words(&e)).and_then(Loaded::table) {
             Ok(library) => return Ok(library),
@@ -333,8 +329,8 @@ impl Th260 for Loaded {
 
     fn histogram(&mut self, device: i32, channel: i32) -> Result<Vec<u32>, i32> {
         let mut counts: Vec<c_uint> = vec![0; LONGEST_HISTOGRAM];
-        // SAFETY: writes at most MAXHISTLEN counts, the vector's length; the argument 0 leaves the board's
-        // memory unchanged.
+        // SAFETY: writes at most MAXHISTLEN counts, the vector's length; 0 leaves the board's memory
+        // unchanged.
         good(unsafe { (self.get_histogram)(device, counts.as_mut_ptr(), channel, 0) })?;
         Ok(counts)
     }

@@ -39,8 +39,7 @@ fn both_boards_conform() {
     }
 }
 
-/// The order of calls follows the manual: initialize, inputs, measurement settings; clear before start, stop
-/// before reading.
+/// Calls follow the manual's order: initialize, inputs, settings; clear before start, stop before reading.
 #[test]
 fn a_board_is_told_what_the_manual_says() {
     let fake = Fake::new("P");
@@ -135,9 +134,8 @@ fn measurements_are_on_the_boards_scale() {
     }
 }
 
-/// Samples of each group of codes in `errorcodes.h` map to the right fault from any call; messages contain
-/// the
-/// library's text and advice.
+/// Codes of each group in `errorcodes.h` map to the right fault from any call; messages contain the library's
+/// text and advice.
 #[test]
 fn codes_become_faults() {
     for (number, fault) in [
@@ -239,8 +237,7 @@ fn what_a_board_reports_is_told() {
     board.finish(WITHIN).expect("counts");
 }
 
-/// The driver opens the board that the rig file names. If that board is missing, the error lists the
-/// available boards.
+/// The driver opens the board that the rig file names, or lists the available boards in the error.
 #[test]
 fn boards_are_told_apart() {
     let named = |serial: &str| Th260Settings {
@@ -305,8 +302,7 @@ fn boards_are_told_apart() {
     }
 }
 
-/// A missing library, a file that is not a library and another library: the error lists the files tried, the
-/// library's purpose and its source.
+/// Errors of loading list the files tried, the library's purpose and where to get it.
 #[test]
 fn a_library_that_is_not_there_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
