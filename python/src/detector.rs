@@ -32,9 +32,9 @@ pub struct Instrument {
 /// An array of intensities or variances.
 type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
 
-/// Simulate the capture of matrices (..., 4, 4). Return the intensities (measurements, pixels), for a
-/// camera also their variances, and the shape of the pixels, whose rows and columns a sensor may halve.
-/// `lanes` states that the last axis before the matrices is the wavelength.
+/// Simulate the capture of matrices (..., 4, 4). Return the intensities (measurements, pixels), for a camera
+/// also their variances, and the shape of the pixels, whose rows and columns a sensor may halve. `lanes`
+/// states that the last axis before the matrices is the wavelength.
 #[pyfunction]
 pub fn capture<'py>(
     py: Python<'py>,

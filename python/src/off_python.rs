@@ -1,8 +1,7 @@
 //! Work without Python's lock (GIL), also in a forked process.
 //!
 //! A fork copies only one thread: the child has the queue of rayon's global pool but no workers, and would
-//! wait forever. In a
-//! child, work therefore runs on a separate pool.
+//! wait forever. In a child, work therefore runs on a separate pool.
 
 use crate::error::failed;
 use pyo3::prelude::*;

@@ -1,8 +1,7 @@
 //! Reading of input files: regular files only.
 //!
 //! A pipe without a writer never ends, nor does `/dev/zero`, so any other kind of file is refused before it
-//! is opened. Text
-//! is read up to a maximum size, because a sparse file can report any size.
+//! is opened. Text is read up to a maximum size, because a sparse file can report any size.
 
 use std::fs::{File, FileType};
 use std::io::{self, Error, ErrorKind, Read};

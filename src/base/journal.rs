@@ -1,8 +1,8 @@
 //! Journal of the completed parts of a long task, so that a killed task can resume.
 //!
 //! The journal is an append-only file of JSON lines in the output folder. A part's line is appended after all
-//! its files are
-//! in place. A line truncated by a crash is ignored, and that part is repeated with identical bytes.
+//! its files are in place. A line truncated by a crash is ignored, and that part is repeated with identical
+//! bytes.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

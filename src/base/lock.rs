@@ -1,10 +1,8 @@
 //! Exclusive locks on outputs: at most one writer per path.
 //!
 //! A lock is an advisory lock of the operating system on the file `.NAME.lock` next to the output. The file
-//! contains the
-//! holder's host and process. The system releases the lock when the holder exits for any reason, so a stale
-//! lock file does
-//! not block others. The holder removes the file when it is done.
+//! contains the holder's host and process. The system releases the lock when the holder exits for any reason,
+//! so a stale lock file does not block others. The holder removes the file when it is done.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, Write};

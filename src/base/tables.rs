@@ -1,10 +1,8 @@
 //! Deserialization that never accepts a list for a table.
 //!
 //! Serde accepts a list for a struct, with the fields in order of declaration: `distortion = [0.1, 0.2, 0, 0,
-//! 0]` would be
-//! read in an order that no user expects. [`Strict`] wraps a deserializer and everything read through it, and
-//! refuses a list
-//! where a struct is expected. The error keeps its location.
+//! 0]` would be read in an order that no user expects. [`Strict`] wraps a deserializer and everything read
+//! through it, and refuses a list where a struct is expected. The error keeps its location.
 
 use serde::de::{
     self, DeserializeSeed, Deserializer, EnumAccess, Error, MapAccess, SeqAccess, Unexpected, VariantAccess,

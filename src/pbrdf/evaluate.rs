@@ -1,13 +1,10 @@
 //! Mueller matrices of a single material: its BRDF, and the reflection and transmission of smooth surfaces.
 //!
 //! The surface normal is +z, the tangent +x. Directions point away from the surface: the incoming one to the
-//! light's source,
-//! the outgoing one to its destination. Stokes vectors are in frames whose horizontal is (-sin φ, cos φ, 0),
-//! perpendicular to
-//! the plane of the normal and the direction, so that "s" is the first axis. The renderer's frames
-//! ([`optics::polarization::scatter`]) are therefore rotated in both directions, and for transmission
-//! radiance is converted to
-//! power.
+//! light's source, the outgoing one to its destination. Stokes vectors are in frames whose horizontal is
+//! (-sin φ, cos φ, 0), perpendicular to the plane of the normal and the direction, so that "s" is the first
+//! axis. The renderer's frames ([`optics::polarization::scatter`]) are therefore rotated in both directions,
+//! and for transmission radiance is converted to power.
 
 use glam::Vec3A;
 use optics::polarization::mueller::Mueller;

@@ -1,8 +1,8 @@
 //! Named axes with units of a stored slice, in one fixed order.
 //!
 //! Order: `y, x | v, u | t | bounces | component | label | stokes_out, stokes_in | wavelength`, each present
-//! only if the slice
-//! resolves it. `wavelength` is always last, so that one tensor element fills the lanes of one SIMD register.
+//! only if the slice resolves it. `wavelength` is always last, so that one tensor element fills the lanes of
+//! one SIMD register.
 
 use super::label;
 use super::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};

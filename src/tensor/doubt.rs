@@ -1,12 +1,10 @@
 //! Detection of unreliable error estimates.
 //!
 //! If few samples contribute most of the light, a pixel without such samples underestimates both its light
-//! and its error, and
-//! its own samples do not show this. (Nor does the fourth moment: it is large in the pixels with such
-//! samples, whose errors are
-//! large.) Its neighbours receive similar light, and some of them have such samples. Therefore a pixel is
-//! marked as unreliable
-//! if its error is less than half of the root mean square of the errors around it.
+//! and its error, and its own samples do not show this. (Nor does the fourth moment: it is large in the
+//! pixels with such samples, whose errors are large.) Its neighbours receive similar light, and some of them
+//! have such samples. Therefore a pixel is marked as unreliable if its error is less than half of the root
+//! mean square of the errors around it.
 
 use super::array::Tensor;
 use super::axes::Axis;

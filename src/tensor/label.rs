@@ -1,8 +1,8 @@
 //! Path labels: sets of bits that describe a path's interactions, used as coordinates of the axis `label`.
 //!
 //! Every interaction that changes the direction of light sets the bit of its kind. Transmission through a
-//! smooth interface or
-//! a sheet sets no bit. So 0 is light that arrives straight from an emitter, possibly through glass.
+//! smooth interface or a sheet sets no bit. So 0 is light that arrives straight from an emitter, possibly
+//! through glass.
 
 /// Scattering by a medium.
 pub const MEDIUM: u8 = 1;

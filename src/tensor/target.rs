@@ -1,19 +1,15 @@
 //! Adaptive sampling: chooses the number of samples per tile so that a slice reaches a requested error.
 //!
 //! Samples are added in rounds. After each round, the relative error e and the samples n of every lit pixel
-//! give the samples
-//! that it needs: n (e / goal)². The slice reaches the goal when a given share of its lit pixels does (one
-//! half: the median).
-//! So samples go first to the tiles where they bring most pixels to the goal. They are saved where pixels
-//! have reached it, or
-//! would take long to reach it. No tile gets less than half of the uniform number of samples that would reach
-//! the goal, so that
-//! no error exceeds √2 times the uniform one.
+//! give the samples that it needs: n (e / goal)². The slice reaches the goal when a given share of its lit
+//! pixels does (one half: the median). So samples go first to the tiles where they bring most pixels to the
+//! goal. They are saved where pixels have reached it, or would take long to reach it. No tile gets less than
+//! half of the uniform number of samples that would reach the goal, so that no error exceeds √2 times the
+//! uniform one.
 //!
 //! If a pixel's own noise decided its sample count, its mean would be biased: sampling would stop where the
-//! first samples are
-//! dim. Therefore at least [`LEAST_LIT`] pixels decide for a tile, so that a single pixel barely affects
-//! their quantile.
+//! first samples are dim. Therefore at least [`LEAST_LIT`] pixels decide for a tile, so that a single pixel
+//! barely affects their quantile.
 
 use serde_json::{Value, json};
 

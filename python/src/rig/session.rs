@@ -33,8 +33,8 @@ fn prepare(py: Python<'_>, e: &PrepareError) -> PyErr {
     }
 }
 
-/// Load plan and rig, and connect the instruments of the rig file except the given ones. Return the
-/// session and its instruments by name. `progress` reports the render that a simulated bench plays.
+/// Load plan and rig, and connect the instruments of the rig file except the given ones. Return the session
+/// and its instruments by name. `progress` reports the render that a simulated bench plays.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python gives them by name")]
 pub fn rig_open<'py>(
@@ -229,8 +229,8 @@ enum Ended {
     Python(PyErr),
 }
 
-/// Take all missing frames. Return their number, the number of failed attempts, and the seconds of the
-/// rig's clock. The session runs on another thread; this one checks signals.
+/// Take all missing frames. Return their number, the number of failed attempts, and the seconds of the rig's
+/// clock. The session runs on another thread; this one checks signals.
 #[pyfunction]
 pub fn rig_run<'py>(
     py: Python<'py>,

@@ -2,8 +2,8 @@
 //! messages, a driver for rotation stages, and an emulator.
 //!
 //! Not tested with real hardware. Bytes are compared with those of an independent package
-//! (`validation/instruments.py`).
-//! The behaviour is tested with the emulator, in memory and behind a serial device of the system.
+//! (`validation/instruments.py`). The behaviour is tested with the emulator, in memory and behind a serial
+//! device of the system.
 
 pub mod emulator;
 pub mod message;

@@ -1,9 +1,8 @@
 //! Images of the controller's flash as PNG files. Each image holds 24 one-bit patterns, one per plane.
 //!
 //! TI's program builds the firmware from such images. Planes are numbered as in the controller: 0 to 7 are
-//! the bits of
-//! green from the lowest, 8 to 15 those of red, 16 to 23 those of blue (programmer's guide DLPU010, pattern
-//! display LUT).
+//! the bits of green from the lowest, 8 to 15 those of red, 16 to 23 those of blue (programmer's guide
+//! DLPU010, pattern display LUT).
 
 use super::projector::{Flash, SIZE};
 use crate::instrument::Pattern;

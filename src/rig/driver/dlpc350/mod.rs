@@ -7,10 +7,8 @@
 //! fails with a limit error. The video port is not supported.
 //!
 //! **Not tested with real hardware.** Packets are compared with those of the independent package
-//! `pycrafter4500`
-//! (`validation/dlpc350.py`). The behaviour is tested against this module's emulator, which follows the guide.
-//! For the
-//! device file ([`hidraw`]), only finding and opening it is tested.
+//! `pycrafter4500` (`validation/dlpc350.py`). The behaviour is tested against this module's emulator, which
+//! follows the guide. For the device file ([`hidraw`]), only finding and opening it is tested.
 
 pub mod command;
 pub mod emulator;

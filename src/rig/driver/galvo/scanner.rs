@@ -1,10 +1,8 @@
 //! A galvo scanner on any analog output.
 //!
 //! The card knows its output voltage but not the mirrors' position: [`GalvoScanner::point`] returns the
-//! present voltage
-//! as an angle. After a failure the beam's position is unknown; the next move is a single step, followed by
-//! enough
-//! settling time for a move from any position.
+//! present voltage as an angle. After a failure the beam's position is unknown; the next move is a single
+//! step, followed by enough settling time for a move from any position.
 
 use super::wiring::Wiring;
 use crate::clock::Clock;

@@ -103,9 +103,9 @@ proptest! {
             last = at;
         }
         prop_assert!(fastest <= 2000.0 * (1.0 + 1e-9), "{} degrees a second", fastest);
-        // The number of samples n is rounded up, so a path takes up to one sample longer than necessary. At worst, the
-        // fastest sample covers the interval of length 1/n next to the midpoint, where the speed falls as
-        // (1 - 4x²)² ≥ 1 - 8x²: its mean speed is at least 1 - 8/(3n²) of the maximum.
+        // The number of samples n is rounded up, so a path takes up to one sample longer than necessary. At
+        // worst, the fastest sample covers the interval of length 1/n next to the midpoint, where the speed
+        // falls as (1 - 4x²)² ≥ 1 - 8x²: its mean speed is at least 1 - 8/(3n²) of the maximum.
         let n = n as f64;
         let least = 2000.0 * (1.0 - 1.0 / n) * (1.0 - 8.0 / (3.0 * n * n));
         prop_assert!(fastest >= least * (1.0 - 1e-9), "{} of {} degrees a second", fastest, least);

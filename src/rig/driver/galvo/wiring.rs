@@ -1,8 +1,7 @@
 //! Wiring of galvo mirrors to a card: conversion of degrees to volts, and paths between positions.
 //!
 //! A mirror that turns by θ turns the beam by 2θ. Makers state volts per mechanical degree of the mirror
-//! (0.5, 0.8 or 1 for
-//! Thorlabs' GVS0xx). All other angles are optical degrees of the beam, as in
+//! (0.5, 0.8 or 1 for Thorlabs' GVS0xx). All other angles are optical degrees of the beam, as in
 //! [`crate::instrument::GalvoScanner`].
 
 use crate::instrument::{AnalogLimits, AnalogSettings, GalvoLimits};

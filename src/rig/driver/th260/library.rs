@@ -151,8 +151,8 @@ macro_rules! functions {
             /// Looks up all functions.
             fn table(library: Library) -> Result<Self, String> {
                 // SAFETY: each name has the type that `th260lib.h` 3.1 declares for it. The pointers are
-                // copied out of their
-                // `Symbol`s and used only while `_library`, stored in the same struct, keeps the code loaded.
+                // copied out of their `Symbol`s and used only while `_library`, stored in the same struct,
+                // keeps the code loaded.
                 unsafe {
                     $(let $field = *library.get::<$kind>($name).map_err(|_| format!("it has no {}", text($name)))?;)*
                     Ok(Self { $($field,)* _library: library })

@@ -1,6 +1,5 @@
 //! Tests of the driver with a simulated board (commands, error codes, failures), and with a library that the
-//! test
-//! compiles and loads in place of PicoQuant's.
+//! test compiles and loads in place of PicoQuant's.
 
 use super::code;
 use super::counter::Th260Counter;
