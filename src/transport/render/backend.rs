@@ -79,8 +79,8 @@ impl<'a> Cpu<'a> {
         Self { light, ..self }
     }
 
-    /// Sets the number of samples per pixel of each tile; none may exceed the scene's setting. A tile gets
-    /// the same bits as in a render whose setting is the tile's number.
+    /// Sets the number of samples per pixel of each tile; none may exceed the scene's setting. A tile is
+    /// bit-identical to that of a render with the tile's number as its setting.
     #[must_use]
     pub fn samples(self, samples: Option<&'a [u32]>) -> Self {
         Self { samples, ..self }
