@@ -2,8 +2,7 @@
 //!
 //! Projector, point emitters and camera have no extent. Light that leaves one of them along a single
 //! direction (over a mirror, through smooth glass) therefore reaches a given surface point with probability
-//! zero. Where an emitter illuminates such a surface first, paths from the camera alone miss the light that
-//! the surface redirects.
+//! zero. Where an emitter illuminates such a surface first, paths from the camera miss the redirected light.
 
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;

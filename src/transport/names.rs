@@ -8,8 +8,7 @@ pub struct Names {
     /// a group begin with the group's name: `tree/leaf`.
     pub objects: Vec<String>,
     pub materials: Vec<String>,
-    /// Index into `materials` by material number. A material that is used by a filled or an emitting object
-    /// has a separate number there.
+    /// Index into `materials` by material number. Filled and emitting objects have separate numbers.
     pub material_of: Vec<u32>,
 }
 

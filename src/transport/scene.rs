@@ -14,20 +14,17 @@ pub struct Scene {
     tables: SceneTables,
     /// True if some material transmits light straight through, so that connections may pass sheets.
     pub(crate) sheets: bool,
-    /// True if some object is filled with a medium or some boundary is null, so that paths must track their
-    /// media.
+    /// True if some object is filled or some boundary is null, so that paths must track their media.
     pub(crate) filled: bool,
     /// A distance in metres that exceeds every distance between surfaces and devices.
     pub(crate) far: f32,
-    /// Light tree over the point emitters; present if there are too many to connect each path vertex to all
-    /// of them.
+    /// Light tree over the point emitters, if they are too many to connect each path vertex to all.
     pub(crate) point_tree: Option<LightTree>,
     /// The reason for the integrator, if the scene file did not choose it.
     why: Option<&'static str>,
 }
 
-/// With at most this many point emitters, path vertices are connected to all of them; otherwise to one that
-/// is chosen at random.
+/// Path vertices are connected to all point emitters up to this number; otherwise to one chosen at random.
 const MOST_POINTS: usize = 16;
 
 impl Deref for Scene {
@@ -62,8 +59,8 @@ impl Scene {
         scene
     }
 
-    /// Replaces `auto` by the integrator that the scene needs, and `caustics` by `bidirectional` where only
-    /// that one works.
+    /// Replaces `auto` by the integrator that the scene needs, and `caustics` by `bidirectional` if
+    /// necessary.
     fn choose_integrator(&mut self) {
         let (integrator, why) = choose(&self.tables);
         if integrator != self.settings.integrator {
@@ -97,8 +94,7 @@ impl Scene {
         }
     }
 
-    /// Computes texture coordinates of surfaces even if no texture needs them, until the materials are
-    /// replaced.
+    /// Computes texture coordinates even if no texture needs them, until the materials are replaced.
     pub fn keep_texture_coordinates(&mut self) {
         self.geometry.textured = true;
     }

@@ -10,13 +10,12 @@ pub enum Strategy {
     NextEvent,
     /// Next-event estimation through a rough interface, near a particle that scatters the light.
     RoughInterface,
-    /// Manifold connections through smooth refracting interfaces, from camera paths to emitters and from
-    /// light paths to the camera.
+    /// Manifold connections through smooth refracting interfaces, to emitters and to the camera.
     SmoothInterfaces,
     /// Connections over flat mirrors.
     FlatMirrors,
-    /// Manifold connections over curved mirrors, along further solutions through curved glass, and through
-    /// birefringent crystals.
+    /// Manifold connections over curved mirrors, further ones through curved glass, and through birefringent
+    /// crystals.
     CurvedMirrors,
     /// Connects a light path to the camera.
     LightTracing,

@@ -28,8 +28,7 @@ pub struct SceneTables {
     pub materials: Materials,
     /// Participating media by number.
     pub media: Media,
-    /// The boundary that each material's surfaces form, by material number; [`Boundary::NONE`] if the object
-    /// is not filled.
+    /// The boundary of each material number; [`Boundary::NONE`] if the object is not filled.
     pub boundaries: Vec<Boundary>,
     /// Names of objects and materials.
     pub names: Names,
@@ -113,11 +112,9 @@ pub struct Settings {
     /// Enables manifold connections to emitters through smooth refracting interfaces.
     pub manifold: bool,
     /// Restricts bidirectional tracing to one unweighted strategy: the number of vertices on the light path
-    /// and on the camera path, both ends included. For tests; paths that the strategy cannot sample are
-    /// missing.
+    /// and on the camera path, both ends included. For tests; other paths are missing.
     pub strategy: Option<[u32; 2]>,
-    /// Strategies to use, where the scene needs them. For tests; paths that only an excluded strategy can
-    /// sample are missing.
+    /// Strategies that may be used. For tests; paths that only others can sample are missing.
     pub strategies: Strategies,
     /// Key of the random streams.
     pub seed: u64,

@@ -19,8 +19,7 @@ impl Grid {
         }
     }
 
-    /// Returns the chunk of a cell (row-major over the axes), the position in that chunk, and the volume of
-    /// the chunk.
+    /// Returns the chunk of a cell (row-major over the axes), the position in it, and its volume.
     pub fn place(&self, mut cell: u64) -> (u64, usize, usize) {
         if self.chunks == 1 {
             let volume: u64 = self.axes.iter().map(|[len, _]| len).product();

@@ -254,14 +254,13 @@ pub struct TileAccumulator<'a> {
     keeping: Vec<usize>,
     /// True if some slice samples its own projector pixels.
     aimed: bool,
-    /// Probability of each s' in the slice's band around the epipolar line of the current camera pixel, per
-    /// slice; 0 without a band.
+    /// Probability of each s' in the epipolar band of the current camera pixel, per slice; 0 without a band.
     in_band: Vec<f32>,
 }
 
 impl<'a> TileAccumulator<'a> {
-    /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. One thread
-    /// reuses it for many tiles.
+    /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. Reusable
+    /// for many tiles.
     #[must_use]
     pub fn new(plans: &'a [SlicePlan], passes: usize) -> Self {
         Self {
@@ -318,8 +317,7 @@ impl<'a> TileAccumulator<'a> {
         !self.keeping.is_empty()
     }
 
-    /// Sets the projector pixels s' of each slice's band for the current pixel; an empty list if a slice has
-    /// none.
+    /// Sets the projector pixels s' of each slice's band for the current pixel; empty without a band.
     #[inline]
     pub fn set_bands(&mut self, bands: &[Vec<u32>]) {
         for (chance, band) in self.in_band.iter_mut().zip(bands) {
@@ -328,8 +326,7 @@ impl<'a> TileAccumulator<'a> {
     }
 
     /// Adds all contributions of one camera sample of the current pixel. Their Mueller elements are in
-    /// `elements`. The sample belongs to group number `group`; all samples of a group must be added
-    /// consecutively.
+    /// `elements`. Samples of one `group` must be added consecutively.
     #[inline]
     pub fn add_sample(&mut self, group: u32, list: &[Contribution], elements: &[Spectral]) {
         if self.aimed {
@@ -373,8 +370,7 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Finishes a pass over pixel (x, y). Passes are independent, so their means and the variances of their
-    /// means are added.
+    /// Finishes a pass over pixel (x, y). Passes are independent, so their means and variances are added.
     #[inline]
     pub fn end_pass(&mut self, x: u32, y: u32, n: Counted) {
         let slices = self.plans.iter().zip(&mut self.sums);

@@ -23,12 +23,10 @@ pub struct Contribution {
     pub bounces: u32,
     /// Path label as defined in [`tensor::label`]; unspecified if no slice asks for labels.
     pub label: u8,
-    /// The only slice that it counts for if the path was sampled for one of that slice's s'; otherwise
-    /// `EVERY`.
+    /// The slice for whose s' the path was sampled, the only one that it counts for; or `EVERY`.
     pub slice: u32,
-    /// Ratio of two densities of this path: sampling it for a given s', divided by sampling it for all
-    /// slices. The former assumes that s' is chosen with probability 1. 0 if the path cannot be sampled for
-    /// an s'.
+    /// Ratio of two densities of this path: sampling it for a given s' (chosen with probability 1), divided
+    /// by sampling it for all slices. 0 if the path cannot be sampled for an s'.
     pub rival: f32,
 }
 
@@ -37,11 +35,10 @@ pub struct Contributions<'a> {
     /// The contributions, in the order in which the path produced them.
     pub list: &'a mut Vec<Contribution>,
     /// Mueller elements from projector frame to camera frame, in W/(m² sr nm). Only elements that can be
-    /// non-zero are stored, so light from one depolarizing wall takes one number per wavelength. Shared with
-    /// other samples.
+    /// non-zero are stored: one per wavelength for light from one depolarizing wall. Shared with other
+    /// samples.
     pub elements: &'a mut Vec<Spectral>,
-    /// True if some slice separates light by path label. Light of several kinds of lobes then becomes several
-    /// contributions.
+    /// True if some slice needs path labels. Each kind of lobe then becomes a separate contribution.
     pub labelled: bool,
 }
 
@@ -219,8 +216,7 @@ impl SlicePlan {
         &self.layout
     }
 
-    /// Returns the number of camera pixels that one element averages (the largest number if border bins are
-    /// smaller).
+    /// Returns the largest number of camera pixels that one element averages (border bins may be smaller).
     #[must_use]
     pub fn pixels_per_element(&self) -> u32 {
         let max = |v: &Vec<u32>| v.iter().copied().max().unwrap_or(1);

@@ -1,13 +1,11 @@
-//! The projector pixels of slices that keep few of them for a camera pixel, so that paths can be sampled for
-//! these pixels.
+//! Projector pixels for which paths are sampled, for slices that keep few of them per camera pixel.
 
 use optics::sampling::stream::Stream;
 use tensor::axes::Extents;
 use tensor::slice::{ProjectorSelect, Slice};
 
 /// A slice gets separate paths if it keeps at most this fraction of the projector's pixels for a camera
-/// pixel. Separate paths up to double the render time, and for a sixteenth of the pixels ordinary paths are
-/// about as efficient.
+/// pixel. Separate paths up to double the render time, and do not pay for a sixteenth of the pixels.
 const MOST: f64 = 1.0 / 64.0;
 
 /// The same limit for bands around epipolar lines. In twice the time, indirect light has 3.5 times less
@@ -73,8 +71,7 @@ impl Selected {
                 all.filter(inside).map(|p| (p, 1.0)).collect()
             }
             // Bands contain direct light. Unless lines are rows of pixels, its noise at the band's edges
-            // dominates that of the sum. Separate paths therefore pay only where the slice separates indirect
-            // light (`docs/paths.md`).
+            // dominates. Separate paths pay only where the slice separates indirect light (`docs/paths.md`).
             ProjectorSelect::Epipolar { half_width_px } if slice.bounces || slice.split_first_bounce => {
                 let most = MOST_OF_BAND * f64::from(w) * f64::from(h);
                 // Number of pixels of a band that crosses the shorter side.
@@ -117,8 +114,7 @@ impl Selected {
         }
     }
 
-    /// Returns the probability of drawing a pixel that the slice keeps; `in_band` is that of a band's pixels
-    /// ([`chance_in`]).
+    /// Returns the probability of drawing a kept pixel; `in_band` is that of a band's pixels ([`chance_in`]).
     #[inline]
     #[must_use]
     pub fn chance(&self, pixel: u32, in_band: f32) -> f32 {
@@ -163,8 +159,7 @@ mod tests {
         Selected::of(&slice, &extents)
     }
 
-    /// In 100,000 draws of a mask with weights 1, 3 and 4, frequencies are within five standard errors of the
-    /// probabilities.
+    /// In 100,000 draws of a mask with weights 1, 3 and 4, frequencies match probabilities (5 sigma).
     #[test]
     fn pixels_are_drawn_with_their_chances() {
         let mut weights = vec![0.0; 256];

@@ -1,5 +1,4 @@
-//! The finished values of one slice over one tile of camera pixels, sparse in memory, and their conversion to
-//! chunks.
+//! The finished values of one slice over one tile, sparse in memory, and their conversion to chunks.
 //!
 //! Most of a tensor is zero: bins without light, and elements that no path polarizes. Only values that are
 //! present are stored, and chunks without any are never visited.
@@ -41,8 +40,8 @@ pub(super) type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
 /// Number of values in a stretch of a chunk.
 const STRETCH: usize = sink::STRETCH / 4;
 
-/// Buffers for one chunk of means and one of errors, all zero between uses. Allocating memory of that size
-/// costs more than filling it.
+/// Buffers for one chunk of means and one of errors, all zero between uses. Allocating costs more than
+/// filling.
 #[derive(Default)]
 pub(super) struct Scratch {
     means: Vec<f32>,
@@ -130,8 +129,8 @@ impl TileValues {
         }
     }
 
-    /// Clears the table but keeps its memory, and starts with camera elements `start` to `start + shape`
-    /// along `y`, `x`.
+    /// Clears the table, keeps its memory, and covers camera elements `start` to `start + shape` along `y`,
+    /// `x`.
     pub(super) fn begin(&mut self, start: [u64; 2], shape: [u64; 2]) {
         (self.start, self.shape) = (start, shape);
         self.entries.clear();

@@ -1,13 +1,11 @@
 //! The variance of a pixel's total: M00, summed over everything that a slice keeps of the pixel (including
 //! light outside the time window) and averaged over wavelengths.
 //!
-//! All elements of a pixel come from the same samples, so the error of their sum cannot be computed from
-//! their errors.
+//! All elements of a pixel use the same samples, so the error of their sum does not follow from theirs.
 
 use optics::spectrum::Spectral;
 
-/// The number of valid samples of a pixel (including those without light) and the number of independent
-/// groups.
+/// Number of valid samples of a pixel (including those without light) and of independent groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counted {
     pub samples: u32,
@@ -61,8 +59,7 @@ impl TotalSums {
 mod tests {
     use super::*;
 
-    /// Groups of two samples at two wavelengths, one group dark: the variance of the mean of 0, 1, 2, 5 is
-    /// 4.667/4.
+    /// Groups of two samples at two wavelengths, one dark: the variance of the mean of 0, 1, 2, 5 is 4.667/4.
     #[test]
     fn the_variance_is_that_of_groups() {
         let mut sums = TotalSums::default();

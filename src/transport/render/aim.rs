@@ -1,9 +1,7 @@
-//! Importance sampling of starting points on the projector's image, if only redirected light counts. Light
-//! subpaths start mostly in cells of the image from which a ray first meets a mirror, a smooth interface or a
-//! crystal.
+//! Importance sampling of starting points on the projector's image, if only redirected light counts: light
+//! subpaths start mostly in cells whose rays first meet a mirror, a smooth interface or a crystal.
 //!
-//! The rays may miss small objects, so a few subpaths start in all other cells too, and every direction has a
-//! non-zero density.
+//! The rays may miss small objects, so every cell has a non-zero density.
 
 use crate::device::pinhole::Pinhole;
 use crate::geometry::ray::Ray;

@@ -22,8 +22,7 @@ const LEAST_PEAK: f32 = 3.0;
 /// Rays along each side of a device's image that are traced into media.
 const GRID: u32 = 48;
 
-/// Minimum fraction of rays that must enter a medium without a diffuse interaction for the device to count as
-/// visible from there.
+/// Minimum fraction of rays that enter a medium without a diffuse interaction, for the device to count.
 const LEAST_SEEN: f64 = 0.01;
 
 /// Maximum number of interfaces on a ray.
@@ -68,8 +67,7 @@ impl Lines {
 }
 
 /// Returns the lines along which rays enter media without a diffuse interaction, by device and medium.
-/// `start` returns a ray through a point of a device's image (0..1 on both axes), and the index of the
-/// device, below `devices`.
+/// `start` returns a ray through a point of a device's image (0..1 on both axes) and the device's index.
 fn seen(
     scene: &Scene,
     from: From,
@@ -156,8 +154,7 @@ mod tests {
         lines
     }
 
-    /// Near the axis, the device appears at n times its distance (Gauss); with index 1 it appears at its
-    /// position.
+    /// Near the axis, the device appears at n times its distance (Gauss).
     #[test]
     fn devices_appear_at_their_images() {
         for index in [1.0, 1.333] {

@@ -1,5 +1,4 @@
-//! The interface that turns tiles of camera pixels into sums, and its CPU implementation. Other processors
-//! can implement it as well.
+//! The interface for back ends, which turn tiles of camera pixels into sums, and the CPU back end.
 //!
 //! A back end sees only plain-data tables: those of the scene and the plans of its slices. The result of a
 //! tile depends only on scene, seed and sample count. The output is therefore bit-identical for any number of
@@ -72,8 +71,7 @@ impl<'a> Cpu<'a> {
         }
     }
 
-    /// Shares the tracing of light subpaths with other parts of the render, if given; the output is
-    /// bit-identical.
+    /// Shares light subpaths with other parts of the render, if given; the output is bit-identical.
     #[must_use]
     pub fn shared_light(self, light: Option<SharedLight>) -> Self {
         Self { light, ..self }

@@ -1,5 +1,4 @@
-//! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994) with surfaces and media,
-//! polarized.
+//! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994), polarized, with media.
 //!
 //! A camera subpath and a light subpath are connected, every vertex of one to every vertex of the other:
 //!
@@ -13,8 +12,8 @@
 //!
 //! `integrator = "path"` in scenes with media uses the same code, with light subpaths of only the emitter.
 //! `integrator = "caustics"` uses it with few samples, only for paths whose light first meets a mirror, a
-//! smooth interface or a crystal; [`super::path`] cannot sample these. The two sets of paths are disjoint, so
-//! their results are added.
+//! smooth interface or a crystal; [`super::path`] cannot sample these. The two sets are disjoint and their
+//! results are added.
 
 use super::apparent;
 use super::emission::{Emission, Ends, Sender};
@@ -97,8 +96,7 @@ pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
 }
 
 impl Plan {
-    /// Prepares a render of an image in parts; `labelled` if light is separated by path label. Returns `None`
-    /// once `stop` returns true.
+    /// Prepares a render in parts; `labelled` if labels are needed. Returns `None` once `stop` returns true.
     pub(super) fn new(
         scene: &Scene,
         parts: &Parts<impl Fn(u32) -> u32 + Sync>,

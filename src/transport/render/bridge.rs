@@ -6,8 +6,7 @@
 //! > e^(-τ) · S₁ ⋯ Sₖ,
 //!
 //! where S₁ is the sheet next to the camera's side and τ = Σ μ_t d over the media on the line. Each sheet
-//! counts as an interaction, as where a path hits it; boundaries without effect do not. Any other surface
-//! blocks the line.
+//! counts as an interaction; boundaries without effect do not. Any other surface blocks the line.
 
 use crate::geometry::ray::{Ray, Surface};
 use crate::geometry::rounding::END_GAP;
@@ -53,8 +52,7 @@ pub(super) struct Bridge {
     pub nest: Nest,
 }
 
-/// Returns the surroundings of a path behind a boundary that it passed without refraction: the medium there,
-/// or vacuum.
+/// Returns the medium behind a boundary that was passed without refraction, or vacuum.
 #[inline]
 pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     let index = |id: u32| scene.media.list[id as usize].index.to_array()[lane];

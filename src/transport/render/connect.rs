@@ -33,8 +33,7 @@ pub(super) struct Vertex<'a> {
     pub bounces: u32,
 }
 
-/// The unoccluded light that several points receive from the projector, and their cells in the projector's
-/// view.
+/// Unoccluded light from the projector at several points, and their cells in the projector's view.
 pub(super) struct Lit<const N: usize> {
     at: Arrivals<N>,
     /// Indices of the view's cells.
@@ -86,8 +85,8 @@ impl<const N: usize> LitAt<'_, N> {
     }
 }
 
-/// Connects a surface point to the projector, whose light is `lit`, and to every point emitter. Returns the
-/// number of rays traced.
+/// Connects a surface point to the projector (light `lit`) and every point emitter. Returns the number of
+/// rays.
 #[inline(always)]
 pub(super) fn connect_all<const N: usize>(
     scene: &Scene,
@@ -148,8 +147,7 @@ fn connect_points(scene: &Scene, state: &State, at: &Vertex<'_>, out: &mut Contr
     rays
 }
 
-/// Connects a surface point to point emitter `number`, which was chosen with probability `chance`. Returns
-/// the number of rays traced.
+/// Connects a surface point to point emitter `number`, chosen with `chance`. Returns the number of rays.
 #[inline(never)]
 pub(super) fn connect_drawn_point(
     scene: &Scene,
@@ -161,8 +159,7 @@ pub(super) fn connect_drawn_point(
     connect_point(scene, state, at, (&scene.points[number as usize], chance), out)
 }
 
-/// Connects a surface point to a point emitter that was chosen with probability `chance`. Returns the number
-/// of rays traced.
+/// Connects a surface point to a point emitter chosen with probability `chance`. Returns the number of rays.
 #[inline(always)]
 fn connect_point(
     scene: &Scene,
@@ -233,8 +230,7 @@ pub(super) fn connect_lights(
     rays
 }
 
-/// Makes one connection. Uses known visibility first, then the BRDF, and traces a ray only if neither
-/// decides.
+/// Makes one connection: checks known visibility, then the BRDF, and only then traces a ray.
 #[inline(always)]
 fn connect(
     scene: &Scene,
@@ -326,8 +322,7 @@ fn look(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) 
     )
 }
 
-/// Appends the contribution of an emitter by an interaction, given with its label and blocked ray. Returns
-/// the number of rays traced.
+/// Appends an emitter's light by an interaction (with label and blocked ray). Returns the number of rays.
 #[inline(always)]
 fn bring(
     scene: &Scene,

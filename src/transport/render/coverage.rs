@@ -9,8 +9,7 @@
 use crate::lit::meets;
 use crate::scene::Scene;
 
-/// Returns one sentence for each kind of light that the scene's integrator cannot find; empty if none is
-/// known to be missing.
+/// Returns one sentence for each kind of light that the scene's integrator is known to miss.
 #[must_use]
 pub fn missing(scene: &Scene) -> Vec<String> {
     let mut out = vec![];

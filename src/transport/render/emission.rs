@@ -71,8 +71,8 @@ impl Ends {
         ends
     }
 
-    /// Returns the direction of the camera's ray through an image position. For a parallel camera, also moves
-    /// its origin there.
+    /// Returns the direction of the camera ray at an image position. Moves the origin of a parallel camera
+    /// there.
     #[inline]
     pub fn look(&mut self, at: DVec2) -> Vec3A {
         if self.camera.parallel {
@@ -97,8 +97,7 @@ pub(super) struct Emitted {
     pub sender: Sender,
 }
 
-/// Returns the filled objects around a point: those whose boundaries a ray to infinity leaves more often than
-/// it enters them.
+/// Returns the filled objects around a point: those that a ray to infinity leaves more often than it enters.
 pub(super) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
     let mut nest = Nest::default();
     if !scene.filled {
@@ -166,8 +165,7 @@ impl Emission {
         out
     }
 
-    /// Starts subpaths mostly where the projector's light meets surfaces that redirect it into single
-    /// directions.
+    /// Starts subpaths mostly where the projector's light meets redirecting surfaces.
     pub fn aimed(self, scene: &Scene) -> Self {
         let aim = scene.projector.as_ref().and_then(|p| Aim::new(scene, &p.pinhole));
         Self { aim, ..self }
@@ -263,8 +261,7 @@ impl Emission {
         let (dir, pixel, density) = match (self.sources[source].0, &ends.projector) {
             (Source::Projector, Some(p)) => {
                 let at = self.aim.as_ref().map_or(at, |aim| aim.point(at));
-                // Evaluated at the point itself: computed from the direction, rounding might move it to a
-                // neighbouring cell.
+                // Evaluated at the point: from the direction, rounding might find a neighbouring cell.
                 let aimed = self.aim.as_ref().map_or(1.0, |aim| aim.density(at));
                 let [w, h] = p.pinhole.resolution;
                 let at = [at[0] * w as f32, at[1] * h as f32].map(f64::from);

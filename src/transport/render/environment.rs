@@ -32,8 +32,7 @@ impl Chosen {
         }
     }
 
-    /// Returns the MIS weight of the path relative to a connection that samples the direction with density
-    /// `other`.
+    /// Returns the MIS weight relative to a connection that samples the direction with density `other`.
     #[inline]
     fn share(self, other: f32) -> f32 {
         if self.density > 0.0 {
@@ -59,8 +58,7 @@ pub(super) struct Met<'a> {
     pub chosen: Chosen,
 }
 
-/// Appends the light of an emitting surface to a path; `beam` is the light to which the path's product
-/// `chain` applies.
+/// Appends the light of an emitting surface to a path; `beam` is the light to which `chain` applies.
 pub(super) fn met(scene: &Scene, mut chain: Chain, beam: Beam, met: &Met, out: &mut Contributions) {
     let Met { light, surface, .. } = *met;
     let radiance = light.toward(&scene.materials.textures, surface.ng, surface.uv, beam.travel);

@@ -1,5 +1,5 @@
-//! The segment of a subpath between two vertices: straight through media, sheets and boundaries that have no
-//! effect on light.
+//! The segment of a subpath between two vertices: straight through media and boundaries without effect on
+//! light.
 
 use super::bridge::{pass, unnoticed};
 use super::point::{End, Point, Site};
@@ -63,8 +63,8 @@ impl Hero {
         }
     }
 
-    /// Records an event with density `densities` by lane. Returns the density to divide by, or `None` if the
-    /// event's density underflows.
+    /// Records an event with density `densities` by lane. Returns the density to divide by; `None` on
+    /// underflow.
     #[inline]
     pub fn event(&mut self, densities: Spectral) -> Option<f32> {
         let sum = |s: Spectral| s.to_array().iter().sum::<f32>();
@@ -139,8 +139,7 @@ impl Flight {
         *frame = next.unwrap_or(Vec3A::ZERO);
     }
 
-    /// Returns [`polarized::factor`] of an interaction for the light along the ray; equal for `scatter` and
-    /// its transpose.
+    /// Returns [`polarized::factor`] of an interaction on the ray; equal for `scatter` and its transpose.
     #[inline]
     pub fn polarized(&self, scatter: &Scatter) -> Option<Spectral> {
         let State {
@@ -190,8 +189,7 @@ impl Flight {
         loop {
             *rays += 1;
             let inside = self.nest.medium(&scene.boundaries);
-            // In dense media most flights end before any surface, so the search for surfaces is limited to
-            // the free path.
+            // In dense media most flights end before a surface, so the search is limited to the free path.
             let free = inside
                 .filter(|_| self.draws)
                 .and_then(|id| self.free_path(scene, id, stream));
@@ -228,8 +226,7 @@ impl Flight {
         }
     }
 
-    /// Samples the distance to the next scattering event or absorption of the hero wavelength. Returns `None`
-    /// if nothing scatters.
+    /// Samples the hero wavelength's free path. Returns `None` if nothing scatters.
     #[inline]
     fn free_path(&self, scene: &Scene, id: u32, stream: &mut Stream) -> Option<f32> {
         let medium = &scene.media.list[id as usize];

@@ -1,7 +1,7 @@
 //! Detects gaps behind sheets and interfaces that are too thin for single precision. A ray that leaves one
 //! surface may start beyond the other and never hit it, and rays from a distance may hit the two in either
-//! order. If the meaning of such a contact is known ([`Contact`]), one surface can be moved; other scenes
-//! with such gaps are rejected.
+//! order. If the meaning of a contact is known ([`Contact`]), one surface can be moved; other scenes are
+//! rejected.
 //!
 //! Let δ be the offset of rays from a surface and k its rounding (`geometry::rounding`). Light passes safely
 //! from surface A to B if the gap is wider than 3 δ_A + δ_B (the rays of `manifold` use twice δ_A). Rays from
@@ -22,8 +22,7 @@ const MOST_SURFACES: u32 = 32;
 /// Maximum number of primitives whose points are tested; if there are more, some are skipped.
 const MOST_PRIMITIVES: usize = 4096;
 
-/// Minimum cosine between the normals on both sides of a gap. A wedge is thin at its edge, which is not an
-/// error.
+/// Minimum cosine between the normals on both sides of a gap. Wedges are thin at the edge.
 const PARALLEL: f32 = 0.95;
 
 /// Directions across gaps are equal if they differ by less than the inverse of this.
@@ -35,8 +34,7 @@ const LEAST_FINDS: usize = 3;
 /// Search distance behind a surface in units of δ/k; more than the bounds of any two surfaces.
 const SEARCHED: f32 = 1024.0;
 
-/// Points of a primitive that are tested: barycentric coordinates in both halves of a parallelogram, or
-/// directions.
+/// Tested points of a primitive: barycentric coordinates in both halves of a parallelogram, or directions.
 const PLACES: [[f32; 2]; 5] = [[0.33, 0.33], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8], [0.7, 0.7]];
 
 /// A gap in which light would be lost.
@@ -50,22 +48,20 @@ pub struct Gap {
     pub at: Vec3A,
     /// See `at`.
     pub across: Vec3A,
-    /// Numbers of the objects on both sides, that of the transmitting surface first; `None` for copies of
-    /// groups.
+    /// Object numbers on both sides, the transmitting surface first; `None` for copies of groups.
     pub objects: [Option<u32>; 2],
     /// The meaning of the contact.
     pub contact: Contact,
     /// False if the direction contradicts the gap: coincident surfaces are found on both sides of each other.
-    /// Light leaves glass toward the object that it touches, and arrives at the front of the surface on which
-    /// a sheet lies.
+    /// Light leaves glass toward an object that touches it, and meets the front of a surface under a sheet.
     likely: bool,
 }
 
 /// The meaning of a contact between two surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// Air lies between the two, or would change nothing: the surface on this side (0 or 1) does not refract,
-    /// or is known to be separate.
+    /// Air lies between the two, or would change nothing: the surface on this side (0 or 1) does not refract
+    /// or is separate.
     Air(usize),
     /// The two touch within rounding. The first surface refracts light and the other is opaque: light inside
     /// the first object hits the other surface.
@@ -82,8 +78,7 @@ fn transmits(scene: &Scene, s: &Surface, wo: Vec3A) -> bool {
         || materials.beyond(s.material, s, wo, scene.lanes()).is_some()
 }
 
-/// Returns true if a surface transmits light without refraction: a sheet, or a boundary between equal
-/// indices.
+/// Returns true if a surface transmits light without refraction: a sheet or a null boundary.
 fn is_sheet(scene: &Scene, s: &Surface, wo: Vec3A) -> bool {
     let materials = &scene.materials;
     materials.is_null(s.material) || materials.straight(s.material, s, wo).is_some()

@@ -8,8 +8,7 @@ use glam::Vec3A;
 use optics::spectrum::max_lane;
 use std::f32::consts::PI;
 
-/// Returns the specular reflectance of a material at normal incidence, in the brightest lane, from the side
-/// where it is larger.
+/// Returns a material's specular reflectance at normal incidence: maximum over lanes and sides.
 pub(super) fn reflectance(materials: &Materials, material: u32) -> f32 {
     let surface = Surface {
         ng: Vec3A::Z,

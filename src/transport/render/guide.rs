@@ -2,8 +2,7 @@
 //!
 //! Where particles scatter mostly forward, most light from a lit medium to a camera has made small turns, one
 //! large turn, and small turns again. A subpath makes small turns by itself. If the large turn were left to
-//! the phase function or to a connection of two subpaths, few paths would contain it, and these few would
-//! dominate the result.
+//! the phase function or to a connection of two subpaths, the few paths that contain it would dominate.
 //!
 //! So at a particle, with probability [`SHARE`], a subpath does not continue like light that came along its
 //! own ray, but like light that came along the ray *from the other end*. A camera subpath thus turns toward
@@ -32,8 +31,7 @@ use std::f32::consts::PI;
 /// in milk: 0.05 to 0.1 is best, 0.25 is as bad as no guiding.)
 const SHARE: f32 = 0.06;
 
-/// Maximum relative increase of the probability of leaning toward a target; below 1, so that all directions
-/// remain possible.
+/// Maximum bias of leaning toward a target; below 1, so that all directions remain possible.
 const LEAN: f32 = 0.9;
 
 /// Number of events in which a subpath turns and leans; after them it follows the phase function. The weight
@@ -157,8 +155,8 @@ impl Guide {
 }
 
 /// The partner of a direction, which lies opposite across the incoming direction, and the direction's density
-/// relative to the phase function if the subpath does not turn. The factor is between 0 and 2; the partner
-/// has 2 minus it.
+/// relative to the phase function if the subpath does not turn. The factor is in 0..2; the partner has 2
+/// minus it.
 #[derive(Clone, Copy)]
 pub(super) struct Lean {
     pub partner: Vec3A,
@@ -177,8 +175,7 @@ pub(super) struct Toward {
 }
 
 impl Toward {
-    /// Returns the densities per steradian, by lane, of subpaths that have density `own` without guided
-    /// turns.
+    /// Returns the densities per steradian, by lane, given the density `own` without guided turns.
     #[inline]
     pub fn densities(&self, own: Spectral) -> Spectral {
         own * Spectral::splat(self.straight) + self.turned

@@ -101,8 +101,8 @@ pub(super) struct Record {
     pub label: u8,
 }
 
-/// Joins the product `chain` from the camera, which applies to `beam`, to that of the light subpath at vertex
-/// `y`, and appends the path.
+/// Joins the camera's product `chain`, which applies to `beam`, to the light subpath's at `y`; appends the
+/// path.
 #[inline]
 pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out: &mut Contributions) {
     let (c2, s2) = turn(beam.travel, y.frame, beam.frame);
@@ -244,8 +244,7 @@ impl<'a> Joiner<'a> {
         z.medium_toward(scene, to) != y.medium_toward(scene, -to)
     }
 
-    /// Decides by roulette whether to make a connection with expected contribution `expected`. Returns its
-    /// weight.
+    /// Decides by roulette on a connection with contribution about `expected`. Returns its weight.
     #[inline(always)]
     fn spin_line(&mut self, ends: [&Point; 2], expected: f32) -> Option<f32> {
         // Two subpaths are connected only in a fraction of samples.
@@ -378,8 +377,7 @@ impl<'a> Joiner<'a> {
 
     /// Returns true if no other strategy samples the path of a straight connection of these subpaths.
     fn is_sole(&self, camera: &[Point], light: &[Point]) -> bool {
-        // A Lambert surface reached only by specular interactions is also connected to the emitter from
-        // there.
+        // A Lambert surface reached only by specular interactions is also sampled from there.
         let lambert = |p: &Point| p.is_lambert(self.scene) && behind(light) != Some(light.len() - 1);
         self.setup.redirected && camera.len() == 1 && light.last().is_some_and(lambert)
     }
@@ -402,8 +400,7 @@ impl<'a> Joiner<'a> {
         }
         let (z, y) = (&camera[camera.len() - 1], &light[light.len() - 1]);
         let [from_camera, from_light] = &mut self.scratch.densities;
-        // The densities with which the other subpath would sample each end of the line and the vertex before
-        // it.
+        // Densities with which the other subpath would sample each end of the line and its predecessor.
         let [toward_light, toward_camera] = line.dirs;
         let to_z = line.arrivals[0].unwrap_or_else(|| {
             line.passed
@@ -434,8 +431,7 @@ impl<'a> Joiner<'a> {
                 out[k - 1].other = point.density(scene, guide, from, dir, point.back) * point.spread;
             }
             if let Some((first, density)) = seen {
-                // The segment through the interfaces counts as one step, which both subpaths and manifold
-                // connections can sample.
+                // The segment through the interfaces is one step, for subpaths and manifold connections.
                 out.drain(1..first);
                 out[1].own = density;
             }

@@ -1,6 +1,5 @@
 //! Connections over curved mirrors and through curved glass, which can have any number of specular paths.
-//! Paths are found at random and weighted by the reciprocal of their probability (Zeltner, Georgiev & Jakob
-//! 2020).
+//! Paths are found at random, with weight 1/probability (Zeltner, Georgiev & Jakob 2020).
 //!
 //! If a fraction p of all random initial guesses leads to a path, its weight is 1/p; the number of guesses
 //! until it is found again has the mean 1/p. These connections are made where no other strategy samples the
@@ -84,8 +83,7 @@ impl Joiner<'_> {
         self.join_by_chance(camera, source, factor, draw, decide, out);
     }
 
-    /// Returns true if the path from a vertex over some mirrors is found from its deterministic initial
-    /// guess.
+    /// Returns true if a path over mirrors is found from its deterministic initial guess.
     fn is_expected(&self, z: &Point, way: &Way, over: &[Seed], goal: Goal) -> bool {
         if over.iter().any(|s| s.is_curved()) {
             return false;
@@ -138,8 +136,8 @@ impl Joiner<'_> {
         }
     }
 
-    /// Decides by roulette whether to search for paths over curved surfaces to an emitter at `to`; `glints`
-    /// estimates their light.
+    /// Decides by roulette whether to search for paths over curved surfaces to `to`, of estimated light
+    /// `glints`.
     fn spin_glints(&mut self, z: &Point, source: usize, to: Vec3A, glints: &Glints) -> Option<f32> {
         let (scene, setup) = (self.scene, self.setup);
         if setup.mirrors.is_flat() {

@@ -75,8 +75,7 @@ fn tries(scene: &Scene, point: &Point, way: &Way) -> f32 {
 }
 
 impl Joiner<'_> {
-    /// Connects the last vertex of a camera subpath to an emitter through interfaces and appends the
-    /// contribution.
+    /// Connects the last vertex of a camera subpath to an emitter through interfaces.
     pub fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
         let Some(z) = camera.last() else {
             return;
@@ -118,8 +117,7 @@ impl Joiner<'_> {
     }
 
     /// Returns true if other strategies sample the paths from the last vertex of a camera subpath over
-    /// mirrors to an emitter. These are connections of two subpaths, and connections to the camera through
-    /// interfaces.
+    /// mirrors to an emitter. These connect two subpaths, or the camera through interfaces.
     #[inline]
     pub fn reached(&mut self, camera: &[Point]) -> bool {
         let last = camera.len() - 1;
@@ -129,9 +127,8 @@ impl Joiner<'_> {
 
     /// Connects the last vertex of a camera subpath to an emitter over flat mirrors and appends the
     /// contribution. If `alone`, no other strategy samples the paths ([`Self::reached`]), and sequences of
-    /// three or more mirrors are tried as well. Otherwise the mirrors must be few enough that other
-    /// strategies account for these connections ([`Mirrors::flats_weigh`]); the weights would be wrong
-    /// otherwise.
+    /// three or more mirrors are tried as well. Otherwise other strategies must account for these connections
+    /// in their weights ([`Mirrors::flats_weigh`]).
     pub fn join_over_flats(&mut self, camera: &[Point], source: usize, alone: bool, out: &mut Contributions) {
         let Some(z) = camera.last() else {
             return;
@@ -281,8 +278,7 @@ impl Joiner<'_> {
         }
     }
 
-    /// Returns the straight line from a vertex to an end at `to`, the initial guess for paths through
-    /// interfaces.
+    /// Returns the straight line from a vertex to `to`, the initial guess for paths through interfaces.
     #[inline]
     pub fn straight(&self, p: &Point, to: Vec3A) -> Option<Start> {
         let dir = (to - p.surface.p).try_normalize()?;
@@ -365,8 +361,8 @@ impl Joiner<'_> {
             passed: 1.0,
             arrivals: [Some(way.density(density, &passed)), None],
         };
-        // Paths for which other strategies' weights do not account are used only where no other strategy
-        // samples them.
+        // If other strategies' weights ignore these paths, only paths that no other strategy samples get
+        // here.
         let weight = if way.reflects() && !self.setup.mirrors.flats_weigh() {
             1.0
         } else {

@@ -157,8 +157,8 @@ fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
 /// | `albedo` | by wavelength, mean of that material; NaN without albedo (see below) |
 /// | `coverage` | fraction of the pixel that the object covers (or the background, if `object` is -1) |
 ///
-/// Metals, glass, sheets, crystals and measured tables have no albedo. All values except numbers are NaN
-/// where there is no surface.
+/// Metals, glass, sheets, crystals and measured tables have no albedo. Without a surface, all other values
+/// are NaN.
 ///
 /// [`Names::objects`]: crate::names::Names::objects
 /// [`Names::materials`]: crate::names::Names::materials

@@ -19,8 +19,7 @@ use crate::strategy::Strategy;
 use glam::Vec3A;
 
 impl Walks {
-    /// Traces a light subpath up to a vertex, or its first branch, into `light`. Returns `None` if the scene
-    /// has no sources.
+    /// Traces a light subpath (or its first branch) up to a vertex; `None` if the scene has no sources.
     pub(super) fn light_walk(
         &mut self,
         scene: &Scene,
@@ -109,8 +108,7 @@ impl Walks {
         }
     }
 
-    /// Connects a vertex of a light subpath to the camera, which is known to see it. Returns the number of
-    /// rays.
+    /// Connects a vertex of a light subpath to the camera that sees it. Returns the number of rays.
     pub(super) fn splat(
         &mut self,
         scene: &Scene,

@@ -22,8 +22,7 @@ pub(super) struct Begun {
     pub limits: Limits,
 }
 
-/// Traces a light subpath up to vertex `point`, or its first branch. Returns `None` if the scene has no
-/// sources.
+/// Traces a light subpath (or its first branch) up to `point`; `None` if the scene has no sources.
 pub(super) fn light_walk(
     walk: &mut Walk,
     scene: &Scene,

@@ -10,15 +10,14 @@
 //! > M_x · S₁ ⋯ Sₖ · I / J,  J = dA⊥/dω_x,
 //!
 //! which is 1/d² without refraction. Each Sᵢ is the full transmission of an interface, with radiance scaled
-//! by the squared indices. The density with which a light subpath samples the same path is p(ω_L) (n_x/n_L)²
-//! / J per perpendicular area.
+//! by the squared indices. A light subpath samples the same path with density p(ω_L) (n_x/n_L)² / J per
+//! perpendicular area.
 //!
 //! A curved interface may have several specular paths, and the straight line finds at most one of them. The
 //! result depends only on the point, so [`super::weight`] can determine for any path whether it would have
 //! been found. The other paths are searched for at random ([`super::join_curved`]).
 //!
-//! A path may also include reflections at [`super::mirrors`], where it starts at a given point of each; J is
-//! the same.
+//! A path may also include given points on [`super::mirrors`] as initial guess; J is the same.
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::flight::mean_transmittance;
@@ -53,8 +52,7 @@ const LEAST_COSINE: f32 = 0.05;
 /// Maximum Newton step in radians; beyond it, the derivative is meaningless.
 const LEAP: f32 = 0.3;
 
-/// A step that increases the miss is shortened by this factor, at most `CUTS` times. 0.4⁵ is 1 %, below which
-/// the search stops.
+/// A step that increases the miss is shortened by this factor, at most `CUTS` times (0.4⁵ = 1 %).
 const CUT: f32 = 0.4;
 const CUTS: usize = 6;
 
@@ -157,8 +155,7 @@ impl Search<'_> {
         let mut slopes_p = [Vec3A::ZERO; 2];
         let mut slopes_d = [across.x_axis, across.y_axis];
         let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
-        // Offset along the ray: an offset along the normal would shift the ray, and lenses magnify that
-        // shift.
+        // Along the ray: an offset along the normal would shift it, and lenses magnify that.
         let mut origin = from + dir * clear(start.ray.origin - from, dir);
         let (mut left, mut leg) = (*route.through.first()?, 0);
         let mut length = 0.0;
@@ -190,8 +187,7 @@ impl Search<'_> {
                 nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
             }
             if !straight {
-                // For the derivatives, a mirror is an interface with equal indices whose far side is the near
-                // one.
+                // For derivatives, a mirror is an interface with equal indices that reflects.
                 let (after, ratio) = if mirror {
                     (reflected(scene, &surface, dir, lane)?, 1.0)
                 } else {
@@ -305,8 +301,7 @@ impl Search<'_> {
     }
 }
 
-/// Returns the specular path from the start of a line along a route to a goal, whose initial direction `dir`
-/// is known.
+/// Returns the specular path along a route to a goal, whose initial direction `dir` is known.
 pub(super) fn along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<Way> {
     let search = Search {
         scene,
@@ -419,8 +414,8 @@ impl Way {
                 sheets: allowed.sheets - sheets,
                 ..allowed
             };
-            // Origin and end are offset from their surfaces, so a line along the path's exact direction would
-            // sometimes hit the surface.
+            // Both ends are offset from their surfaces; along the path's exact direction a line could hit
+            // one.
             start.ray.dir = (end.aim - start.ray.origin).normalize_or(start.ray.dir);
             let line = bridge(scene, chain, frame, &start, end, left, rays)?;
             optical_m += line.optical_m;

@@ -2,8 +2,7 @@
 //! "Specular manifold sampling for rendering high-frequency caustics and glints").
 //!
 //! A surface that is lit over a mirror and seen in a mirror is reached by no subpath and no straight
-//! connection, because both ends are points. [`super::manifold`] finds the specular path if it starts near
-//! it.
+//! connection, because both ends are points. [`super::manifold`] finds the specular path from a near guess.
 //!
 //! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines where light
 //!   for a point is reflected, so every group, and every pair of groups, has one candidate path. Sequences of
@@ -51,8 +50,7 @@ const MOST_IN_ROW: usize = 8;
 /// Sequences of three or more planes are considered while their number does not exceed this.
 const MOST_ROWS: usize = 1024;
 
-/// Light transmitted by curved glass, relative to a mirror that scatters all light uniformly: glass transmits
-/// into a cone of about π.
+/// Light from curved glass relative to a uniformly scattering mirror: into a cone of about π.
 const PASSED: f32 = 4.0;
 
 /// Fraction of random points that are replaced by their image in a flat mirror.
@@ -66,8 +64,7 @@ const SAME_PLANE: f32 = 1e-4;
 const REACH: f32 = 1.001;
 const REACH_BENT: f32 = 1.5;
 
-/// Barycentric coordinates of a point inside any triangle or parallelogram, at which a primitive's surface is
-/// evaluated.
+/// Barycentric coordinates, inside any triangle or parallelogram, at which surfaces are evaluated.
 const INSIDE: f32 = 0.3;
 
 /// A point on a group of mirrors, the initial guess for a path.
@@ -105,8 +102,7 @@ pub(super) struct Mirrors {
     curved: Vec<(Outline, f32)>,
     /// Further curved mirrors, in groups with many copies.
     copied: Copied,
-    /// Approximate light reflected by curved mirrors; `bright` includes the light transmitted by curved
-    /// glass.
+    /// Approximate light from curved mirrors; `bright` includes the light through curved glass.
     pub glints: Glints,
     pub bright: Glints,
     /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], or [`EVERY`] for all owners.
@@ -130,8 +126,7 @@ impl Flat {
         p - self.n * (2.0 * self.height(p))
     }
 
-    /// Returns the point at which light between two points is reflected, or `None` if it is not on these
-    /// mirrors.
+    /// Returns the point of reflection between two points, or `None` if it is not on these mirrors.
     #[inline]
     fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
         let [s, e] = [a, b].map(|p| self.height(p));
@@ -278,8 +273,8 @@ impl Mirrors {
         (1..=MOST_IN_PAIRS).contains(&self.flats.len())
     }
 
-    /// Calls `f` with each one or two flat mirrors over which light can go from a point to `to`, in order
-    /// from the point.
+    /// Calls `f` with each one or two flat mirrors over which light can go from `from` to `to`, in this
+    /// order.
     pub fn flat_ways(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
         let seed = |group: usize, point| Seed {
             group: group as u32,
@@ -350,8 +345,7 @@ impl Mirrors {
         }
     }
 
-    /// Returns the reflection points of light from a point over a sequence of flat mirrors, or `None` if it
-    /// misses one.
+    /// Returns the reflection points on a sequence of flat mirrors, or `None` if light misses one.
     fn row(&self, mut from: Vec3A, images: &Images) -> Option<ArrayVec<Seed, MOST_IN_ROW>> {
         let mut seeds = ArrayVec::new();
         for pair in images.windows(2).rev() {

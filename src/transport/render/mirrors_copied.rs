@@ -1,5 +1,5 @@
-//! Mirrors in groups with too many copies to list. Points on them are drawn in two steps: first a copy, then
-//! a point in its group.
+//! Mirrors in groups with too many copies to list. A point is drawn in two steps: a copy, then a point in its
+//! group.
 
 use crate::geometry::bvh::Outline;
 use glam::{Affine3A, Vec3A};

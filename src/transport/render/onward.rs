@@ -44,8 +44,7 @@ pub(super) enum Onward {
 }
 
 /// Samples the continuation of a subpath that came from direction `back` to a surface. Also returns its
-/// density (1 for delta lobes). The interaction is in the true direction of the light; for light subpaths it
-/// is per flux.
+/// density (1 for delta lobes). The interaction has the light's true direction, per flux for light subpaths.
 #[inline]
 fn onward(
     scene: &Scene,
@@ -96,8 +95,7 @@ fn onward(
         && !materials.is_crystal(id)
         && let Some(near) = materials.beyond(id, s, sampled.wi, *lanes)
     {
-        // Radiance scales with the squared index, flux does not. (A light subpath never ends inside a smooth
-        // crystal.)
+        // Radiance scales with the squared index, flux does not. (Light subpaths never end in crystals.)
         let ratio = far.index / near.index;
         sampled.scatter = sampled.scatter.scaled(Spectral::splat(ratio * ratio));
     }
@@ -116,8 +114,7 @@ pub(super) fn scatter_on(
     let mut lanes = flight.state.lanes;
     let id = surface.material;
     if scene.sheets && scene.materials.has_extended_lobe(id) {
-        // A partial sheet is a vertex only for subpaths that do not pass straight through. Connections to it
-        // represent all subpaths.
+        // A partial sheet is a vertex only of subpaths that do not pass straight; connections represent all.
         let straight = scene.materials.straight_chance(id, surface, back, lanes);
         if straight > 0.0 && straight < 1.0 {
             point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
@@ -254,8 +251,7 @@ pub(super) fn scatter_in(
     }
     let Lean { partner, mut factor } = guide.lean(at, back, wi);
     if guided && turns.is_none() && factor != 1.0 && 2.0 * stream.uniform() >= factor {
-        // The partner direction has the same scattering angle and plane. For polarized light, half a turn
-        // changes nothing.
+        // The partner has the same scattering angle and plane, so polarization does not matter.
         (wi, factor) = (partner, 2.0 - factor);
     }
     let unguided = scene.media.densities_toward(id, back, wi);
@@ -273,8 +269,7 @@ pub(super) fn scatter_in(
     // Particles are mirror-symmetric, so both directions scatter equally.
     flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
     flight.state.label |= label::MEDIUM;
-    // MIS weights must be functions of the path alone: use unpolarized light and assume that all events were
-    // guided.
+    // MIS weights depend on the path alone: assume unpolarized light and guiding in all events.
     progress.density = scene.lanes().mean(toward.densities(own));
     progress.hope = scene.lanes().mean(toward.hopes);
     progress.chosen = Chosen {

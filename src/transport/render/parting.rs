@@ -1,5 +1,5 @@
-//! Splitting: a subpath with a large weight continues as two branches with half the weight each (Kahn &
-//! Harris 1951, Booth 1985).
+//! Splitting: a subpath with a large weight continues as two with half of it (Kahn & Harris 1951, Booth
+//! 1985).
 //!
 //! Guided turns in media ([`super::guide`]) leave few subpaths without a turn, the fewer the longer they are,
 //! and each of these gets a larger weight. Much of a dense medium's light has met forty particles; by then
@@ -15,8 +15,7 @@ use super::point::{Point, Site};
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Weight, relative to the start of the subpath, from which a subpath is split. (Measured in milk: 1.5 to 2.5
-/// give the same efficiency.)
+/// Weight, relative to its start, from which a subpath is split. (In milk, 1.5 to 2.5 are equally efficient.)
 const LEAST: f32 = 2.0;
 
 /// Maximum number of splits of a branch.

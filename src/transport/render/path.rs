@@ -59,8 +59,7 @@ struct Path {
     surface: Surface,
     /// How the current ray was sampled; set only if a ray can hit an emitter.
     chosen: Chosen,
-    /// Density of its direction per steradian, set only if slices sample their own projector pixels; 0 for a
-    /// delta lobe.
+    /// Density of its direction per steradian, if slices sample projector pixels; 0 for a delta lobe.
     density: f32,
 }
 
@@ -79,8 +78,7 @@ pub struct Paths {
 struct Rows {
     /// Positions of the paths.
     points: Many<BATCH>,
-    /// On Lambert surfaces: the normal on the side of the scattered light, and the random numbers for the
-    /// next direction.
+    /// On Lambert surfaces: normal on the side of scattering, and random numbers for the next direction.
     normals: Many<BATCH>,
     uniforms: [[f32; BATCH]; 2],
     /// The points for which lights are chosen, the chosen lights and the random numbers for points on them.
@@ -92,12 +90,11 @@ struct Rows {
 }
 
 impl Paths {
-    /// Traces one path for each of `samples` (at most [`BATCH`]) of camera pixel (x, y). Each path starts at
-    /// a uniformly random point of the pixel, stratified over its `group`. Stores the results in `lists` and
-    /// `elements`.
+    /// Traces one path for each of `samples` (at most [`BATCH`]) of camera pixel (x, y) into `lists` and
+    /// `elements`. Each path starts at a uniformly random point of the pixel, stratified over its `group`.
     ///
-    /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` is left at 0. Returns the
-    /// number of rays traced.
+    /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` remains 0. Returns the number
+    /// of rays.
     #[inline]
     pub fn trace(
         &mut self,
@@ -346,8 +343,7 @@ impl Path {
         }
     }
 
-    /// Connects the surface, after `bounces` previous interactions, to the emitters. Returns the number of
-    /// rays traced.
+    /// Connects the surface, after `bounces` previous interactions, to emitters. Returns the number of rays.
     #[inline(always)]
     fn connect(
         &self,
@@ -452,8 +448,7 @@ impl Path {
         connect_lights(scene, &self.state, &at, drawn, out)
     }
 
-    /// Connects the surface, after `bounces` previous interactions, to one of many point emitters. Returns
-    /// the number of rays traced.
+    /// Connects the surface, after `bounces` interactions, to one of many points. Returns the number of rays.
     #[inline(never)]
     fn connect_drawn_point(
         &self,

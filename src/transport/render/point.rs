@@ -176,8 +176,7 @@ impl Point {
         lobes
     }
 
-    /// Returns the medium through which light scattered here arrives, if guided turns are possible at the
-    /// vertex.
+    /// Returns the medium through which light arrives, if guided turns are possible at the vertex.
     #[inline]
     pub fn medium(&self, scene: &Scene) -> Option<u32> {
         match self.site {
@@ -196,8 +195,8 @@ impl Point {
         }
     }
 
-    /// Returns the density per steradian with which a subpath from end `from` that came from direction `back`
-    /// continues along `to`.
+    /// Returns the density per steradian of direction `to` for a subpath from end `from` and direction
+    /// `back`.
     #[inline]
     pub fn density(&self, scene: &Scene, guide: &Guide, from: From, back: Vec3A, to: Vec3A) -> f32 {
         let own = match self.site {
@@ -273,8 +272,7 @@ impl Point {
         }
     }
 
-    /// Returns the target point, offset from the surface, of a line with length `length` in metres whose far
-    /// end lies in direction `dir`.
+    /// Returns the target, offset from the surface, of a line of `length` metres from direction `dir`.
     #[inline]
     pub fn reach(&self, scene: &Scene, dir: Vec3A, length: f32) -> Vec3A {
         match self.site {

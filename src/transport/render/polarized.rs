@@ -20,8 +20,7 @@ use optics::spectrum::Spectral;
 
 /// Returns the intensity that an interaction transmits of the light with product `chain`, relative to
 /// unpolarized light of the same intensity, by lane. It is 0 to 2, and 1 where there is no light. `d_out` and
-/// `frame` are as for [`Chain::push`]. Returns `None` if the light is unpolarized, so that the factor is
-/// always 1.
+/// `frame` are as for [`Chain::push`]. Returns `None` if the light is unpolarized.
 #[inline]
 pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Spectral> {
     let row = match chain {

@@ -73,8 +73,7 @@ fn leaves(y: &Point, to: Vec3A) -> bool {
     y.surface.ng.dot(to - y.surface.p) > 0.0 && y.surface.ng.dot(y.back) < 0.0
 }
 
-/// Returns the density per steradian with which a subpath continues from a particle of medium `id` toward `y`
-/// and reaches it.
+/// Returns the density per steradian with which a subpath from a particle of medium `id` reaches `y`.
 fn walks(joiner: &Joiner, z: &Point, id: u32, y: &Point) -> f32 {
     let scene = joiner.scene;
     let to = y.surface.p - z.surface.p;
@@ -88,8 +87,8 @@ fn walks(joiner: &Joiner, z: &Point, id: u32, y: &Point) -> f32 {
 }
 
 impl Joiner<'_> {
-    /// Returns the weight of the subpath for a path on which light of an emitter enters at surface point `y`,
-    /// the vertex after `z`.
+    /// Returns the subpath's MIS weight if an emitter's light enters at surface point `y`, the vertex after
+    /// `z`.
     pub fn share_of_walk(&mut self, z: &Point, y: &Point, to: Vec3A) -> f32 {
         let (Site::Volume(id), Site::Surface) = (z.site, y.site) else {
             return 1.0;

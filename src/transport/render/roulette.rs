@@ -45,8 +45,7 @@ const LEAST: f32 = 0.1;
 const MOST: f32 = 0.2;
 const MOST_IN_MEDIA: f32 = 4.0;
 
-/// Error factor of expectations for connections through interfaces, where directions are not yet known when
-/// roulette decides.
+/// Error factor of expectations for connections through interfaces, whose directions are not yet known.
 const UNSURE: f32 = 2.0;
 
 /// Minimum probability where only a guess predicts no contribution.
@@ -86,8 +85,7 @@ impl Roulette {
         self.0
     }
 
-    /// Returns the weight of a connection that contributes at most about `expected`, or `None` if it is
-    /// skipped.
+    /// Returns the weight of a connection with contribution up to about `expected`; `None` to skip it.
     #[inline]
     pub fn spin(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide(expected, self.0, stream)

@@ -1,5 +1,4 @@
-//! Routes of specular paths to a pinhole ([`super::manifold`]): a number of interfaces, a mirror, a number of
-//! interfaces, …
+//! Routes of specular paths to a pinhole ([`super::manifold`]): interfaces, a mirror, interfaces, …
 
 use super::bridge::{Start, unnoticed};
 use super::flight::mean_transmittance;
@@ -31,8 +30,7 @@ pub(super) struct Route<'a> {
     pub through: Legs,
     pub over: &'a [Seed],
     mirrors: Option<&'a Mirrors>,
-    /// Approximate transmittance of media and mirrors along the route, as if it were straight between
-    /// mirrors.
+    /// Approximate transmittance of media and mirrors, as if straight between mirrors.
     pub passes: f32,
 }
 

@@ -1,5 +1,4 @@
-//! Schedules the work: each tile of camera pixels is completed and written to the sink before it counts as
-//! done.
+//! Schedules the work: a tile of camera pixels is done once it is complete and in the sink.
 
 use super::backend::{Cpu, TileBackend};
 use super::job::{job, plans};

@@ -2,8 +2,8 @@
 //! Ordinary paths find little indirect light with such an s'.
 //!
 //! One of these pixels s' is drawn, and its ray illuminates the first surface it meets at y. Every vertex z
-//! of the camera path is connected to y. There the path continues as if it had been scattered toward y with
-//! density per steradian at z
+//! of the camera path is connected to y. The path continues as if scattered toward y, with density per
+//! steradian at z
 //!
 //! > p = c · ρ · (cos θ'/d'²) · r²/cos θ,
 //!
@@ -59,8 +59,7 @@ pub(super) struct LitPoint {
     per_area: f32,
 }
 
-/// Returns the density per area at a point with normal `ng`, `distance` away along -`wi`, for a pixel that is
-/// drawn with probability 1.
+/// Returns the density per area at a point with normal `ng`, `distance` along -`wi`, for a given pixel.
 #[inline]
 fn per_area(projector: &Projector, ng: Vec3A, wi: Vec3A, distance: f32) -> f32 {
     projector.pinhole.pixels_per_steradian(-wi) * ng.dot(wi).abs() / (distance * distance)
@@ -97,8 +96,7 @@ pub(super) struct Came {
 }
 
 impl Came {
-    /// Records in the contributions of `z` the density of sampling them for a given s', relative to their
-    /// own: p/(c q).
+    /// Records in each contribution of `z` the density ratio of sampling it for a given s': p/(c q).
     fn note_rivals(&self, scene: &Scene, z: &Vertex, out: &mut Contributions) {
         let (Some(projector), Some((wi, far))) = (&scene.projector, self.lit) else {
             return;
@@ -116,8 +114,7 @@ impl Came {
     }
 }
 
-/// Connects a vertex of the camera path, at state `state`, to the points that drawn s' illuminate. Returns
-/// the number of rays traced.
+/// Connects a camera vertex at `state` to the points that drawn s' illuminate. Returns the number of rays.
 #[inline(never)]
 pub(super) fn connect(
     scene: &Scene,
@@ -182,8 +179,7 @@ fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &
 }
 
 impl LitPoint {
-    /// Connects a vertex of the camera path, at state `state`, to this point. Returns the number of rays
-    /// traced.
+    /// Connects a camera vertex at `state` to this point. Returns the number of rays.
     fn connect(&self, scene: &Scene, state: &State, z: &Vertex, out: &mut Contributions) -> u32 {
         let Some(projector) = &scene.projector else {
             return 0;

@@ -7,8 +7,7 @@
 //!
 //! A file is a pure function of scene, seed and share, and is written atomically. A part that stops, starts
 //! late or computes a share twice therefore does not change the result. No scheduler is needed, and no part
-//! waits indefinitely for a stopped one. Values that all parts derive from the scene alone are stored in the
-//! folder as well.
+//! waits indefinitely for a stopped one. Values that all parts derive from the scene are shared too.
 
 use super::spill::{self, Extent, Parts};
 use super::splats::{Counts, Splat, Splats, WalkNumber};
@@ -19,8 +18,7 @@ use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How long to wait for a share that another part has started, as a multiple of the longest time for a share
-/// here.
+/// Waiting time for a share that another part has started, relative to the longest share here.
 const PATIENCE: u32 = 2;
 /// Interval between checks for the file.
 const LOOK: Duration = Duration::from_millis(20);
@@ -60,8 +58,7 @@ impl SharedLight {
         );
     }
 
-    /// Returns a number that depends only on scene and seed. Reads it from the folder, or computes and stores
-    /// it.
+    /// Returns a number that depends only on scene and seed: from the folder, or computed and stored.
     pub(super) fn number(&self, name: &str, make: impl FnOnce() -> f32) -> f32 {
         let path = self.folder.join(format!("{}.{name}", self.key));
         let kept = fs::read(&path).ok().and_then(|bytes| {
@@ -85,8 +82,7 @@ impl SharedLight {
         Ok(())
     }
 
-    /// Ensures that the files of all shares exist, starting with this part's share. Returns `None` once
-    /// `stop` returns true.
+    /// Ensures that the files of all shares exist. Returns `None` once `stop` returns true.
     pub(super) fn make<T: Send>(
         &self,
         scene: &Scene,

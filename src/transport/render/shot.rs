@@ -91,8 +91,7 @@ impl Panes {
     }
 
     /// Returns the direction from a point, near a given direction, in which a ray of wavelength `lane`
-    /// reaches `to` through the planes of all panes. Returns `None` if there is none or some pane is not
-    /// flat.
+    /// reaches `to` through the planes of all panes. Returns `None` if there is none or a pane is curved.
     pub fn aim(
         &self,
         materials: &Materials,

@@ -1,5 +1,4 @@
-//! Traces one camera ray to its first surface, or to the first surface that does not transmit it: ground
-//! truth without light.
+//! Ground truth without light: traces a camera ray to the first surface, or the first opaque one.
 
 use super::bridge::{pass, surrounding, unnoticed};
 use super::emission::surroundings;
@@ -52,9 +51,8 @@ impl<'a> Viewer<'a> {
     }
 
     /// Returns the first surface seen at an image position in pixels, ignoring surfaces without effect on
-    /// light. With `through`, returns the first surface that is not a transmitting smooth interface or sheet;
-    /// the ray is refracted, and a surface with total internal reflection is returned. Returns `None` if
-    /// there is no surface.
+    /// light. With `through`, refracts the ray at smooth interfaces and passes sheets until a surface does
+    /// not transmit it. Returns `None` if there is no surface.
     #[must_use]
     pub fn look(&self, at: DVec2, through: bool) -> Option<Sight> {
         let camera = self.scene.camera.at(at);

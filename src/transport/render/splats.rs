@@ -3,8 +3,7 @@
 //! Tiles own camera pixels, but light subpaths reach arbitrary pixels. All light subpaths are therefore
 //! traced once in advance. For each vertex that the camera sees, only its number and the connection are kept,
 //! in the list of the pixel. The pixel then traces these subpaths again up to the vertices; they depend only
-//! on their numbers. A subpath is thus traced more than once, but memory stays small and every tile is
-//! independent of the others.
+//! on their numbers. A subpath is traced more than once, but memory stays small and tiles are independent.
 
 use rayon::prelude::*;
 use std::ops::Range;

@@ -2,8 +2,7 @@
 //! the search starts from the straight line; it is repeated for every combination of waves (ordinary or
 //! extraordinary) in the crystals.
 //!
-//! Derivatives of ordinary and extraordinary rays by direction are approximated by differences of nearby
-//! rays.
+//! Derivatives of the rays by direction are approximated by differences.
 
 use super::bridge::Start;
 use super::manifold::{Bend, Way};
@@ -25,8 +24,7 @@ const STEPS: usize = 12;
 /// A ray hits the emitter if it passes within this distance of it, relative to the path length.
 const NEAR: f32 = 5e-6;
 
-/// Angular step for differences in radians: far above rounding, and small enough that rays remain nearly
-/// linear in it.
+/// Angular step for differences in radians: far above rounding, but small enough for linearity.
 const STEP: f32 = 1e-3;
 
 /// Maximum Newton step in radians.
@@ -42,8 +40,7 @@ pub(super) struct SplitSearch<'a> {
     crystals: u32,
 }
 
-/// The wavelength of a path, and its wave in each crystal, the next crystal in the lowest bit: 1 for the
-/// extraordinary wave.
+/// The wavelength of a path, and its wave in each crystal (1: extraordinary; next crystal in the lowest bit).
 #[derive(Clone, Copy)]
 pub(super) struct Choice {
     pub lane: usize,
@@ -114,8 +111,7 @@ impl<'a> SplitSearch<'a> {
             .then(|| materials.specular(surface.material, surface, -dir, Lobe::Transmitted, lane))?
     }
 
-    /// Traces a ray through all refracting surfaces and on to where it passes the goal; calls `bent` for each
-    /// interaction.
+    /// Traces a ray through all refracting surfaces and past the goal; calls `bent` for each interaction.
     fn shoot(&self, mut dir: Vec3A, mut choice: Choice, mut bent: impl FnMut(Bend)) -> Option<Shot> {
         let scene = self.scene;
         let (mut nest, mut from): (Nest, Vec3A) = (self.start.nest, self.start.from);
@@ -180,8 +176,7 @@ impl<'a> SplitSearch<'a> {
         Some((step, det.abs()))
     }
 
-    /// Returns where a ray crosses the plane through the goal that is perpendicular to another ray, relative
-    /// to the goal.
+    /// Returns where a ray crosses the plane through the goal with normal `n`, relative to the goal.
     fn crossing(&self, shot: &Shot, n: Vec3A) -> Vec3A {
         shot.miss - shot.dir * (shot.miss.dot(n) / shot.dir.dot(n))
     }

@@ -41,8 +41,8 @@ pub(super) struct State {
     /// The material that the ray runs through.
     pub filling: Filling,
     pub lanes: Lanes,
-    /// Label of the path before the ray, as defined in [`tensor::label`]. Plain paths update it only if a
-    /// slice asks for labels.
+    /// Label of the path before the ray, as defined in [`tensor::label`]. Plain paths update it only on
+    /// demand.
     pub label: u8,
 }
 
@@ -73,8 +73,8 @@ impl Default for State {
 }
 
 impl State {
-    /// Returns the effect of the filling along the current ray up to the surface that it hit; `None` if there
-    /// is no effect.
+    /// Returns the effect of the filling on light along the current ray to `surface`; `None` if there is
+    /// none.
     #[inline(always)]
     pub fn crossed(&self, scene: &Scene, surface: &Surface) -> Option<Scatter> {
         if self.filling.crystal == NO_CRYSTAL {

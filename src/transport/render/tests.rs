@@ -216,8 +216,7 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
     }
 }
 
-/// An image rendered in parts, with splats in a file, is bit-identical to one rendered as a whole, for any
-/// number of threads.
+/// Rendering in parts, with splats in a file, is bit-identical to a single part for any number of threads.
 #[test]
 fn parts_change_no_bit() {
     // 24 x 24 pixels of 9 samples: 3 and 9 parts of 9 tiles.

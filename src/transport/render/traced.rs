@@ -2,11 +2,10 @@
 //!
 //! A straight line does not reveal which surfaces light takes from a point to an end, nor how often glass
 //! refracts it. A traced ray does. It starts toward a random point of the curved surfaces and chooses one
-//! continuation at each surface. If a leg passes the end before the next surface, the surfaces met so far are
-//! a candidate for a path.
+//! continuation at each surface. If a leg passes the end before the next surface, its surfaces are a
+//! candidate.
 //!
-//! Near a specular path, each ray makes the path's choices with some probability, so a fraction of all starts
-//! finds each path.
+//! Near a specular path, each ray makes its choices with some probability, so some starts find each path.
 
 use super::bridge::Start;
 use super::manifold::Goal;
@@ -36,8 +35,7 @@ impl Traced {
         self.over.len() + self.through.iter().sum::<usize>()
     }
 
-    /// Returns true unless another strategy finds the whole path: over one curved mirror, or over flat
-    /// mirrors only.
+    /// Returns true unless other strategies find the path: over one curved mirror, or only flat mirrors.
     #[inline]
     fn is_wanted(&self) -> bool {
         let curved = self.over.iter().any(|s| s.is_curved());
@@ -54,8 +52,7 @@ impl Traced {
         Route::known(mirrors, self.through.clone(), &self.over)
     }
 
-    /// Traces a ray from its start for up to `most` specular interactions and chooses one of the legs that
-    /// pass the goal.
+    /// Traces a ray for up to `most` specular interactions and chooses one of the legs that pass the goal.
     pub fn follow(
         scene: &Scene,
         mirrors: &Mirrors,

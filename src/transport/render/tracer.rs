@@ -45,8 +45,7 @@ pub(super) struct Prepared {
 /// Number of light subpaths whose vertices are kept in memory. An image that needs more is rendered in parts.
 pub(super) const WALKS_AT_ONCE: u64 = 1 << 22;
 
-/// Returns true if all paths must be sampled from subpaths, which support everything that [`Paths`] does not
-/// but are slower.
+/// Returns true if all paths need subpaths, which support everything but are slower than [`Paths`].
 fn needs_walks(scene: &Scene) -> bool {
     scene.filled
         || scene.has_lenses()
@@ -153,8 +152,8 @@ impl Prepared {
 }
 
 impl Tracer {
-    /// Traces samples of a camera pixel. Returns the number of rays, the contributions of each sample and all
-    /// their elements.
+    /// Traces samples of a camera pixel. Returns the number of rays, each sample's contributions and all
+    /// elements.
     pub fn trace(
         &mut self,
         scene: &Scene,

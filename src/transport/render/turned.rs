@@ -1,8 +1,6 @@
-//! Reflection at mirrors, and for mirrors with normal maps the normal of reflection and its derivative along
-//! the surface.
+//! Reflection at mirrors; with normal maps, the normal and its derivative along the surface.
 //!
-//! The derivative has no closed form. It is approximated by differences of the normal between nearby points,
-//! a fraction of a texel apart.
+//! The derivative is approximated by differences of the normal between points a fraction of a texel apart.
 
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::material::Lobe;

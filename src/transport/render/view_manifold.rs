@@ -44,8 +44,7 @@ impl Joiner<'_> {
         );
     }
 
-    /// Returns the path through `interfaces` interfaces from a vertex to the camera, whose initial direction
-    /// `dir` is known.
+    /// Returns the path along `dir` through `interfaces` interfaces from a vertex to the camera.
     #[inline]
     pub fn known_view(&self, y: &Point, dir: Vec3A, interfaces: usize, lane: usize) -> Option<Way> {
         let to = self.ends[0].camera.origin;
@@ -53,8 +52,7 @@ impl Joiner<'_> {
         manifold::along(self.scene, self.straight(y, to)?, &route, dir, Goal { to, lane })
     }
 
-    /// Appends the contribution of a specular path from a light vertex to the camera, for the wavelengths
-    /// `takers`.
+    /// Appends the contribution of a specular path from a light vertex to the camera.
     ///
     /// The path was traced from the vertex, so its matrix K is that of light from the camera. Light to the
     /// camera has the matrix D Kᵀ D, with its radiance scaled in the opposite sense.

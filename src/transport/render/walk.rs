@@ -132,8 +132,7 @@ impl Walk {
         }
     }
 
-    /// Traces the next branch. Returns false if there is none. Vertices before [`Self::fresh`] belong to
-    /// previous branches.
+    /// Traces the next branch. Returns false if there is none. Vertices before [`Self::fresh`] are shared.
     pub fn next_branch(&mut self, scene: &Scene, guide: &Guide, limits: Limits) -> bool {
         let Some(Branch {
             points,
@@ -299,8 +298,7 @@ mod tests {
     /// Number of particles per subpath.
     const LAST: usize = 36;
 
-    /// An unbounded milky medium in which subpaths stay short, with guided turns and leaning toward a target
-    /// beside their direction.
+    /// An unbounded milky medium, with guided turns and leaning toward a target off the initial direction.
     fn milk() -> (Scene, Guide, End) {
         let mut scene = scene(Integrator::Bidirectional, true);
         scene.media = Media::default();
@@ -355,8 +353,7 @@ mod tests {
         }
     }
 
-    /// Returns the total weight of a subpath's branches at a particle, and this weight times the cosine to
-    /// the first direction.
+    /// Returns a branch's weight at a particle, and the weight times the cosine to the first direction.
     fn counts(walk: &Walk, at: usize) -> [f64; 2] {
         let Some(point) = walk.points.get(at).filter(|_| walk.fresh <= at) else {
             return [0.0; 2];
@@ -393,7 +390,7 @@ mod tests {
 
     /// Without absorption, the mean weight is one after any number of particles, and the mean cosine is gⁿ
     /// after n particles. Guided turns, leaning and splitting do not change this. Splitting more than halves
-    /// the variance of the weight.
+    /// the variance.
     #[test]
     fn walks_count_for_one_however_they_part() {
         let (_, guide, _) = milk();
@@ -413,8 +410,7 @@ mod tests {
         assert!(variances[1] < 0.5 * variances[0], "{variances:?}");
     }
 
-    /// The mean weight is still one after hundreds of particles; few subpaths achieve this if all events are
-    /// guided.
+    /// The mean weight is one after hundreds of particles, which guiding in all events fails to show.
     #[test]
     fn long_walks_count_for_one() {
         let (_, guide, _) = milk();

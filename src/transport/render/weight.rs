@@ -1,5 +1,4 @@
-//! Weights of multiple importance sampling among the strategies that can sample a path (Veach 1997, sect.
-//! 10.2).
+//! Multiple importance sampling weights of the strategies for a path (Veach 1997, sect. 10.2).
 //!
 //! A path with k inner vertices can be sampled by connecting the last vertices of a light subpath with s
 //! vertices and a camera subpath with t vertices. Both ends are counted, so s + t = k + 2. With density p of
@@ -63,8 +62,7 @@ impl Tries {
     }
 }
 
-/// Returns the weight of the strategy that samples `light` from the light and `camera` from the camera. Both
-/// lists start with their ends.
+/// Returns the weight of the strategy with subpaths `light` and `camera`, which start with their ends.
 #[inline]
 pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: Tries) -> f32 {
     let (s, t) = (light.len(), camera.len());
