@@ -59,8 +59,7 @@ impl Scene {
         scene
     }
 
-    /// Replaces `auto` by the integrator that the scene needs, and `caustics` by `bidirectional` if
-    /// necessary.
+    /// Replaces `auto` by the integrator that the scene needs, and `caustics` if necessary.
     fn choose_integrator(&mut self) {
         let (integrator, why) = choose(&self.tables);
         if integrator != self.settings.integrator {

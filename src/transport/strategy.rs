@@ -12,10 +12,8 @@ pub enum Strategy {
     RoughInterface,
     /// Manifold connections through smooth refracting interfaces, to emitters and to the camera.
     SmoothInterfaces,
-    /// Connections over flat mirrors.
     FlatMirrors,
-    /// Manifold connections over curved mirrors, further ones through curved glass, and through birefringent
-    /// crystals.
+    /// Connections over curved mirrors, by further paths through curved glass, and through crystals.
     CurvedMirrors,
     /// Connects a light path to the camera.
     LightTracing,
@@ -23,7 +21,6 @@ pub enum Strategy {
     VertexConnection,
 }
 
-/// A set of strategies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Strategies(u8);
 
@@ -57,25 +54,21 @@ impl Strategies {
     pub const ALL: Self = Self(u8::MAX);
     pub const NONE: Self = Self(0);
 
-    /// Returns the set of the listed strategies.
     #[must_use]
     pub fn of(list: &[Strategy]) -> Self {
         list.iter().fold(Self::NONE, |all, s| all.with(*s, true))
     }
 
-    /// Adds a strategy if `there` is true.
     #[must_use]
     pub fn with(self, strategy: Strategy, there: bool) -> Self {
         Self(self.0 | u8::from(there) << strategy as u8)
     }
 
-    /// Removes the listed strategies.
     #[must_use]
     pub fn without(self, list: &[Strategy]) -> Self {
         Self(self.0 & !Self::of(list).0)
     }
 
-    /// Returns the intersection of two sets.
     #[must_use]
     pub fn both(self, other: Self) -> Self {
         Self(self.0 & other.0)

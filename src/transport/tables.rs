@@ -26,11 +26,9 @@ pub struct SceneTables {
     pub geometry: Geometry,
     /// Materials, indexed by [`Surface::material`](crate::geometry::ray::Surface::material).
     pub materials: Materials,
-    /// Participating media by number.
     pub media: Media,
     /// The boundary of each material number; [`Boundary::NONE`] if the object is not filled.
     pub boundaries: Vec<Boundary>,
-    /// Names of objects and materials.
     pub names: Names,
     pub camera: Pinhole,
     pub projector: Option<Projector>,
@@ -98,7 +96,6 @@ impl Integrator {
     }
 }
 
-/// Render settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     pub spp: u32,

@@ -6,7 +6,6 @@ use tensor::axes::SliceLayout;
 pub(super) struct Grid {
     /// Length of each axis and of its chunks.
     axes: Vec<[u64; 2]>,
-    /// Total number of chunks.
     pub chunks: u64,
 }
 

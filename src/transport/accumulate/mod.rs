@@ -72,7 +72,6 @@ struct PixelSums {
     cells: Vec<Cell>,
     /// Elements of all cells; only those that can be non-zero.
     sums: Vec<Sums>,
-    /// Sums over all cells.
     total: TotalSums,
 }
 
@@ -174,7 +173,7 @@ impl PixelSums {
         let per_sample = f64x4::splat(1.0 / samples);
         let per_group = f64x4::splat(1.0 / groups);
         // Variance of the mean of groups, whose sums are samples / groups times larger. NaN for a single
-        // group: its error is unknown, not zero.
+        // group.
         let size = samples / groups;
         let per_degree = f64x4::splat(1.0 / ((groups - 1.0) * groups * size * size));
         let (share, share2) = (f64x4::splat(1.0 / pixels), f64x4::splat(1.0 / (pixels * pixels)));
@@ -220,7 +219,6 @@ pub struct TileSums<'a> {
     pixels: [[u32; 2]; 2],
     /// Number of valid samples per pixel, row-major.
     counts: Vec<u32>,
-    /// Further information on the tile.
     pub record: TileRecord,
 }
 
@@ -247,7 +245,6 @@ impl TileSums<'_> {
 pub struct TileAccumulator<'a> {
     plans: &'a [SlicePlan],
     sums: Vec<PixelSums>,
-    /// The finished values of the tile.
     pub tile: TileSums<'a>,
     /// The current camera pixel, row-major.
     pixel: u32,
@@ -259,8 +256,7 @@ pub struct TileAccumulator<'a> {
 }
 
 impl<'a> TileAccumulator<'a> {
-    /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. Reusable
-    /// for many tiles.
+    /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. Reusable.
     #[must_use]
     pub fn new(plans: &'a [SlicePlan], passes: usize) -> Self {
         Self {

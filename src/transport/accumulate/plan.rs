@@ -19,7 +19,6 @@ pub struct Contribution {
     pub pixel: u32,
     /// Distance of s' from the epipolar line of s, in projector pixels (used only by epipolar slices).
     pub epipolar_px: f32,
-    /// Number of surface interactions.
     pub bounces: u32,
     /// Path label as defined in [`tensor::label`]; unspecified if no slice asks for labels.
     pub label: u8,
@@ -35,8 +34,7 @@ pub struct Contributions<'a> {
     /// The contributions, in the order in which the path produced them.
     pub list: &'a mut Vec<Contribution>,
     /// Mueller elements from projector frame to camera frame, in W/(m² sr nm). Only elements that can be
-    /// non-zero are stored: one per wavelength for light from one depolarizing wall. Shared with other
-    /// samples.
+    /// non-zero are stored, e.g. only M00 for depolarized light. Shared with other samples.
     pub elements: &'a mut Vec<Spectral>,
     /// True if some slice needs path labels. Each kind of lobe then becomes a separate contribution.
     pub labelled: bool,

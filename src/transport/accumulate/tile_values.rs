@@ -34,14 +34,13 @@ impl Hasher for KeyHasher {
     }
 }
 
-/// Indices by cell key.
 pub(super) type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
 
 /// Number of values in a stretch of a chunk.
 const STRETCH: usize = sink::STRETCH / 4;
 
-/// Buffers for one chunk of means and one of errors, all zero between uses. Allocating costs more than
-/// filling.
+/// Buffers for one chunk of means and one of errors, all zero between uses. Reused, because allocating is
+/// slow.
 #[derive(Default)]
 pub(super) struct Scratch {
     means: Vec<f32>,
@@ -84,7 +83,6 @@ impl Scratch {
 /// Mean and variance of the mean of one matrix element.
 type Finished = [Spectral; 2];
 
-/// One cell of one camera element.
 struct Entry {
     /// local camera index · cells + cell.
     key: u64,
@@ -93,7 +91,6 @@ struct Entry {
     extent: Extent,
 }
 
-/// An entry's position in the arrays.
 #[derive(Clone, Copy)]
 struct Placed {
     /// Index of the chunk within the tile, over the axes between camera and Stokes.
@@ -129,7 +126,7 @@ impl TileValues {
         }
     }
 
-    /// Clears the table, keeps its memory, and covers camera elements `start` to `start + shape` along `y`,
+    /// Clears the table, keeps its memory and sets its camera elements: `start` to `start + shape` along `y`,
     /// `x`.
     pub(super) fn begin(&mut self, start: [u64; 2], shape: [u64; 2]) {
         (self.start, self.shape) = (start, shape);
@@ -396,7 +393,6 @@ struct Sorted {
 
 /// The part of a slice that two fields of one layout store: a range of its cells.
 struct Part<'a> {
-    /// Index of the slice.
     number: usize,
     plan: &'a SlicePlan,
     layout: &'a SliceLayout,
@@ -404,7 +400,6 @@ struct Part<'a> {
     fields: [Field; 2],
 }
 
-/// The entries of one chunk.
 struct ChunkCells<'a> {
     grid: &'a Grid,
     group: &'a [Placed],

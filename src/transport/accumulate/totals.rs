@@ -42,8 +42,7 @@ impl TotalSums {
         self.pending = Spectral::ZERO;
     }
 
-    /// Returns the variance of the mean over the pixel's samples at `wavelengths` wavelengths, and resets the
-    /// sums. NaN for a single group.
+    /// Returns the variance of the mean over samples and wavelengths, NaN for one group, and resets the sums.
     pub fn finish(&mut self, n: Counted, wavelengths: usize) -> f64 {
         self.fold();
         let Self { sum, square, .. } = std::mem::take(self);

@@ -13,7 +13,6 @@ use rayon::prelude::*;
 /// Cells along each side of the image.
 const CELLS: usize = 64;
 
-/// Rays along each side of a cell.
 const RAYS: usize = 4;
 
 /// Weight of a cell if no ray of it or of its neighbours meets such a surface; the other cells have weight 1.

@@ -17,7 +17,6 @@ use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// Renders tiles of one scene.
 pub trait TileBackend: Sync {
     /// Renders tiles in any order, on any threads, and passes each to `take` as soon as it is finished.
     /// Starts no further tile after `stop` returns true or `take` fails.
@@ -110,8 +109,8 @@ impl<'a> Cpu<'a> {
         })
     }
 
-    /// Lists the band around a camera pixel's epipolar line for each slice that samples one. The list is
-    /// empty if the band has too many pixels.
+    /// Lists the band around a camera pixel's epipolar line for each slice that samples one. Lists with too
+    /// many pixels remain empty.
     fn list_bands(&self, [x, y]: [u32; 2], line: Option<(&Epipolar, EpipolarLine)>, bands: &mut [Vec<u32>]) {
         for (plan, band) in self.plans.iter().zip(bands) {
             let Some(&Selected::Band { half_width_px, most }) = plan.selected() else {

@@ -192,7 +192,6 @@ impl Plan {
         Some(plan)
     }
 
-    /// Switches to a part of the image.
     pub(super) fn turn_to(&mut self, scene: &Scene, parts: &Parts<impl Fn(u32) -> u32 + Sync>, part: usize) {
         if !self.has_splats(scene) {
             return;
@@ -303,7 +302,6 @@ impl Walks {
         rays
     }
 
-    /// Traces one camera sample.
     fn sample(
         &mut self,
         scene: &Scene,

@@ -33,7 +33,6 @@ pub(super) struct Start {
 /// What a line may pass.
 #[derive(Clone, Copy)]
 pub(super) struct Allowed {
-    /// Maximum number of sheets.
     pub sheets: u32,
     /// The wavelength whose refractive indices are used.
     pub lane: usize,
@@ -41,9 +40,7 @@ pub(super) struct Allowed {
 
 /// An unblocked line.
 pub(super) struct Bridge {
-    /// Optical path length in metres.
     pub optical_m: f64,
-    /// Number of sheets passed.
     pub sheets: u32,
     /// Optical depth τ.
     pub depth: Spectral,
@@ -84,7 +81,6 @@ pub(super) fn pass(
     }
 }
 
-/// The other end of a line.
 #[derive(Clone, Copy)]
 pub(super) struct End {
     /// The target of the line: offset from the surface, if it is on one.

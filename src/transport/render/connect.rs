@@ -85,7 +85,7 @@ impl<const N: usize> LitAt<'_, N> {
     }
 }
 
-/// Connects a surface point to the projector (light `lit`) and every point emitter. Returns the number of
+/// Connects a surface point to the projector (light `lit`) and all point emitters. Returns the number of
 /// rays.
 #[inline(always)]
 pub(super) fn connect_all<const N: usize>(
@@ -193,8 +193,7 @@ fn connect_point(
     connect(scene, state, at, &connection, None, out)
 }
 
-/// Connects a surface point to all directional lights and to the sampled point on emitting surfaces or sky.
-/// Returns the number of rays traced.
+/// Connects a surface point to all directional lights and to a sampled light. Returns the number of rays.
 #[inline(never)]
 pub(super) fn connect_lights(
     scene: &Scene,
@@ -295,8 +294,7 @@ enum Sight {
     Shut,
 }
 
-/// Determines visibility from a surface to an emitter, with a ray unless it is `known` to be free. Also
-/// returns the number of rays traced.
+/// Returns the number of rays and the visibility of an emitter, with a ray unless it is `known` to be free.
 #[inline(always)]
 fn look(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) -> (u32, Sight) {
     if known.is_some() {

@@ -16,7 +16,6 @@ use optics::polarization::frame::project;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// An emitter without extent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     Projector,
@@ -45,7 +44,6 @@ pub(super) struct Ends {
 }
 
 impl Ends {
-    /// Returns the devices' centres.
     pub fn new(scene: &Scene) -> Self {
         Self {
             camera: scene.camera,
@@ -71,8 +69,7 @@ impl Ends {
         ends
     }
 
-    /// Returns the direction of the camera ray at an image position. Moves the origin of a parallel camera
-    /// there.
+    /// Returns the direction of the camera ray at an image position. Moves a parallel camera there.
     #[inline]
     pub fn look(&mut self, at: DVec2) -> Vec3A {
         if self.camera.parallel {
@@ -171,7 +168,6 @@ impl Emission {
         Self { aim, ..self }
     }
 
-    /// Returns the number of sources.
     #[inline]
     pub fn count(&self) -> usize {
         self.sources.len()
@@ -183,7 +179,6 @@ impl Emission {
         self.sources[source].1
     }
 
-    /// Returns the position of a source.
     #[inline]
     pub fn position(&self, scene: &Scene, ends: &Ends, source: usize) -> Vec3A {
         match (self.sources[source].0, &ends.projector) {
@@ -193,8 +188,8 @@ impl Emission {
         }
     }
 
-    /// Returns the intensity of a source along the unit direction `dir`, which it must illuminate, and the
-    /// horizontal axis of its Stokes vectors.
+    /// Returns a source's intensity along the unit direction `dir`, and the horizontal axis of its Stokes
+    /// vectors.
     #[inline]
     pub fn intensity(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
         match (self.sources[source].0, &ends.projector) {

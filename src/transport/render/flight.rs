@@ -1,5 +1,4 @@
-//! The segment of a subpath between two vertices: straight through media and boundaries without effect on
-//! light.
+//! The segment of a subpath between two vertices, straight through media and boundaries without effect.
 
 use super::bridge::{pass, unnoticed};
 use super::point::{End, Point, Site};
@@ -23,7 +22,6 @@ const REACH: f32 = 1e-3;
 #[derive(Clone)]
 pub(super) struct Flight {
     pub state: State,
-    /// The end at which it started.
     pub end: From,
     /// Optical depth since the last vertex.
     pub depth: Spectral,
@@ -63,8 +61,7 @@ impl Hero {
         }
     }
 
-    /// Records an event with density `densities` by lane. Returns the density to divide by; `None` on
-    /// underflow.
+    /// Records an event with `densities` by lane. Returns the density to divide by; `None` on underflow.
     #[inline]
     pub fn event(&mut self, densities: Spectral) -> Option<f32> {
         let sum = |s: Spectral| s.to_array().iter().sum::<f32>();
@@ -80,7 +77,6 @@ impl Hero {
     }
 }
 
-/// The end of a flight.
 pub(super) enum Landing {
     /// At a site, with the surface hit, if any.
     At(Site, Surface, Option<Hit>),
@@ -99,7 +95,6 @@ pub(super) fn mean_transmittance(scene: &Scene, depth: Spectral) -> f32 {
 }
 
 impl Flight {
-    /// Starts at the end of a subpath.
     #[inline]
     pub fn start(scene: &Scene, from: From, end: &End, stream: &mut Stream) -> Self {
         let all = scene.lanes();
@@ -184,7 +179,6 @@ impl Flight {
         }
     }
 
-    /// Traces the ray to the next event.
     pub fn fly(&mut self, scene: &Scene, stream: &mut Stream, rays: &mut u32) -> Landing {
         loop {
             *rays += 1;

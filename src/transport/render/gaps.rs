@@ -1,7 +1,6 @@
 //! Detects gaps behind sheets and interfaces that are too thin for single precision. A ray that leaves one
 //! surface may start beyond the other and never hit it, and rays from a distance may hit the two in either
-//! order. If the meaning of a contact is known ([`Contact`]), one surface can be moved; other scenes are
-//! rejected.
+//! order. If the meaning of a contact is known ([`Contact`]), one surface can be moved; others are errors.
 //!
 //! Let δ be the offset of rays from a surface and k its rounding (`geometry::rounding`). Light passes safely
 //! from surface A to B if the gap is wider than 3 δ_A + δ_B (the rays of `manifold` use twice δ_A). Rays from
@@ -42,15 +41,12 @@ const PLACES: [[f32; 2]; 5] = [[0.33, 0.33], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8],
 pub struct Gap {
     /// Width of the gap, and the minimum width required, in metres.
     pub width: f32,
-    /// See `width`.
     pub least: f32,
     /// A point of the gap, and the unit direction across it, from the transmitting surface.
     pub at: Vec3A,
-    /// See `at`.
     pub across: Vec3A,
     /// Object numbers on both sides, the transmitting surface first; `None` for copies of groups.
     pub objects: [Option<u32>; 2],
-    /// The meaning of the contact.
     pub contact: Contact,
     /// False if the direction contradicts the gap: coincident surfaces are found on both sides of each other.
     /// Light leaves glass toward an object that touches it, and meets the front of a surface under a sheet.
@@ -60,8 +56,8 @@ pub struct Gap {
 /// The meaning of a contact between two surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// Air lies between the two, or would change nothing: the surface on this side (0 or 1) does not refract
-    /// or is separate.
+    /// Air lies between the two, or would change nothing: this side (0 or 1) does not refract, or is
+    /// separate.
     Air(usize),
     /// The two touch within rounding. The first surface refracts light and the other is opaque: light inside
     /// the first object hits the other surface.

@@ -51,7 +51,6 @@ impl Glints {
         }
     }
 
-    /// Creates an unbounded estimate.
     pub fn unknown() -> Self {
         Self {
             reflecting: f32::INFINITY,
@@ -59,7 +58,6 @@ impl Glints {
         }
     }
 
-    /// Returns the centre of all mirrors.
     pub fn centre(&self) -> Vec3A {
         self.centre
     }

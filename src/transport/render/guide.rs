@@ -53,7 +53,6 @@ pub(super) struct Guide {
 }
 
 impl Guide {
-    /// Returns a guide without targets.
     pub fn none(media: &Media) -> Self {
         Self {
             targets: vec![[Targets::new(), Targets::new()]; media.list.len()],
@@ -221,8 +220,8 @@ mod tests {
         (media, guide)
     }
 
-    /// Returns chi squared per degree of freedom of sampled directions against densities, on a grid of cosθ
-    /// and φ, and the integral of the densities.
+    /// Returns chi squared per cell of sampled directions, on a grid of cosθ and φ, and the integral of
+    /// densities.
     fn chi2(
         draw: impl Fn(&Guide, &Media, At, &mut Stream) -> Vec3A,
         density: impl Fn(&Guide, &Media, At, Vec3A) -> f32,

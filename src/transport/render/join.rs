@@ -25,14 +25,12 @@ use optics::spectrum::{Spectral, max_lane};
 /// The data shared by all connections of a render.
 pub(super) struct Setup {
     pub emission: Emission,
-    /// True if only light counts that is first redirected into a single direction. Camera subpaths then stop
-    /// at a Lambert surface that the camera sees.
+    /// True if only redirected light counts. Camera subpaths then stop at a Lambert surface seen first.
     pub redirected: bool,
     /// Number of light subpaths per sample.
     pub walks: u32,
     /// Fraction of samples in which subpaths from both ends are connected.
     pub connections: f32,
-    /// Strategies in use.
     pub strategies: Strategies,
     /// Mirrors over which connections to emitters are searched for.
     pub mirrors: Mirrors,
@@ -94,15 +92,12 @@ pub(super) fn behind(walk: &[Point]) -> Option<usize> {
 /// The properties of a path besides its matrix.
 pub(super) struct Record {
     pub time_ps: f64,
-    /// Projector pixel.
     pub pixel: u32,
     pub interactions: u32,
-    /// Path label ([`tensor::label`]).
     pub label: u8,
 }
 
-/// Joins the camera's product `chain`, which applies to `beam`, to the light subpath's at `y`; appends the
-/// path.
+/// Joins the camera's product `chain`, which applies to `beam`, to that of `y` and appends the path.
 #[inline]
 pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out: &mut Contributions) {
     let (c2, s2) = turn(beam.travel, y.frame, beam.frame);
@@ -120,11 +115,8 @@ pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out
 
 /// An unblocked line.
 struct Followed {
-    /// Optical length in metres.
     optical_m: f64,
-    /// Number of sheets passed.
     sheets: u32,
-    /// Mean transmittance.
     passed: f32,
 }
 
@@ -137,7 +129,6 @@ pub(super) struct Joiner<'a> {
     pub scratch: &'a mut Scratch,
     /// False if no other strategy samples the same paths, or if weights are not needed.
     pub weighs: bool,
-    /// Random numbers for roulette.
     pub stream: &'a mut Stream,
     pub rays: u32,
 }

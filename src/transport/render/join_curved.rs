@@ -31,7 +31,6 @@ impl Joiner<'_> {
         self.join_through(camera, source, out);
     }
 
-    /// Connects over one curved mirror.
     fn join_over_one(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
         let Some(z) = camera.last() else {
             return;
@@ -136,8 +135,7 @@ impl Joiner<'_> {
         }
     }
 
-    /// Decides by roulette whether to search for paths over curved surfaces to `to`, of estimated light
-    /// `glints`.
+    /// Decides by roulette whether to search for paths over curved surfaces, whose light `glints` estimates.
     fn spin_glints(&mut self, z: &Point, source: usize, to: Vec3A, glints: &Glints) -> Option<f32> {
         let (scene, setup) = (self.scene, self.setup);
         if setup.mirrors.is_flat() {

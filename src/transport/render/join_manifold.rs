@@ -361,8 +361,7 @@ impl Joiner<'_> {
             passed: 1.0,
             arrivals: [Some(way.density(density, &passed)), None],
         };
-        // If other strategies' weights ignore these paths, only paths that no other strategy samples get
-        // here.
+        // If other weights ignore these paths, no other strategy samples the ones that get here.
         let weight = if way.reflects() && !self.setup.mirrors.flats_weigh() {
             1.0
         } else {
@@ -405,8 +404,7 @@ impl Joiner<'_> {
         })
     }
 
-    /// Implements both for a camera subpath (0) or a light subpath (1) whose end is at `to`; `start` returns
-    /// the density of rays from that end.
+    /// Implements both for side 0 (camera) or 1 (light) with end `to`; `start` is the density of its rays.
     fn seen(
         &mut self,
         walk: &[Point],

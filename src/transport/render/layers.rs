@@ -14,7 +14,6 @@ use glam::{DVec2, DVec3, Vec3A};
 use rayon::prelude::*;
 use tensor::layers::{Layer, LayerSet, LayerValues, Parts};
 
-/// Options for computing layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
     /// Rays per pixel along each side, k; at least 1.
@@ -32,7 +31,6 @@ impl Default for Options {
     }
 }
 
-/// The layer values of one pixel.
 #[derive(Clone)]
 struct Pixel {
     /// -1 if there is none, or for objects that are not in a group.

@@ -14,7 +14,6 @@ const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
 
 /// A light subpath that has been traced.
 pub(super) struct Begun {
-    /// The pinholes that it connects.
     pub ends: Ends,
     pub sender: Sender,
     /// The rest of its random stream.

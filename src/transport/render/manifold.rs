@@ -105,8 +105,7 @@ pub(super) struct Passed {
     pub index: f32,
 }
 
-/// Finds the specular path from the start of a line along a route to a goal. The search starts along the
-/// line, or toward the first mirror point.
+/// Finds the specular path along a route to a goal, starting along the line or toward the first mirror point.
 pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Option<Way> {
     let dir = match route.over.first() {
         Some(seed) => (seed.point - start.from).try_normalize()?,
@@ -414,8 +413,7 @@ impl Way {
                 sheets: allowed.sheets - sheets,
                 ..allowed
             };
-            // Both ends are offset from their surfaces; along the path's exact direction a line could hit
-            // one.
+            // Both ends are offset from surfaces; along the path's exact direction, a line could hit one.
             start.ray.dir = (end.aim - start.ray.origin).normalize_or(start.ray.dir);
             let line = bridge(scene, chain, frame, &start, end, left, rays)?;
             optical_m += line.optical_m;

@@ -31,7 +31,6 @@ const CURVED: u32 = u32::MAX - 1;
 /// The number of a primitive and its owner.
 type Key = (u32, Owner);
 
-/// Matches every instance.
 const EVERY: Owner = Owner::instance(u32::MAX);
 
 /// Maximum number of mirrors in instances that are listed like those of the world. Beyond it, each group's
@@ -94,7 +93,6 @@ impl Seed {
     }
 }
 
-/// The mirrors of a scene.
 #[derive(Debug, Default)]
 pub(super) struct Mirrors {
     flats: Vec<Flat>,
@@ -266,15 +264,13 @@ impl Mirrors {
         self.curved.is_empty() && self.copied.area() <= 0.0
     }
 
-    /// Returns true if paths over flat mirrors are searched for from every point, so that other strategies
-    /// must account for them in their weights.
+    /// Returns true if other strategies' weights must account for paths over flat mirrors from every vertex.
     #[inline]
     pub fn flats_weigh(&self) -> bool {
         (1..=MOST_IN_PAIRS).contains(&self.flats.len())
     }
 
-    /// Calls `f` with each one or two flat mirrors over which light can go from `from` to `to`, in this
-    /// order.
+    /// Calls `f` with each one or two flat mirrors over which light can go, in order from `from` to `to`.
     pub fn flat_ways(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
         let seed = |group: usize, point| Seed {
             group: group as u32,
@@ -356,8 +352,8 @@ impl Mirrors {
         Some(seeds)
     }
 
-    /// Draws a random point on the curved mirrors, or its image in one or more flat mirrors, toward which a
-    /// ray from any point can be traced.
+    /// Draws a random point on the curved mirrors, or its image in one or more flat mirrors, as target of a
+    /// ray.
     pub fn aim(&self, stream: &mut Stream) -> Option<Vec3A> {
         let mut point = self.draw(stream)?.point;
         if !self.flats.is_empty() {
@@ -389,8 +385,8 @@ impl Mirrors {
     }
 }
 
-/// Returns all primitives that may be mirrors, with their keys. If instances have too many, returns only
-/// those of the world, and false.
+/// Returns primitives that may be mirrors, and true; only those of the world, and false, if there are too
+/// many.
 fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec<(Key, Outline)>, bool) {
     let world = geometry.outlines().map(|(leaf, o)| ((leaf, Owner::WORLD), o));
     let mut all: Vec<_> = world.collect();

@@ -1,5 +1,4 @@
-//! Mirrors in groups with too many copies to list. A point is drawn in two steps: a copy, then a point in its
-//! group.
+//! Mirrors in groups with too many copies to list. A point is drawn in two steps: copy, then point.
 
 use crate::geometry::bvh::Outline;
 use glam::{Affine3A, Vec3A};
@@ -27,8 +26,7 @@ impl Copied {
         let groups: Vec<Vec<(Outline, f32)>> = groups.into_iter().map(summed).collect();
         let mut all = 0.0;
         let copies = copies.filter_map(|(group, place)| {
-            // For a uniform scale, area grows with volume to the power of 2/3. Otherwise this is approximate,
-            // which any sampling probability allows.
+            // Exact for a uniform scale; otherwise approximate, as any sampling probability may be.
             let grown = place.matrix3.determinant().abs().powf(2.0 / 3.0);
             all += groups[group as usize].last()?.1 * grown;
             Some((group, place, all))
@@ -67,7 +65,6 @@ pub(super) fn area(outline: &Outline) -> f32 {
     }
 }
 
-/// Returns the bounds of an outline.
 pub(super) fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
     match outline {
         Outline::Flat { corners } => corners[1..]

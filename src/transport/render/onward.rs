@@ -36,7 +36,6 @@ pub(super) struct Progress {
 
 /// How a subpath continues from a vertex.
 pub(super) enum Onward {
-    /// Along a direction.
     Toward(Vec3A),
     /// Straight through a sheet, which is not a vertex, as on a connection.
     Straight,

@@ -1,13 +1,11 @@
-//! Splitting: a subpath with a large weight continues as two with half of it (Kahn & Harris 1951, Booth
-//! 1985).
+//! Splitting: a subpath of large weight continues as two of half weight (Kahn & Harris 1951, Booth 1985).
 //!
 //! Guided turns in media ([`super::guide`]) leave few subpaths without a turn, the fewer the longer they are,
 //! and each of these gets a larger weight. Much of a dense medium's light has met forty particles; by then
 //! one subpath in twelve is left with weight twelve, and its contributions are rare and large. Such a subpath
 //! is split at a particle, and both branches continue with independent random numbers.
 //!
-//! A branch contributes half of the original subpath on average. Densities and MIS weights therefore remain
-//! those of a subpath that is not split.
+//! A branch contributes half of the original subpath on average. Densities and MIS weights are unchanged.
 
 use super::guide::Guide;
 use super::onward::Progress;
@@ -24,7 +22,6 @@ const MOST: u32 = u8::BITS;
 /// Which branches of a subpath are traced.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Parting {
-    /// Never splits.
     Never,
     /// All branches, one after another.
     All,

@@ -93,8 +93,7 @@ impl Paths {
     /// Traces one path for each of `samples` (at most [`BATCH`]) of camera pixel (x, y) into `lists` and
     /// `elements`. Each path starts at a uniformly random point of the pixel, stratified over its `group`.
     ///
-    /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` remains 0. Returns the number
-    /// of rays.
+    /// Values are radiance per unit drive, W/(m² sr nm), with `epipolar_px` = 0. Returns the number of rays.
     #[inline]
     pub fn trace(
         &mut self,
@@ -415,8 +414,8 @@ impl Path {
         }
     }
 
-    /// Connects the surface, after `bounces` previous interactions, to emitting surfaces, sky and directional
-    /// lights. Returns the number of rays traced.
+    /// Connects the surface, after `bounces` interactions, to a sampled light and all directional lights.
+    /// Returns the number of rays.
     #[inline(never)]
     fn connect_lights(
         &self,

@@ -34,10 +34,8 @@ pub(super) struct End {
     pub nest: Nest,
 }
 
-/// The location of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Site {
-    /// At the end of the subpath.
     Pinhole,
     Surface,
     /// Inside the medium with this number.
@@ -49,7 +47,6 @@ fn of_kind(lobes: Lobes, kind: u8) -> Option<Scatter> {
     lobes.into_iter().find(|(k, _)| *k == kind).map(|(_, s)| s)
 }
 
-/// A vertex of a subpath.
 #[derive(Clone, Copy)]
 pub(super) struct Point {
     pub site: Site,
@@ -195,8 +192,7 @@ impl Point {
         }
     }
 
-    /// Returns the density per steradian of direction `to` for a subpath from end `from` and direction
-    /// `back`.
+    /// Returns the density per steradian of direction `to` for a subpath from `from` and direction `back`.
     #[inline]
     pub fn density(&self, scene: &Scene, guide: &Guide, from: From, back: Vec3A, to: Vec3A) -> f32 {
         let own = match self.site {

@@ -87,8 +87,7 @@ fn walks(joiner: &Joiner, z: &Point, id: u32, y: &Point) -> f32 {
 }
 
 impl Joiner<'_> {
-    /// Returns the subpath's MIS weight if an emitter's light enters at surface point `y`, the vertex after
-    /// `z`.
+    /// Returns the subpath's MIS weight if an emitter's light enters at the vertex `y` after `z`.
     pub fn share_of_walk(&mut self, z: &Point, y: &Point, to: Vec3A) -> f32 {
         let (Site::Volume(id), Site::Surface) = (z.site, y.site) else {
             return 1.0;

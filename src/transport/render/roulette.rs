@@ -34,8 +34,8 @@ pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bo
     true
 }
 
-/// Variance that roulette may add, as a fraction of the samples' variance. In media subpaths are long, and
-/// every connection may cost as much again.
+/// Variance that roulette may add, as a fraction of the samples' variance. It is larger in media, where each
+/// connection costs more.
 const SHARE: f32 = 0.1;
 const SHARE_IN_MEDIA: f32 = 0.2;
 

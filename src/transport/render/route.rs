@@ -17,8 +17,8 @@ pub(super) const INTERFACES: usize = 8;
 /// Distance before a mirror, relative to the length of the line, at which a line to the mirror ends.
 const BEFORE: f32 = 1e-4;
 
-/// Maximum number of surfaces that a line or a traced ray may meet, including sheets and null boundaries. It
-/// stops rays that graze surfaces forever.
+/// Maximum number of surfaces, including sheets and null boundaries, of a line or ray that might graze
+/// forever.
 pub(super) const MOST_SURFACES: usize = 64;
 
 /// Number of interfaces before each mirror and after the last one.
@@ -40,7 +40,6 @@ struct Met {
     /// The nested media at its end, and the origin of the ray behind the last interface.
     nest: Nest,
     left: Vec3A,
-    /// Optical depth.
     depth: Spectral,
 }
 
@@ -83,8 +82,7 @@ impl<'a> Route<'a> {
         }
     }
 
-    /// Returns the route through the interfaces on the straight line to `to`. Returns `None` if there are
-    /// none or another surface blocks the line.
+    /// Returns the route of the straight line to `to`; `None` if it is blocked or passes no interfaces.
     #[inline]
     pub fn straight(scene: &Scene, start: &Start, to: Vec3A) -> Option<Self> {
         let met = interfaces(scene, start.ray, start.nest, to)?;

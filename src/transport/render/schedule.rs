@@ -16,7 +16,6 @@ pub use tensor::sink::Summary;
 use tensor::sink::{Sink, TileRecord};
 use tensor::target::TILE_SAMPLES;
 
-/// The error of a render.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError<E: std::error::Error + 'static> {
     #[error("the scene keeps nothing of T; add at least one [[slices]] to it")]
@@ -27,7 +26,6 @@ pub enum RenderError<E: std::error::Error + 'static> {
     /// No threads are available for rendering.
     #[error("cannot start threads: {0}")]
     Threads(String),
-    /// The sink failed.
     #[error(transparent)]
     Sink(E),
 }
@@ -57,8 +55,7 @@ pub struct Share<'a> {
     pub part: Option<Part>,
     /// Folder through which the parts of one render exchange light subpaths; not exchanged if `None`.
     pub light: Option<&'a Path>,
-    /// Samples per pixel of each tile, instead of one number for all. Tiles with 0 samples are skipped. The
-    /// settings' `spp` is the maximum.
+    /// Samples per pixel of each tile, at most the settings' `spp`. Tiles with 0 samples are skipped.
     pub samples: Option<&'a [u32]>,
 }
 
@@ -97,8 +94,7 @@ impl Share<'_> {
     }
 }
 
-/// Renders all slices of a scene into a sink, on the current rayon thread pool. A part of the tiles has the
-/// same bits as in the whole render.
+/// Renders all slices of a scene into a sink, on the current rayon pool. Parts do not change any bit.
 ///
 /// `extra` attributes are stored next to the scene's provenance.
 ///

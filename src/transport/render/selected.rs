@@ -34,7 +34,6 @@ const SEED: u64 = 0x9e6c_63d0_876a_3f6b;
 /// A slice that keeps few projector pixels for the current camera pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Aim<'a> {
-    /// Index of the slice.
     pub slice: u32,
     pub selected: &'a Selected,
     /// Its band around the camera pixel's epipolar line, if it has one.
@@ -43,7 +42,6 @@ pub(super) struct Aim<'a> {
 
 /// A surface point that a drawn projector pixel illuminates.
 pub(super) struct LitPoint {
-    /// Index of the slice.
     slice: u32,
     pixel: u32,
     hit: Hit,

@@ -31,7 +31,6 @@ pub(super) struct Connection {
     pub start_m: f64,
 }
 
-/// A blocked connection.
 pub(super) struct Blocked<'a> {
     pub to: &'a Connection,
     /// The interaction at the connected surface, and its direction `wo`.

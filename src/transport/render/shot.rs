@@ -75,7 +75,6 @@ pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     Some((step, det.abs()))
 }
 
-/// The interfaces that a ray met.
 #[derive(Default)]
 pub(super) struct Panes {
     met: ArrayVec<Surface, INTERFACES>,
@@ -84,7 +83,6 @@ pub(super) struct Panes {
 }
 
 impl Panes {
-    /// Appends an interface.
     #[inline]
     pub fn add(&mut self, surface: &Surface, flat: bool) {
         self.others |= !flat || self.met.try_push(*surface).is_err();

@@ -24,7 +24,6 @@ pub struct Sight {
     pub length: f64,
     /// Optical length of the ray to the hit point in metres.
     pub optical: f64,
-    /// The surface at the hit point.
     pub surface: Surface,
     /// Direction back along the ray.
     pub wo: Vec3A,

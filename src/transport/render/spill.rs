@@ -113,15 +113,13 @@ pub(super) struct Extent {
 /// Extents of each part, in order of batches.
 pub(super) type Extents = Vec<Vec<Extent>>;
 
-/// The parts of an image.
 pub(super) struct Parts<F> {
     pub count: usize,
     /// Returns the part of a pixel, or [`NO_PART`].
     pub of: F,
 }
 
-/// Traces subpaths as [`Splats::new`] does and writes the splats of pixels that belong to a part. Returns
-/// `None` once `stop` returns true.
+/// Traces subpaths like [`Splats::new`] and writes the splats of all parts. `None` once `stop` returns true.
 pub(super) fn write<T: Send>(
     file: &mut impl Write,
     (counts, walks): (Counts, Range<u64>),
@@ -191,7 +189,6 @@ pub(super) fn write<T: Send>(
     Ok(Some(extents))
 }
 
-/// Reads splats.
 pub(super) fn read(
     file: &mut (impl Read + Seek),
     extents: &[Extent],

@@ -8,7 +8,6 @@
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The vertices that each pixel sees.
 #[derive(Default)]
 pub(super) struct Splats {
     /// Index of each pixel's first vertex; one more than there are pixels.
@@ -48,7 +47,6 @@ pub(super) struct WalkNumber {
 #[derive(Clone, Copy)]
 pub(super) struct Counts {
     pub samples: u32,
-    /// Light subpaths per sample.
     pub walks: u32,
     pub pixels: u32,
 }
@@ -81,7 +79,6 @@ pub(super) mod chunk {
 
     const CHUNK: u64 = 1 << 12;
 
-    /// Divides subpaths into chunks.
     pub fn of(walks: Range<u64>) -> impl IndexedParallelIterator<Item = Range<u64>> {
         let count = (walks.end - walks.start).div_ceil(CHUNK);
         (0..count as usize).into_par_iter().map(move |k| {
@@ -117,7 +114,6 @@ impl Splats {
         Self::by_pixel(counts.pixels, &found)
     }
 
-    /// Sorts vertices by pixel.
     pub fn by_pixel(pixels: u32, found: &[Vec<(u32, Splat)>]) -> Self {
         let mut first = vec![0_u32; pixels as usize + 1];
         for (pixel, _) in found.iter().flatten() {

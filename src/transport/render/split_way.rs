@@ -1,6 +1,5 @@
 //! Specular paths to a pinhole through birefringent crystals with double images. As in [`super::manifold`],
-//! the search starts from the straight line; it is repeated for every combination of waves (ordinary or
-//! extraordinary) in the crystals.
+//! the search starts from the straight line, for each combination of ordinary and extraordinary waves.
 //!
 //! Derivatives of the rays by direction are approximated by differences.
 
@@ -55,8 +54,8 @@ struct Shot {
 }
 
 impl<'a> SplitSearch<'a> {
-    /// Prepares a search along the straight line from a start to a goal. Returns `None` if the line passes no
-    /// crystal with double images or is blocked.
+    /// Prepares a search along a straight line; `None` if it is blocked or passes no crystal with double
+    /// images.
     pub fn straight(scene: &'a Scene, start: Start, to: Vec3A) -> Option<Self> {
         let (mut bends, mut crystals, mut inside) = (0, 0, false);
         let (mut ray, mut nest) = (start.ray, start.nest);

@@ -31,8 +31,8 @@ pub(super) struct State {
     pub ray: Ray,
     /// Origin of the ray before it is offset from the surface and rounded; behind a hit, the hit point.
     pub from: DVec3,
-    /// Matrix product from the light along the ray to the end of the path: to the camera frame, or transposed
-    /// if the path starts at an emitter.
+    /// Matrix product from the light on the ray to the path's end: camera frame, or transposed from an
+    /// emitter.
     pub chain: Chain,
     /// Stokes frame of the light along the ray.
     pub frame: Vec3A,
@@ -41,8 +41,7 @@ pub(super) struct State {
     /// The material that the ray runs through.
     pub filling: Filling,
     pub lanes: Lanes,
-    /// Label of the path before the ray, as defined in [`tensor::label`]. Plain paths update it only on
-    /// demand.
+    /// Path label before the ray ([`tensor::label`]). Plain paths update it only on demand.
     pub label: u8,
 }
 
@@ -73,8 +72,7 @@ impl Default for State {
 }
 
 impl State {
-    /// Returns the effect of the filling on light along the current ray to `surface`; `None` if there is
-    /// none.
+    /// Returns the effect of the filling on light on the ray to `surface`; `None` if there is none.
     #[inline(always)]
     pub fn crossed(&self, scene: &Scene, surface: &Surface) -> Option<Scatter> {
         if self.filling.crystal == NO_CRYSTAL {

@@ -19,7 +19,6 @@ use optics::sampling::stream::Stream;
 /// Fraction of rays that glass reflects, among those that it could transmit.
 const REFLECTED: f32 = 0.125;
 
-/// The surfaces that a ray has met.
 #[derive(Clone, Default)]
 pub(super) struct Traced {
     through: Legs,

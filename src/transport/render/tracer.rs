@@ -1,5 +1,4 @@
-//! Samples the paths of a camera pixel: paths from the camera, bidirectional subpaths where a scene needs
-//! them, or both, one after the other.
+//! Samples the paths of a camera pixel: from the camera, bidirectionally if needed, or both in turn.
 
 use super::bidirectional::{Plan, Walks, samples};
 use super::path::{Paths, Wants};
@@ -20,7 +19,6 @@ pub(super) enum PassKind {
     Walks,
 }
 
-/// A pass over each pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Pass {
     pub kind: PassKind,
@@ -29,7 +27,6 @@ pub(super) struct Pass {
     pub group: Group,
 }
 
-/// Samples paths on one thread.
 #[derive(Default)]
 pub(super) struct Tracer {
     paths: Paths,
@@ -127,7 +124,6 @@ impl Prepared {
         })
     }
 
-    /// Switches to a part.
     pub fn turn_to(&mut self, scene: &Scene, parts: &TileParts, part: usize) {
         if let Some(plan) = &mut self.walks {
             plan.turn_to(scene, &parts.parts(scene), part);
@@ -152,8 +148,7 @@ impl Prepared {
 }
 
 impl Tracer {
-    /// Traces samples of a camera pixel. Returns the number of rays, each sample's contributions and all
-    /// elements.
+    /// Traces samples of a pixel. Returns the number of rays, each sample's contributions and all elements.
     pub fn trace(
         &mut self,
         scene: &Scene,

@@ -11,8 +11,7 @@ use glam::{Mat3A, Vec3A};
 /// mirror direction is less than 1 minus this. Rounding errors are ten times smaller.
 const TURNED: f32 = 1e-6;
 
-/// Step to either side, as a fraction of a triangle, and as a sine along a quadric. Images have up to some
-/// thousands of texels per side.
+/// Step as a fraction of a triangle, or a sine on a quadric; images have up to some thousand texels a side.
 const STEP: f32 = 1e-4;
 
 /// A mirror's normal at a point, on the side of the incoming light, and its derivative by position.

@@ -25,7 +25,6 @@ pub(super) struct Walk {
     pub points: Vec<Point>,
     /// Its state when it leaves the scene.
     pub escape: Option<Escape>,
-    /// The emitting surfaces that it hit.
     pub glows: Vec<Glow>,
     pub rays: u32,
     /// Index of the first vertex that the current branch does not share with previous branches.
@@ -66,7 +65,6 @@ pub(super) struct Glow {
 /// Conditions under which a subpath stops.
 #[derive(Clone, Copy)]
 pub(super) struct Limits {
-    /// Maximum number of interactions.
     pub interactions: u32,
     /// Index of the last vertex that is needed.
     pub point: usize,
@@ -389,8 +387,7 @@ mod tests {
     }
 
     /// Without absorption, the mean weight is one after any number of particles, and the mean cosine is gⁿ
-    /// after n particles. Guided turns, leaning and splitting do not change this. Splitting more than halves
-    /// the variance.
+    /// after n particles, for all guiding and splitting. Splitting more than halves the variance.
     #[test]
     fn walks_count_for_one_however_they_part() {
         let (_, guide, _) = milk();

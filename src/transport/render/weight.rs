@@ -15,7 +15,6 @@
 
 use crate::strategy::{Strategies, Strategy};
 
-/// The densities of a path vertex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Densities {
     /// Densities with which the subpath from this end and the other subpath sample the vertex.

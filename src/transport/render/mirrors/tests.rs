@@ -18,7 +18,6 @@ const WHITE: u32 = 0;
 const GOLD: u32 = 1;
 const MATT: u32 = 2;
 
-/// Objects for a test scene.
 enum Shape {
     Rectangle(u32, [[f32; 3]; 3]),
     Ball(f32, f32),
