@@ -1,6 +1,6 @@
 //! Detects gaps behind sheets and interfaces that are too thin for single precision. A ray that leaves one
 //! surface may start beyond the other and never hit it, and rays from a distance may hit the two in either
-//! order. If the meaning of a contact is known ([`Contact`]), one surface can be moved; others are errors.
+//! order. If the meaning of a contact is known ([`Contact`]), one surface can be moved; others are rejected.
 //!
 //! Let δ be the offset of rays from a surface and k its rounding (`geometry::rounding`). Light passes safely
 //! from surface A to B if the gap is wider than 3 δ_A + δ_B (the rays of `manifold` use twice δ_A). Rays from

@@ -17,7 +17,7 @@
 //! result depends only on the point, so [`super::weight`] can determine for any path whether it would have
 //! been found. The other paths are searched for at random ([`super::join_curved`]).
 //!
-//! A path may also include given points on [`super::mirrors`] as initial guess; J is the same.
+//! A path may also include [`super::mirrors`], with a given point on each as initial guess; J is the same.
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::flight::mean_transmittance;

@@ -328,7 +328,7 @@ impl Path {
         let (at, length) = met(state.from, state.ray.dir, surface);
         state.optical_m += f64::from(state.filling.index) * length;
         if let Some(scatter) = state.crossed(scene, surface) {
-            // The light comes from the surface, so this factor stands to the left of the surface's own.
+            // The light comes from the surface, so this factor is to the left of the surface's own.
             let frame = state.chain.push(&scatter, -state.ray.dir, state.frame);
             state.frame = frame.unwrap_or(state.frame);
         }
@@ -447,7 +447,7 @@ impl Path {
         connect_lights(scene, &self.state, &at, drawn, out)
     }
 
-    /// Connects the surface, after `bounces` interactions, to one of many points. Returns the number of rays.
+    /// Connects the surface, after `bounces` interactions, to a sampled point emitter. Returns the rays traced.
     #[inline(never)]
     fn connect_drawn_point(
         &self,

@@ -296,7 +296,7 @@ mod tests {
     /// Number of particles per subpath.
     const LAST: usize = 36;
 
-    /// An unbounded milky medium, with guided turns and leaning toward a target off the initial direction.
+    /// An unbounded milky medium with guided turns and leaning toward a target off the initial direction.
     fn milk() -> (Scene, Guide, End) {
         let mut scene = scene(Integrator::Bidirectional, true);
         scene.media = Media::default();
