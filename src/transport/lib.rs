@@ -1,8 +1,7 @@
-//! The renderer: traces a scene in memory and returns finished tiles of T. It stops at Mueller matrices and applies no illumination
-//! state.
+//! The renderer: traces a scene in memory and returns finished tiles of T.
 //!
-//! This crate is the hot path of the program. It uses plain-data tables and enums, and reads no files except measured tables, which it
-//! maps into memory.
+//! It returns Mueller matrices and applies no illumination state. This crate is the hot path of the program:
+//! it uses plain-data tables and enums, and reads no files except measured tables, which it maps into memory.
 
 #![warn(missing_docs)]
 

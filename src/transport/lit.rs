@@ -1,8 +1,8 @@
-//! What the light of projectors and points meets first, and the integrator that follows from it.
+//! Chooses the integrator from the surfaces that the projector and the point emitters illuminate first.
 //!
-//! Projector, points and camera have no extent, so light that leaves one of them by a single direction (over a mirror, through
-//! smooth glass) reaches a given point of a surface by chance never. Where an emitter lights such a surface before any other,
-//! paths from the camera alone miss what comes of it.
+//! Projector, point emitters and camera have no extent. Light that leaves one of them along a single
+//! direction (over a mirror, through smooth glass) therefore reaches a given surface point with probability
+//! zero. Where an emitter illuminates such a surface first, paths from the camera miss the redirected light.
 
 use crate::device::pinhole::Pinhole;
 use crate::device::projector::Projector;
@@ -13,24 +13,24 @@ use glam::{DVec2, Vec3A};
 use optics::spectrum::max_lane;
 use rayon::prelude::*;
 
-/// Rays along each side of a device's image that are asked what they meet.
+/// Rays along each side of a device's image that are tested for their first surface.
 const GRID: u32 = 96;
 const LEAST_GRID: f32 = 8.0;
 
-/// Sheets and null boundaries that a ray passes at most.
+/// The largest number of sheets and null boundaries that a ray passes.
 const MOST_SHEETS: u32 = 64;
 
-/// What sends light of one direction on along single ones.
+/// How a surface redirects light of one direction into single directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Redirects {
     Mirror,
     /// Manifold connections can follow light through it.
     Interface,
-    /// Rays part ways in it.
+    /// A ray splits into two.
     Split,
 }
 
-/// Shares of a device's image whose rays meet each kind first.
+/// Fractions of a device's image whose rays meet each kind first.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Meets {
     pub mirror: f64,
@@ -44,13 +44,13 @@ impl Meets {
     }
 }
 
-/// True if a surface reflects part of the light that comes from `wo` along a single direction.
+/// Returns true if a surface reflects part of the light from `wo` into a single direction.
 fn mirrors(materials: &Materials, at: &Surface, wo: Vec3A) -> bool {
     let found = materials.specular(at.material, at, wo, Lobe::Reflected, 0);
     found.is_some_and(|s| max_lane(s.scatter.m00()) > 0.0)
 }
 
-/// What the light along a ray meets that sends it on along single directions; sheets and null boundaries let it pass.
+/// Returns the first redirecting surface along a ray, if any. Sheets and null boundaries let the ray pass.
 pub(crate) fn redirects(tables: &SceneTables, mut ray: Ray) -> Option<Redirects> {
     let (geometry, materials) = (&tables.geometry, &tables.materials);
     for _ in 0..MOST_SHEETS {
@@ -74,7 +74,7 @@ pub(crate) fn redirects(tables: &SceneTables, mut ray: Ray) -> Option<Redirects>
     None
 }
 
-/// What the rays of a device meet first.
+/// Returns which redirecting surfaces the rays of a device meet first.
 pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
     let [w, h] = device.resolution.map(f64::from);
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(GRID);
@@ -99,9 +99,9 @@ pub(crate) fn meets(tables: &SceneTables, device: &Pinhole) -> Meets {
     }
 }
 
-/// True if light of a point emitter meets a surface first that sends it on along single directions.
+/// Returns true if light of a point emitter meets a redirecting surface first.
 fn points_meet(tables: &SceneTables) -> bool {
-    // Fewer rays each where there are many.
+    // With many emitters, each gets fewer rays.
     let side = (GRID as f32 / (tables.points.len() as f32).sqrt()).max(LEAST_GRID) as u32;
     let at = |i: u32| (i as f32 + 0.5) / side as f32;
     tables.points.iter().any(|point| {
@@ -113,7 +113,7 @@ fn points_meet(tables: &SceneTables) -> bool {
     })
 }
 
-/// The integrator that the scene's settings come to, and why.
+/// Returns the integrator for the scene's settings and the reason for it.
 pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
     let asked = tables.settings.integrator;
     let walks = tables.has_fillings() || tables.has_lenses();

@@ -1,19 +1,19 @@
-//! What people call the objects and the materials of a scene.
+//! Names of a scene's objects and materials.
 
-/// Names by number.
+/// Names by object or material number.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Names {
-    /// Of objects, by the number that [`Geometry::object`](crate::geometry::bvh::Geometry::object) gives: the object's own name, or
-    /// `objects[3]` where it has none (from 0, as in the file); those of groups begin with the group's name: `tree/leaf`.
+    /// Object names by the number that [`Geometry::object`](crate::geometry::bvh::Geometry::object) returns.
+    /// An object without a name is called `objects[3]` (counted from 0, as in the file). Names of objects in
+    /// a group begin with the group's name: `tree/leaf`.
     pub objects: Vec<String>,
-    /// Of materials.
     pub materials: Vec<String>,
-    /// The place in `materials` of each material by its number: filled and shining objects have numbers of their own for one material.
+    /// Index into `materials` by material number. Filled and emitting objects have separate numbers.
     pub material_of: Vec<u32>,
 }
 
 impl Names {
-    /// The place in `materials` of the material with a number; `None` of one without a name.
+    /// Returns the index into `materials` of a material number; `None` if the material has no name.
     #[must_use]
     pub fn material(&self, number: u32) -> Option<u32> {
         self.material_of.get(number as usize).copied()

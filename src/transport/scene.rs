@@ -1,4 +1,4 @@
-//! A scene as the tracer sees it: plain tables.
+//! The scene in the form that the tracer uses.
 
 use crate::device::emitter::PointEmitter;
 use crate::light::tree::LightTree;
@@ -9,22 +9,22 @@ use glam::{DVec2, Vec3A};
 use std::ops::{Deref, DerefMut};
 use tensor::axes::Extents;
 
-/// Everything a render needs: the tables, which it passes on, and what is worked out from them.
+/// A scene ready to render: the tables and the quantities derived from them.
 pub struct Scene {
     tables: SceneTables,
-    /// Some material lets light straight through, so connections may pass sheets.
+    /// True if some material transmits light straight through, so that connections may pass sheets.
     pub(crate) sheets: bool,
-    /// Some object is filled with a medium, or some boundary is null: paths must keep account of the media they are in.
+    /// True if some object is filled or some boundary is null, so that paths must track their media.
     pub(crate) filled: bool,
-    /// Metres beyond which there is nothing, from anywhere among the surfaces and devices.
+    /// A distance in metres that exceeds every distance between surfaces and devices.
     pub(crate) far: f32,
-    /// Over the point emitters, where there are too many to connect every point of a path to all of them.
+    /// Light tree over the point emitters, if they are too many to connect each path vertex to all.
     pub(crate) point_tree: Option<LightTree>,
-    /// Why the integrator is what it is, where the scene did not say.
+    /// The reason for the integrator, if the scene file did not choose it.
     why: Option<&'static str>,
 }
 
-/// Points of a path are connected to all point emitters if there are no more than this, else to one that is chosen at random.
+/// Path vertices are connected to all point emitters up to this number; otherwise to one chosen at random.
 const MOST_POINTS: usize = 16;
 
 impl Deref for Scene {
@@ -43,7 +43,7 @@ impl DerefMut for Scene {
 }
 
 impl Scene {
-    /// A scene of these tables.
+    /// Derives all quantities from the tables and chooses the integrator.
     #[must_use]
     pub fn new(tables: SceneTables) -> Self {
         let mut scene = Self {
@@ -59,18 +59,18 @@ impl Scene {
         scene
     }
 
-    /// Replaces `auto` by what the scene needs, and `caustics` where only `bidirectional` will do.
+    /// Replaces `auto` by the integrator that the scene needs, and `caustics` if necessary.
     fn choose_integrator(&mut self) {
         let (integrator, why) = choose(&self.tables);
         if integrator != self.settings.integrator {
             self.why = Some(why);
             self.settings.integrator = integrator;
-            // What is found straight from the camera needs no ways through interfaces.
+            // Paths from the camera alone need no manifold connections.
             self.settings.manifold &= integrator != Integrator::Path;
         }
     }
 
-    /// Traces other paths; [`Integrator::Auto`] chooses anew.
+    /// Sets the integrator; [`Integrator::Auto`] chooses again.
     pub fn set_integrator(&mut self, integrator: Integrator) {
         self.settings.manifold = integrator != Integrator::Path;
         self.settings.integrator = integrator;
@@ -78,13 +78,13 @@ impl Scene {
         self.choose_integrator();
     }
 
-    /// Why paths are traced by [`Settings::integrator`], where it was not the scene that said so.
+    /// Returns the reason for [`Settings::integrator`], if the scene file did not choose it.
     #[must_use]
     pub fn why_integrator(&self) -> Option<&'static str> {
         self.why
     }
 
-    /// Replaces all materials; the surfaces' and the boundaries' numbers go on to be theirs.
+    /// Replaces all materials. The material numbers of surfaces and boundaries remain valid.
     pub fn set_materials(&mut self, materials: Materials) {
         self.materials = materials;
         self.derive();
@@ -93,12 +93,12 @@ impl Scene {
         }
     }
 
-    /// Tells texture coordinates of surfaces even if no texture asks for them, until materials are replaced.
+    /// Computes texture coordinates even if no texture needs them, until the materials are replaced.
     pub fn keep_texture_coordinates(&mut self) {
         self.geometry.textured = true;
     }
 
-    /// What follows from the tables, here and nowhere else.
+    /// Computes all quantities that depend on the tables.
     fn derive(&mut self) {
         self.sheets = self.materials.any_straight();
         self.filled = self.has_fillings();
@@ -126,14 +126,14 @@ impl Scene {
         self.far = 2.0 * seen[0].max(seen[1]).max((high - low).length()).max(1.0);
     }
 
-    /// The lanes of all wavelengths.
+    /// Returns the lanes of all wavelengths.
     #[inline]
     #[must_use]
     pub fn lanes(&self) -> Lanes {
         Lanes::first(self.wavelengths.count())
     }
 
-    /// The sizes that lay slices out.
+    /// Returns the sizes that determine the layout of slices.
     #[must_use]
     pub fn extents(&self) -> Extents {
         Extents {

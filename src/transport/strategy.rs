@@ -1,33 +1,30 @@
-//! The ways in which paths are made: one list for all integrators.
+//! The path-sampling strategies, one list for all integrators.
 
 use std::fmt;
 
-/// A way to make a path from the camera to an emitter.
+/// A strategy that samples paths from the camera to an emitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Strategy {
-    /// A walk from the camera is connected to the emitter (next-event estimation).
+    /// Connects a camera path to the emitter (next-event estimation).
     NextEvent,
-    /// The same through a rough interface near a particle that light comes from.
+    /// Next-event estimation through a rough interface, near a particle that scatters the light.
     RoughInterface,
-    /// The same through smooth interfaces that bend light, and from a walk of the light to the camera.
+    /// Manifold connections through smooth refracting interfaces, to emitters and to the camera.
     SmoothInterfaces,
-    /// The same over flat mirrors.
     FlatMirrors,
-    /// The same over curved mirrors, by further ways through curved glass, and through crystals with double images.
+    /// Connections over curved mirrors, by further paths through curved glass, and through crystals.
     CurvedMirrors,
-    /// A walk from the light is connected to the camera.
+    /// Connects a light path to the camera.
     LightTracing,
-    /// A walk from the camera is connected to one from the light.
+    /// Connects a camera path to a light path.
     VertexConnection,
 }
 
-/// Some strategies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Strategies(u8);
 
 impl Strategy {
-    /// All of them.
     pub const LIST: [Self; 7] = [
         Self::NextEvent,
         Self::RoughInterface,
@@ -38,7 +35,7 @@ impl Strategy {
         Self::VertexConnection,
     ];
 
-    /// By the field's usual term.
+    /// Returns the field's usual term.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -54,43 +51,36 @@ impl Strategy {
 }
 
 impl Strategies {
-    /// Every one.
     pub const ALL: Self = Self(u8::MAX);
-    /// None of them.
     pub const NONE: Self = Self(0);
 
-    /// Some.
     #[must_use]
     pub fn of(list: &[Strategy]) -> Self {
         list.iter().fold(Self::NONE, |all, s| all.with(*s, true))
     }
 
-    /// With one more, if `there`.
     #[must_use]
     pub fn with(self, strategy: Strategy, there: bool) -> Self {
         Self(self.0 | u8::from(there) << strategy as u8)
     }
 
-    /// Without some.
     #[must_use]
     pub fn without(self, list: &[Strategy]) -> Self {
         Self(self.0 & !Self::of(list).0)
     }
 
-    /// Those that both have.
     #[must_use]
     pub fn both(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 
-    /// True if it is one of them.
     #[inline]
     #[must_use]
     pub fn has(self, strategy: Strategy) -> bool {
         self.0 >> strategy as u8 & 1 == 1
     }
 
-    /// True if light is followed from the emitters.
+    /// Returns true if some strategy traces paths from the emitters.
     #[inline]
     #[must_use]
     pub fn walk_from_light(self) -> bool {
@@ -99,7 +89,6 @@ impl Strategies {
 }
 
 impl Strategies {
-    /// Their names.
     #[must_use]
     pub fn names(self) -> Vec<&'static str> {
         let list = Strategy::LIST.iter().filter(|s| self.has(**s));
@@ -117,7 +106,7 @@ impl fmt::Display for Strategies {
 mod tests {
     use super::*;
 
-    /// Every strategy has a place of its own.
+    /// Every strategy has a distinct bit.
     #[test]
     fn strategies_are_told_apart() {
         for s in Strategy::LIST {

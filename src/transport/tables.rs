@@ -1,4 +1,4 @@
-//! What describes a scene, as plain tables, and how it is to be rendered.
+//! The plain-data tables that describe a scene, and the render settings.
 
 use crate::device::emitter::{Environment, PointEmitter};
 use crate::device::pinhole::Pinhole;
@@ -17,75 +17,67 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use tensor::slice::Slice;
 
-/// Everything that describes a scene, as plain tables: what [`crate::scene::Scene::new`] takes.
+/// The complete description of a scene, from which [`crate::scene::Scene::new`] builds a scene.
 pub struct SceneTables {
-    /// Short name, for titles and default output.
+    /// Short name, used in titles and default file names.
     pub name: String,
-    /// Of all spectral numbers, lane by lane.
+    /// Wavelengths of all spectral values, one per lane.
     pub wavelengths: Wavelengths,
-    /// All surfaces.
     pub geometry: Geometry,
-    /// Indexed by [`Surface::material`](crate::geometry::ray::Surface::material).
+    /// Materials, indexed by [`Surface::material`](crate::geometry::ray::Surface::material).
     pub materials: Materials,
-    /// Participating media, by number.
     pub media: Media,
-    /// What each material's surfaces bound, by the material's number: [`Boundary::NONE`] where nothing fills the object.
+    /// The boundary of each material number; [`Boundary::NONE`] if the object is not filled.
     pub boundaries: Vec<Boundary>,
-    /// What objects and materials are called.
     pub names: Names,
-    /// The camera.
     pub camera: Pinhole,
-    /// The projector, if there is one.
     pub projector: Option<Projector>,
-    /// Point emitters.
     pub points: Vec<PointEmitter>,
-    /// Light from outside of the scene, the same from everywhere.
+    /// Uniform light from outside the scene.
     pub environment: Option<Environment>,
-    /// Shining surfaces, an image of the sky, light with one direction.
+    /// Emitting surfaces, an image of the sky and directional lights.
     pub lights: Lights,
-    /// What is kept of the light transport.
+    /// The slices of the tensor that are kept.
     pub slices: Vec<Slice>,
-    /// How to render.
     pub settings: Settings,
-    /// SHA-256 over the scene file and every file it names, in order, as hexadecimal digits.
+    /// SHA-256 of the scene file and of every file it refers to, in order, in hexadecimal.
     pub sha256: String,
-    /// Text of the scene file, kept with what is rendered from it.
+    /// Text of the scene file, stored with the results.
     pub text: String,
-    /// Which of the variants that the file describes this is; absent: the scene as it is written.
+    /// The variant of the scene file; `None` for the scene as written.
     pub variant: Option<Variant>,
-    /// What the scene's files hold that is not used, and what was fixed in them, a sentence each.
+    /// Notes on contents of the scene's files that are ignored or were corrected, one sentence each.
     pub notes: Vec<String>,
-    /// Files that it was made of, by the names that they have in its text: paths from its own folder, sorted.
+    /// Files that the scene was built from, sorted, as paths relative to the scene's folder.
     pub files: Vec<String>,
 }
 
-/// Which variant of its file a scene is.
+/// One variant of a scene file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Variant {
-    /// Its number.
     pub number: u64,
-    /// Its values by the names of the file's parameters, as TOML writes them.
+    /// Parameter values by name, in TOML syntax.
     pub values: BTreeMap<String, String>,
 }
 
-/// Which paths are traced.
+/// The integrator, which determines how paths are traced.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Integrator {
-    /// What the scene needs, among the others ([`crate::scene::Scene::new`] decides).
+    /// The integrator that the scene needs ([`crate::scene::Scene::new`] decides).
     #[default]
     Auto,
-    /// From the camera, with connections to the emitters.
+    /// Paths from the camera, with connections to the emitters.
     Path,
-    /// As `Path`; and, every few samples, from the emitters too, what mirrors, smooth glass and crystals make of their light
-    /// before it meets anything else.
+    /// As `Path`, plus light paths every few samples. These find the light that mirrors, smooth glass and
+    /// crystals redirect before it meets anything else.
     Caustics,
-    /// From the camera and from the emitters, with connections between all of their points.
+    /// Paths from the camera and from the emitters, with connections between all of their vertices.
     Bidirectional,
 }
 
 impl Integrator {
-    /// As scene files say it.
+    /// Returns the name that scene files use.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -96,7 +88,7 @@ impl Integrator {
         }
     }
 
-    /// True if light is followed from the emitters.
+    /// Returns true if paths are also traced from the emitters.
     #[inline]
     #[must_use]
     pub fn walks_from_light(self) -> bool {
@@ -104,25 +96,22 @@ impl Integrator {
     }
 }
 
-/// How to render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Samples per camera pixel.
     pub spp: u32,
-    /// Least number of groups that these are in, if they are stratified: [`Self::group`].
+    /// Minimum number of independent groups of stratified samples; see [`Self::group`].
     pub replicates: u32,
-    /// Longest path as Mitsuba counts it: 1 + the largest number of surface interactions.
+    /// Maximum path depth as Mitsuba counts it: 1 + the largest number of surface interactions.
     pub max_depth: u32,
-    /// Surface interactions before Russian roulette sets in.
+    /// Number of surface interactions after which Russian roulette starts.
     pub rr_depth: u32,
-    /// Which paths are traced.
     pub integrator: Integrator,
-    /// Emitters are looked for through smooth interfaces that bend light.
+    /// Enables manifold connections to emitters through smooth refracting interfaces.
     pub manifold: bool,
-    /// Traces bidirectional paths by one strategy alone, unweighted: so many points from the light and from the camera,
-    /// both ends counted. For tests; paths that it cannot make are missing.
+    /// Restricts bidirectional tracing to one unweighted strategy: the number of vertices on the light path
+    /// and on the camera path, both ends included. For tests; other paths are missing.
     pub strategy: Option<[u32; 2]>,
-    /// Strategies that are used where they have something to find. For tests: paths that no other makes are missing without one.
+    /// Strategies that may be used. For tests; paths that only others can sample are missing.
     pub strategies: Strategies,
     /// Key of the random streams.
     pub seed: u64,
@@ -131,8 +120,9 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Samples of a pixel that are stratified together: as many as leave at least `replicates` independent groups, from which
-    /// standard errors are estimated (randomized quasi-Monte Carlo: Owen 1997).
+    /// Returns the number of samples of a pixel that are stratified together: the largest that leaves at
+    /// least `replicates` independent groups. Standard errors are estimated from these groups (randomized
+    /// quasi-Monte Carlo: Owen 1997).
     #[must_use]
     pub fn group(&self) -> Group {
         Group::of(self.spp, self.replicates)
@@ -140,12 +130,12 @@ impl Settings {
 }
 
 impl SceneTables {
-    /// True if some object is filled with a medium, or some boundary is null.
+    /// Returns true if some object is filled with a medium or some boundary is null.
     pub(crate) fn has_fillings(&self) -> bool {
         self.boundaries.iter().any(|b| *b != Boundary::NONE) || self.materials.any_null()
     }
 
-    /// True if some device looks through a lens.
+    /// Returns true if the camera or the projector has a lens.
     pub(crate) fn has_lenses(&self) -> bool {
         let lens = |p: &Pinhole| p.lens.radius > 0.0;
         lens(&self.camera) || self.projector.as_ref().is_some_and(|p| lens(&p.pinhole))

@@ -1,12 +1,11 @@
-//! How the axes of a slice between camera and Stokes are divided into chunks.
+//! The chunk grid of a slice's axes between the camera axes and the Stokes axes.
 
 use tensor::axes::SliceLayout;
 
-/// Some neighbouring axes of a layout and their division into chunks.
+/// A range of neighbouring axes of a layout and their division into chunks.
 pub(super) struct Grid {
-    /// Length, and length of a chunk.
+    /// Length of each axis and of its chunks.
     axes: Vec<[u64; 2]>,
-    /// Chunks in all.
     pub chunks: u64,
 }
 
@@ -19,7 +18,7 @@ impl Grid {
         }
     }
 
-    /// Chunk of a cell (row-major over the axes), its position there, and how many positions that chunk has.
+    /// Returns the chunk of a cell (row-major over the axes), the position in it, and its volume.
     pub fn place(&self, mut cell: u64) -> (u64, usize, usize) {
         if self.chunks == 1 {
             let volume: u64 = self.axes.iter().map(|[len, _]| len).product();
@@ -56,7 +55,7 @@ impl Grid {
 mod tests {
     use super::*;
 
-    /// Every cell of uneven axes has a place of its own, and the place is what its chunk's box says.
+    /// Every cell of uneven axes has a distinct position that agrees with its chunk's box.
     #[test]
     fn places_are_those_of_the_chunks_boxes() {
         let grid = Grid {

@@ -1,8 +1,9 @@
-//! From path contributions to means and standard errors of every slice, in one pass.
+//! Accumulates path contributions into means and standard errors of every slice, in one pass.
 //!
-//! What is independent is one random variable, a camera sample or a group of them that are stratified together: all its
-//! contributions to an element are added before they are squared, so the variance is that of independent ones. A pixel is finished before the next begins, so what is live is small:
-//! the cells of one pixel (sparse, in f64), then the finished values of one tile (sparse, in f32).
+//! The independent random variable is a camera sample or a group of samples that are stratified together. All
+//! contributions of a group to an element are added before they are squared, so the variance is that of
+//! independent variables. A pixel is finished before the next one begins, which keeps memory small: the cells
+//! of one pixel (sparse, f64) and the finished values of one tile (sparse, f32).
 
 mod grid;
 pub mod plan;
@@ -21,21 +22,21 @@ pub use totals::Counted;
 use totals::TotalSums;
 use wide::f64x4;
 
-/// Cells of a pixel are looked up in a plain table up to this many possible cells.
+/// Up to this many possible cells, the cells of a pixel are indexed by a plain table instead of a hash map.
 const DIRECT_CELLS: u64 = 1 << 16;
 
-/// Where the cells of one pixel are found.
+/// Maps a cell key to the cells of one pixel.
 enum CellIndex {
     Direct(Vec<u32>),
     Hashed(KeyMap),
 }
 
-/// One live cell of the current pixel.
+/// One cell of the current pixel that has contributions.
 struct Cell {
     key: u64,
     /// Group of samples whose contributions are pending.
     group: u32,
-    /// Where its elements begin among the sums, and how many rows and columns of the matrix they are.
+    /// Index of its first element in the sums; `extent` is the number of matrix rows and columns.
     first: u32,
     extent: Extent,
 }
@@ -69,9 +70,8 @@ impl Sums {
 struct PixelSums {
     index: CellIndex,
     cells: Vec<Cell>,
-    /// Elements of all cells, those that can be non-zero alone.
+    /// Elements of all cells; only those that can be non-zero.
     sums: Vec<Sums>,
-    /// Of all cells together.
     total: TotalSums,
 }
 
@@ -102,7 +102,7 @@ impl PixelSums {
         }
     }
 
-    /// Makes room in a cell for elements of more rows or columns than it had.
+    /// Enlarges a cell to hold elements of more rows or columns.
     #[cold]
     fn grow(&mut self, slot: usize, extent: Extent) {
         let cell = &mut self.cells[slot];
@@ -136,7 +136,7 @@ impl PixelSums {
         }
         let slot = *entry as usize;
         if let ([value], 1) = (values, self.cells[slot].extent.count()) {
-            // Most are intensities alone.
+            // Fast path: most contributions are intensities only.
             let cell = &mut self.cells[slot];
             let sums = &mut self.sums[cell.first as usize];
             if cell.group != group {
@@ -165,15 +165,15 @@ impl PixelSums {
         }
     }
 
-    /// Turns the sums of a pixel into the mean and the variance of the mean, and adds them to the tile with weight
+    /// Computes the mean and the variance of the mean of a pixel, and adds them to the tile with weights
     /// 1/pixels and 1/pixels² (pixels are independent).
     #[inline]
     fn finish_pixel(&mut self, plan: &SlicePlan, tile: &mut TileValues, local: u64, n: Counted, pixels: f64) {
         let (samples, groups) = (f64::from(n.samples), f64::from(n.groups));
         let per_sample = f64x4::splat(1.0 / samples);
         let per_group = f64x4::splat(1.0 / groups);
-        // Variance of the mean of groups, whose sums have samples / groups times its size. NaN for a single one: its error is
-        // unknown, not zero.
+        // Variance of the mean of groups, whose sums are samples / groups times larger. NaN for a single
+        // group.
         let size = samples / groups;
         let per_degree = f64x4::splat(1.0 / ((groups - 1.0) * groups * size * size));
         let (share, share2) = (f64x4::splat(1.0 / pixels), f64x4::splat(1.0 / (pixels * pixels)));
@@ -210,24 +210,23 @@ impl PixelSums {
     }
 }
 
-/// The finished values of all slices over one tile: what a back end makes of it.
+/// The finished values of all slices over one tile, as a back end returns them.
 pub struct TileSums<'a> {
     plans: &'a [SlicePlan],
     slices: Vec<TileValues>,
     scratch: Scratch,
     /// First and one past last camera pixel (x, y).
     pixels: [[u32; 2]; 2],
-    /// Samples that count, pixel by pixel, row by row.
+    /// Number of valid samples per pixel, row-major.
     counts: Vec<u32>,
-    /// What is known of the tile besides.
     pub record: TileRecord,
 }
 
 impl TileSums<'_> {
-    /// Gives everything to a sink, the record last.
+    /// Writes all values to a sink, the record last.
     ///
     /// # Errors
-    /// If the sink refuses.
+    /// The sink fails to store a piece.
     pub fn put<S: Sink>(&mut self, sink: &S) -> Result<(), S::Error> {
         for (number, (plan, values)) in self.plans.iter().zip(&self.slices).enumerate() {
             values.put(number, plan, sink, &mut self.scratch)?;
@@ -242,24 +241,22 @@ impl TileSums<'_> {
     }
 }
 
-/// All slices over one tile: fed sample by sample, pixel by pixel.
+/// Accumulates all slices over one tile, pixel by pixel and sample by sample.
 pub struct TileAccumulator<'a> {
     plans: &'a [SlicePlan],
     sums: Vec<PixelSums>,
-    /// What is finished of the tile.
     pub tile: TileSums<'a>,
-    /// The current camera pixel, row-major, and the slices that keep it.
+    /// The current camera pixel, row-major.
     pixel: u32,
     keeping: Vec<usize>,
-    /// Whether slices have paths of their own.
+    /// True if some slice samples its own projector pixels.
     aimed: bool,
-    /// Chances of s' in each slice's band about the epipolar line of the current camera pixel, 0 where it has none.
+    /// Probability of each s' in the epipolar band of the current camera pixel, per slice; 0 without a band.
     in_band: Vec<f32>,
 }
 
 impl<'a> TileAccumulator<'a> {
-    /// An accumulator for tiles of the given slices, in so many passes over each pixel; reused from tile to tile by one
-    /// thread.
+    /// Creates an accumulator for tiles of the given slices, with `passes` passes over each pixel. Reusable.
     #[must_use]
     pub fn new(plans: &'a [SlicePlan], passes: usize) -> Self {
         Self {
@@ -280,7 +277,7 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Starts tile number `tile`, that of camera pixels x0..x1, y0..y1.
+    /// Starts tile number `tile`, which covers camera pixels x0..x1, y0..y1.
     pub fn begin_tile(&mut self, tile: u32, [x0, y0]: [u32; 2], [x1, y1]: [u32; 2]) {
         self.tile.pixels = [[x0, y0], [x1, y1]];
         self.tile.counts.clear();
@@ -302,7 +299,7 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Starts camera pixel (x, y); false if no slice keeps it: then it has ended, too.
+    /// Starts camera pixel (x, y). Returns false if no slice keeps it; the pixel is then already finished.
     #[inline]
     #[must_use]
     pub fn begin_pixel(&mut self, x: u32, y: u32) -> bool {
@@ -316,7 +313,7 @@ impl<'a> TileAccumulator<'a> {
         !self.keeping.is_empty()
     }
 
-    /// Says which s' are drawn for the current pixel, for each slice: those of its band, or none.
+    /// Sets the projector pixels s' of each slice's band for the current pixel; empty without a band.
     #[inline]
     pub fn set_bands(&mut self, bands: &[Vec<u32>]) {
         for (chance, band) in self.in_band.iter_mut().zip(bands) {
@@ -324,8 +321,8 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Adds all contributions of one camera sample of the current pixel, whose elements are among `elements`, and which is one of
-    /// the group number `group`; groups come one after the other.
+    /// Adds all contributions of one camera sample of the current pixel. Their Mueller elements are in
+    /// `elements`. Samples of one `group` must be added consecutively.
     #[inline]
     pub fn add_sample(&mut self, group: u32, list: &[Contribution], elements: &[Spectral]) {
         if self.aimed {
@@ -340,7 +337,7 @@ impl<'a> TileAccumulator<'a> {
         self.add_to::<true>(group, list, elements);
     }
 
-    /// [`Self::add_sample`]; `AIMED` if some contributions are for one slice alone.
+    /// Implements [`Self::add_sample`]; `AIMED` if some contributions belong to a single slice.
     #[inline(always)]
     fn add_to<const AIMED: bool>(&mut self, group: u32, list: &[Contribution], elements: &[Spectral]) {
         let pixel = self.pixel;
@@ -356,7 +353,7 @@ impl<'a> TileAccumulator<'a> {
                         weight *= plan.share(c, self.in_band[*k]);
                     }
                     let (extent, values) = if plan.elements == 1 {
-                        // The matrix is asked for its intensity alone.
+                        // The slice keeps only the intensity of the matrix.
                         (Extent { rows: 1, cols: 1 }, &c.of(elements)[..1])
                     } else {
                         (c.extent, c.of(elements))
@@ -369,7 +366,7 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Finishes a pass over pixel (x, y). Passes are independent: their means and the variances of these are added.
+    /// Finishes a pass over pixel (x, y). Passes are independent, so their means and variances are added.
     #[inline]
     pub fn end_pass(&mut self, x: u32, y: u32, n: Counted) {
         let slices = self.plans.iter().zip(&mut self.sums);
@@ -383,7 +380,7 @@ impl<'a> TileAccumulator<'a> {
         }
     }
 
-    /// Finishes the current pixel, with its number of samples.
+    /// Finishes the current pixel and records its number of samples.
     #[inline]
     pub fn end_pixel(&mut self, samples: u32) {
         self.tile.counts.push(samples);

@@ -1,4 +1,4 @@
-//! Which element of a slice a path contribution belongs to, worked out once a render.
+//! Maps each path contribution to an element of a slice; precomputed once per render.
 
 use super::selected::Selected;
 use optics::polarization::extent::Extent;
@@ -6,43 +6,41 @@ use optics::spectrum::Spectral;
 use tensor::axes::{AxisKind, Extents, SliceLayout};
 use tensor::slice::{CameraSelect, Polarization, ProjectorAxis, ProjectorSelect, Slice, TimeSelect};
 
-/// Light of one path: what arrives at the camera per unit projector drive.
+/// The light of one path that arrives at the camera per unit projector drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Contribution {
-    /// Where its Mueller elements begin in [`Contributions::elements`].
+    /// Index of its first Mueller element in [`Contributions::elements`].
     pub first: u32,
-    /// Their rows and columns of the matrix.
+    /// Number of matrix rows and columns.
     pub extent: Extent,
-    /// Travel time, picoseconds; infinite for light without one.
+    /// Travel time in picoseconds; infinite for light without a travel time.
     pub time_ps: f64,
-    /// Row-major projector pixel s', [`NO_PIXEL`] for light of other emitters.
+    /// Row-major projector pixel s'; [`NO_PIXEL`] for light of other emitters.
     pub pixel: u32,
-    /// Distance of s' from the epipolar line of s, projector pixels (only read by epipolar slices).
+    /// Distance of s' from the epipolar line of s, in projector pixels (used only by epipolar slices).
     pub epipolar_px: f32,
-    /// Surface interactions.
     pub bounces: u32,
-    /// What the path did, as [`tensor::label`] says; of no meaning where no slice asks.
+    /// Path label as defined in [`tensor::label`]; unspecified if no slice asks for labels.
     pub label: u8,
-    /// The one slice that it is for, made by drawing one of its s', or `EVERY`.
+    /// The slice for whose s' the path was sampled, the only one that it counts for; or `EVERY`.
     pub slice: u32,
-    /// How much denser such drawing would make the path, of an s' that is drawn for sure, than what made paths for all slices; 0
-    /// where it cannot.
+    /// Ratio of two densities of this path: sampling it for a given s' (chosen with probability 1), divided
+    /// by sampling it for all slices. 0 if the path cannot be sampled for an s'.
     pub rival: f32,
 }
 
-/// Where the contributions of one camera sample are put.
+/// Output buffers for the contributions of one camera sample.
 pub struct Contributions<'a> {
-    /// The contributions, in the order in which the path made them.
+    /// The contributions, in the order in which the path produced them.
     pub list: &'a mut Vec<Contribution>,
-    /// Mueller elements, projector frame in, camera frame out, W/(m² sr nm): only those that can be non-zero, so that
-    /// light from one rough wall takes one number a wavelength. Other samples put theirs here too.
+    /// Mueller elements from projector frame to camera frame, in W/(m² sr nm). Only elements that can be
+    /// non-zero are stored, e.g. only M00 for depolarized light. Shared with other samples.
     pub elements: &'a mut Vec<Spectral>,
-    /// Some slice parts light by what its path did: light of several kinds of lobes comes as several contributions.
+    /// True if some slice needs path labels. Each kind of lobe then becomes a separate contribution.
     pub labelled: bool,
 }
 
 impl<'a> Contributions<'a> {
-    /// Into these lists.
     #[inline(always)]
     pub fn new(list: &'a mut Vec<Contribution>, elements: &'a mut Vec<Spectral>, labelled: bool) -> Self {
         Self {
@@ -52,7 +50,7 @@ impl<'a> Contributions<'a> {
         }
     }
 
-    /// Appends the contribution whose elements have just been put at the end of the list of them.
+    /// Appends a contribution whose elements are the last ones in the list of elements.
     #[inline(always)]
     pub fn push(&mut self, extent: Extent, time_ps: f64, pixel: u32, bounces: u32, label: u8) {
         self.list.push(Contribution {
@@ -70,7 +68,7 @@ impl<'a> Contributions<'a> {
 }
 
 impl Contribution {
-    /// Its elements among all, row by row.
+    /// Returns its elements, row by row, from the list of all elements.
     #[inline]
     #[must_use]
     pub fn of<'a>(&self, elements: &'a [Spectral]) -> &'a [Spectral] {
@@ -81,21 +79,21 @@ impl Contribution {
 /// [`Contribution::pixel`] of light that comes from no projector pixel.
 pub const NO_PIXEL: u32 = u32::MAX;
 
-/// [`Contribution::slice`] of light for all slices.
+/// [`Contribution::slice`] of light that counts for all slices.
 pub(super) const EVERY: u32 = u32::MAX;
 
 /// Marks a row or column that a slice does not keep.
 pub(super) const DROPPED: u32 = u32::MAX;
 
-/// How a slice maps contributions to elements: precomputed once a render, shared by all threads.
+/// Maps contributions to the elements of one slice; precomputed once per render and shared by all threads.
 pub struct SlicePlan {
     slice: Slice,
-    /// Its projector pixels, where they are few.
+    /// Its projector pixels, if they are few.
     selected: Option<Selected>,
     pub(super) layout: SliceLayout,
     /// Camera row and column → index along `y`, `x`, or [`DROPPED`].
     pub(super) camera: [Vec<u32>; 2],
-    /// Pixels that are averaged along each axis by index (1 unless binned).
+    /// Number of pixels averaged along each axis, per index (1 unless binned).
     pub(super) per_index: [Vec<u32>; 2],
     /// Projector row and column → index along `v`, `u`, or [`DROPPED`]; empty if s' is not resolved.
     projector: [Vec<u32>; 2],
@@ -106,14 +104,14 @@ pub struct SlicePlan {
     bounces: u64,
     components: u64,
     labels: u64,
-    /// Cells of one camera element inside the time window; overflow cells follow.
+    /// Number of cells of one camera element inside the time window; `overflow` cells follow.
     pub(super) inner: u64,
     pub(super) overflow: u64,
     pub(super) elements: usize,
     pub(super) wavelengths: usize,
 }
 
-/// Index tables of a selection of `n` pixels along one axis.
+/// Returns the index table of a selection of `n` pixels along one axis.
 fn index_table(n: u32, list: Option<&[u32]>, first: u32, count: u32, bin: u32) -> Vec<u32> {
     (0..n)
         .map(|i| match list {
@@ -200,39 +198,37 @@ impl SlicePlan {
         }
     }
 
-    /// Cells of one camera element, those outside the time window included.
+    /// Returns the number of cells of one camera element, including those outside the time window.
     #[inline]
     pub(super) fn cells(&self) -> u64 {
         self.inner + self.overflow
     }
 
-    /// Name of the slice.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.slice.name
     }
 
-    /// The slice's axes.
     #[must_use]
     pub fn layout(&self) -> &SliceLayout {
         &self.layout
     }
 
-    /// Camera pixels that one element averages (the largest, where border bins are smaller).
+    /// Returns the largest number of camera pixels that one element averages (border bins may be smaller).
     #[must_use]
     pub fn pixels_per_element(&self) -> u32 {
         let max = |v: &Vec<u32>| v.iter().copied().max().unwrap_or(1);
         max(&self.per_index[0]) * max(&self.per_index[1])
     }
 
-    /// The projector pixels that the slice keeps, if they are few enough to draw from.
+    /// Returns the projector pixels that the slice keeps, if they are few enough to sample from.
     #[must_use]
     pub fn selected(&self) -> Option<&Selected> {
         self.selected.as_ref()
     }
 
-    /// The slice's share of a contribution that both chance and a drawn s' can make: the balance heuristic; `in_band` as for
-    /// [`Selected::chance`].
+    /// Returns the balance-heuristic weight of a contribution that can be sampled both for all slices and for
+    /// one s'. `in_band` is as for [`Selected::chance`].
     #[inline]
     pub(super) fn share(&self, c: &Contribution, in_band: f32) -> f32 {
         match &self.selected {
@@ -248,13 +244,13 @@ impl SlicePlan {
         }
     }
 
-    /// True if the slice asks for [`Contribution::label`].
+    /// Returns true if the slice uses [`Contribution::label`].
     #[must_use]
     pub fn needs_labels(&self) -> bool {
         self.slice.labels
     }
 
-    /// True if the slice asks for [`Contribution::epipolar_px`].
+    /// Returns true if the slice uses [`Contribution::epipolar_px`].
     #[must_use]
     pub fn needs_epipolar(&self) -> bool {
         matches!(
@@ -265,7 +261,7 @@ impl SlicePlan {
         )
     }
 
-    /// Indices along `y`, `x` of camera pixel (x, y), if it is kept.
+    /// Returns the indices along `y`, `x` of camera pixel (x, y), or `None` if it is not kept.
     #[inline]
     #[must_use]
     pub fn camera_index(&self, x: u32, y: u32) -> Option<[u32; 2]> {
@@ -273,8 +269,8 @@ impl SlicePlan {
         (at[0] != DROPPED && at[1] != DROPPED).then_some(at)
     }
 
-    /// Cell (row-major over v, u, t, bounces, component, label; then overflow cells) and weight of a contribution to camera
-    /// pixel number `camera_pixel`.
+    /// Returns the cell and the weight of a contribution to camera pixel number `camera_pixel`. Cells are
+    /// row-major over v, u, t, bounces, component, label; overflow cells follow.
     #[inline(always)]
     pub(super) fn cell(&self, c: &Contribution, camera_pixel: u32) -> Option<(u64, f32)> {
         let mut weight = 1.0;

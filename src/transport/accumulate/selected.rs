@@ -1,38 +1,38 @@
-//! Slices that keep few projector pixels for a camera pixel: which these are, so that paths can be sent to where they light.
+//! Projector pixels for which paths are sampled, for slices that keep few of them per camera pixel.
 
 use optics::sampling::stream::Stream;
 use tensor::axes::Extents;
 use tensor::slice::{ProjectorSelect, Slice};
 
-/// A slice is worth paths of its own if it keeps at most this share of the projector's pixels for a camera pixel: they take a
-/// render up to twice the time, and of a sixteenth of the pixels chance finds about as much meanwhile.
+/// A slice gets separate paths if it keeps at most this fraction of the projector's pixels for a camera
+/// pixel. Separate paths up to double the render time, and do not pay for a sixteenth of the pixels.
 const MOST: f64 = 1.0 / 64.0;
 
-/// The same for bands about epipolar lines: in twice the time, indirect light of a 256th of the pixels has 3.5 times less variance,
-/// of an 85th 1.7 times (`docs/paths.md`).
+/// The same limit for bands around epipolar lines. In twice the time, indirect light has 3.5 times less
+/// variance for 1/256 of the pixels and 1.7 times less for 1/85 (`docs/paths.md`).
 const MOST_OF_BAND: f64 = 1.0 / 128.0;
 
-/// The projector pixels that a slice keeps for a camera pixel, with the chance of each to be drawn.
+/// The projector pixels that a slice keeps for a camera pixel, with their sampling probabilities.
 pub enum Selected {
-    /// That of the camera pixel's own number alone.
+    /// Only the pixel with the camera pixel's number.
     Own,
-    /// The same for all camera pixels.
+    /// The same pixels for all camera pixels.
     Listed {
-        /// Their numbers, rising.
+        /// Pixel numbers, ascending.
         pixels: Vec<u32>,
-        /// The chances of each and those before it.
+        /// Cumulative probabilities, each including its pixel.
         cumulative: Vec<f32>,
     },
-    /// A band about its epipolar line, which is listed camera pixel by camera pixel; all in it are as likely.
+    /// A band around the epipolar line, listed for each camera pixel and sampled uniformly.
     Band {
-        /// Half width of the band, projector pixels.
+        /// Half width of the band in projector pixels.
         half_width_px: f32,
-        /// Bands of more pixels are left to chance.
+        /// Bands with more pixels get no separate paths.
         most: usize,
     },
 }
 
-/// Chance of each pixel of a band, 0 if it has none.
+/// Returns the probability of each pixel of a band; 0 if the band is empty.
 #[inline]
 #[must_use]
 pub fn chance_in(band: &[u32]) -> f32 {
@@ -44,7 +44,7 @@ pub fn chance_in(band: &[u32]) -> f32 {
 }
 
 impl Selected {
-    /// Those of a slice, if they are few.
+    /// Returns the pixels of a slice, if they are few.
     pub(super) fn of(slice: &Slice, extents: &Extents) -> Option<Self> {
         let [w, h] = extents.projector?;
         let all = 0..w * h;
@@ -70,11 +70,11 @@ impl Selected {
                     |p: &u32| (b.x..b.x + b.w).contains(&(p % w)) && (b.y..b.y + b.h).contains(&(p / w));
                 all.filter(inside).map(|p| (p, 1.0)).collect()
             }
-            // Bands hold direct light, whose noise at their edges is most of the sum's unless lines are rows of pixels: paths of
-            // their own pay where indirect light is told apart (`docs/paths.md`).
+            // Bands contain direct light. Unless lines are rows of pixels, its noise at the band's edges
+            // dominates. Separate paths pay only where the slice separates indirect light (`docs/paths.md`).
             ProjectorSelect::Epipolar { half_width_px } if slice.bounces || slice.split_first_bounce => {
                 let most = MOST_OF_BAND * f64::from(w) * f64::from(h);
-                // So many has a line that crosses the shorter side.
+                // Number of pixels of a band that crosses the shorter side.
                 let least = 2.0 * f64::from(*half_width_px) * f64::from(w.min(h));
                 return (least <= most).then_some(Self::Band {
                     half_width_px: *half_width_px,
@@ -97,7 +97,7 @@ impl Selected {
         Some(Self::Listed { pixels, cumulative })
     }
 
-    /// Draws a pixel for a camera pixel, whose `band` (of a slice that has one) is not empty.
+    /// Draws a pixel for a camera pixel. For a slice with a band, `band` must not be empty.
     #[inline]
     #[must_use]
     pub fn draw(&self, camera_pixel: u32, band: &[u32], stream: &mut Stream) -> u32 {
@@ -114,7 +114,7 @@ impl Selected {
         }
     }
 
-    /// Chance of a pixel that the slice keeps to be drawn; `in_band` is that of a band's ([`chance_in`]).
+    /// Returns the probability of drawing a kept pixel; `in_band` is that of a band's pixels ([`chance_in`]).
     #[inline]
     #[must_use]
     pub fn chance(&self, pixel: u32, in_band: f32) -> f32 {
@@ -137,7 +137,7 @@ mod tests {
         told_apart(projector, false)
     }
 
-    /// Of a slice that tells direct from indirect light, or does not.
+    /// Selects pixels for a slice that separates light by `bounces`, or does not.
     fn told_apart(projector: ProjectorSelect, bounces: bool) -> Option<Selected> {
         let slice = Slice {
             name: "s".into(),
@@ -159,7 +159,7 @@ mod tests {
         Selected::of(&slice, &extents)
     }
 
-    /// 100,000 draws of a mask of weights 1, 3 and 4: their numbers are within five standard errors of the chances.
+    /// In 100,000 draws of a mask with weights 1, 3 and 4, frequencies match probabilities (5 sigma).
     #[test]
     fn pixels_are_drawn_with_their_chances() {
         let mut weights = vec![0.0; 256];
@@ -192,7 +192,7 @@ mod tests {
             (9, 1.0)
         );
         let band = |half_width_px, bounces| told_apart(ProjectorSelect::Epipolar { half_width_px }, bounces);
-        // A 128th are two pixels, and a line crosses 16.
+        // 1/128 of the pixels is two pixels; a line crosses 16.
         assert!(matches!(band(0.0625, true), Some(Selected::Band { most: 2, .. })));
         assert!(band(0.0625, false).is_none() && band(0.07, true).is_none());
         let block = |w, h| ProjectorSelect::Block(tensor::slice::Block { x: 14, y: 2, w, h });

@@ -1,7 +1,7 @@
-//! The finished values of one slice over one tile of camera pixels, sparse in memory, and how they become chunks.
+//! The finished values of one slice over one tile, sparse in memory, and their conversion to chunks.
 //!
-//! Most of a tensor is nothing: bins that no light reaches, and elements that no path polarizes. Only what is there
-//! is kept, and chunks without any of it are not even looked at.
+//! Most of a tensor is zero: bins without light, and elements that no path polarizes. Only values that are
+//! present are stored, and chunks without any are never visited.
 
 use super::grid::Grid;
 use super::plan::SlicePlan;
@@ -13,7 +13,7 @@ use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::sink::{self, Piece, Sink};
 
-/// Multiplicative hashing of cell keys (Knuth): keys are small integers, attackers there are none.
+/// Multiplicative hashing of cell keys (Knuth). Keys are small integers that no attacker controls.
 #[derive(Default)]
 pub(super) struct KeyHasher(u64);
 
@@ -34,23 +34,23 @@ impl Hasher for KeyHasher {
     }
 }
 
-/// Numbers by cell key.
 pub(super) type KeyMap = HashMap<u64, u32, BuildHasherDefault<KeyHasher>>;
 
-/// Numbers in a stretch of a chunk.
+/// Number of values in a stretch of a chunk.
 const STRETCH: usize = sink::STRETCH / 4;
 
-/// A chunk of means and one of errors, all zero between uses: fresh memory of that size costs more than filling it.
+/// Buffers for one chunk of means and one of errors, all zero between uses. Reused, because allocating is
+/// slow.
 #[derive(Default)]
 pub(super) struct Scratch {
     means: Vec<f32>,
     errors: Vec<f32>,
-    /// A bit for every stretch that was written to.
+    /// One bit per stretch that was written to.
     touched: Vec<u64>,
 }
 
 impl Scratch {
-    /// Makes room for a chunk of `length` numbers.
+    /// Enlarges the buffers for a chunk of `length` values.
     fn reserve(&mut self, length: usize) {
         if self.means.len() < length {
             self.means.resize(length, 0.0);
@@ -59,14 +59,14 @@ impl Scratch {
         }
     }
 
-    /// Marks the stretch of a number as written to.
+    /// Marks the stretch of a value as written to.
     #[inline]
     fn touch(&mut self, number: usize) {
         let stretch = number / STRETCH;
         self.touched[stretch / 64] |= 1 << (stretch % 64);
     }
 
-    /// Sets what was written to zero.
+    /// Sets all marked stretches to zero.
     fn clear(&mut self) {
         for (word, bits) in self.touched.iter_mut().enumerate() {
             while *bits != 0 {
@@ -83,40 +83,38 @@ impl Scratch {
 /// Mean and variance of the mean of one matrix element.
 type Finished = [Spectral; 2];
 
-/// One cell of one camera element.
 struct Entry {
     /// local camera index · cells + cell.
     key: u64,
-    /// Where its elements begin among the values, row by row.
+    /// Index of its first element in the values; elements are row-major.
     first: u32,
     extent: Extent,
 }
 
-/// An entry's place in the arrays.
 #[derive(Clone, Copy)]
 struct Placed {
-    /// Number of the chunk within the tile, by the axes between camera and Stokes.
+    /// Index of the chunk within the tile, over the axes between camera and Stokes.
     chunk: u64,
-    /// Position in that chunk, in units of what follows these axes.
+    /// Position in that chunk, in units of the volume of the remaining axes.
     at: usize,
     entry: u32,
 }
 
 /// The finished values of one slice over one tile, sparse.
 pub(super) struct TileValues {
-    /// First index along `y`, `x`, and how many of each.
+    /// First index along `y`, `x`, and number of indices.
     start: [u64; 2],
     shape: [u64; 2],
     entries: Vec<Entry>,
     values: Vec<Finished>,
-    /// Variances of the mean of the totals, of every camera element.
+    /// Variance of the mean of the total, per camera element.
     totals: Vec<f64>,
-    /// Entries by key, where several pixels share one (binned cameras), or several passes.
+    /// Entry index by key; present if several pixels (binned cameras) or several passes share a key.
     shared: Option<KeyMap>,
 }
 
 impl TileValues {
-    /// Empty, for a slice whose pixels are finished in so many passes.
+    /// Creates an empty table for a slice whose pixels are finished in `passes` passes.
     pub(super) fn new(plan: &SlicePlan, passes: usize) -> Self {
         Self {
             start: [0; 2],
@@ -128,8 +126,8 @@ impl TileValues {
         }
     }
 
-    /// Forgets everything, keeps the memory, and begins with the camera elements `start` to `start + shape` along
-    /// `y`, `x`.
+    /// Clears the table, keeps its memory and sets its camera elements: `start` to `start + shape` along `y`,
+    /// `x`.
     pub(super) fn begin(&mut self, start: [u64; 2], shape: [u64; 2]) {
         (self.start, self.shape) = (start, shape);
         self.entries.clear();
@@ -141,13 +139,13 @@ impl TileValues {
         }
     }
 
-    /// Number of a camera element (indices along `y`, `x`) within the tile.
+    /// Returns the index of a camera element (indices along `y`, `x`) within the tile.
     #[inline]
     pub(super) fn local(&self, iy: u32, ix: u32) -> u64 {
         (u64::from(iy) - self.start[0]) * self.shape[1] + u64::from(ix) - self.start[1]
     }
 
-    /// Adds a cell's means and variances, row by row; cells of one key are summed.
+    /// Adds a cell's means and variances, row by row. Cells with equal keys are summed.
     pub(super) fn add(&mut self, key: u64, extent: Extent, finished: impl Iterator<Item = Finished>) {
         let first = self.values.len() as u32;
         let fresh = self.entries.len() as u32;
@@ -162,7 +160,7 @@ impl TileValues {
         self.values.extend(finished);
     }
 
-    /// Adds the variance of a total to that of camera element number `local`.
+    /// Adds the variance of a total to that of camera element `local`.
     #[inline]
     pub(super) fn add_total(&mut self, local: u64, variance: f64) {
         self.totals[local as usize] += variance;
@@ -185,10 +183,10 @@ impl TileValues {
         }
     }
 
-    /// Gives the tile to a sink, in which the slice is number `number`.
+    /// Writes the tile to a sink as slice number `number`.
     ///
     /// # Errors
-    /// If the sink refuses.
+    /// The sink fails to store a piece.
     pub(super) fn put<S: Sink>(
         &self,
         number: usize,
@@ -216,7 +214,7 @@ impl TileValues {
         self.put_totals(number, sink)
     }
 
-    /// Gives the errors of the totals to a sink.
+    /// Writes the errors of the totals to a sink.
     fn put_totals<S: Sink>(&self, number: usize, sink: &S) -> Result<(), S::Error> {
         let data: Vec<f32> = self.totals.iter().map(|v| v.sqrt() as f32).collect();
         if data.is_empty() {
@@ -232,13 +230,13 @@ impl TileValues {
         })
     }
 
-    /// Gives a part of the slice to a sink, chunk by chunk.
+    /// Writes one part of the slice to a sink, chunk by chunk.
     ///
-    /// What depends on the sink is compiled where the sink is known, with that crate's effort: loops over entries are functions
-    /// of their own, which do not.
+    /// Code that is generic over the sink is compiled in the sink's crate, at that crate's optimization
+    /// level. Loops over entries are therefore separate functions that do not depend on the sink.
     fn put_part<S: Sink>(&self, part: &Part, sink: &S, scratch: &mut Scratch) -> Result<(), S::Error> {
         let (grid, placed) = self.placed(part);
-        // A chunk holds all elements of the matrix or, where that would be too much, a part of its rows and columns.
+        // A chunk contains all matrix elements or, where these are too many, some of its rows and columns.
         let chunk = |kind| {
             part.layout
                 .find(kind)
@@ -270,7 +268,7 @@ impl TileValues {
         Ok(())
     }
 
-    /// Where the entries of a part go, chunk by chunk.
+    /// Returns the positions of a part's entries, sorted by chunk.
     fn placed(&self, part: &Part) -> (Grid, Vec<Placed>) {
         let Part {
             plan, layout, cells, ..
@@ -296,10 +294,10 @@ impl TileValues {
         (grid, placed)
     }
 
-    /// Looks at the entries of a chunk.
+    /// Groups the entries of a chunk by the extent of their matrices.
     fn sorted(&self, group: &[Placed]) -> Sorted {
         let extent_of = |p: &Placed| self.entries[p.entry as usize].extent;
-        // Few cells have more than M00, and only they are looked at for the rest.
+        // Few cells have more than M00; only these are visited for the other elements.
         let having = |more: fn(Extent) -> bool| -> Vec<Placed> {
             group.iter().filter(|p| more(extent_of(p))).copied().collect()
         };
@@ -312,7 +310,7 @@ impl TileValues {
         }
     }
 
-    /// Gives one chunk of both fields to a sink.
+    /// Writes one chunk of both fields to a sink.
     fn put_chunk<S: Sink>(
         &self,
         part: &Part,
@@ -341,7 +339,7 @@ impl TileValues {
         written
     }
 
-    /// Fills the scratch with one chunk: its first indices and its shape.
+    /// Fills the scratch buffers with one chunk. Returns its first indices and its shape.
     fn filled(&self, part: &Part, cells: &ChunkCells, scratch: &mut Scratch) -> (Vec<u64>, Vec<u64>) {
         let plan = part.plan;
         let ChunkCells { grid, group, matrix } = cells;
@@ -354,7 +352,7 @@ impl TileValues {
         start.push(0);
         shape.push(plan.wavelengths as u64);
         scratch.reserve(shape.iter().product::<u64>() as usize);
-        // The number of wavelengths as a constant, because copies of unknown length become calls.
+        // The number of wavelengths is a constant, because copies of unknown length become function calls.
         let scatter = match plan.wavelengths {
             1 => Self::scatter::<1>,
             2 => Self::scatter::<2>,
@@ -365,7 +363,7 @@ impl TileValues {
         (start, shape)
     }
 
-    /// Puts the values of some entries in their places.
+    /// Copies the values of some entries to their positions.
     fn scatter<const L: usize>(&self, group: &[Placed], matrix: &Block, scratch: &mut Scratch) {
         for p in group {
             let entry = &self.entries[p.entry as usize];
@@ -383,19 +381,18 @@ impl TileValues {
     }
 }
 
-/// What is known of the entries of a chunk together.
+/// The entries of a chunk, by the extent of their matrices.
 struct Sorted {
-    /// Largest rows and columns of their matrices.
+    /// Largest number of rows and columns.
     extent: Extent,
-    /// Those of more than one row.
+    /// Entries with more than one row.
     tall: Vec<Placed>,
-    /// Those of more than one column.
+    /// Entries with more than one column.
     wide: Vec<Placed>,
 }
 
-/// What two fields of one layout hold of a slice: a range of its cells.
+/// The part of a slice that two fields of one layout store: a range of its cells.
 struct Part<'a> {
-    /// Number of the slice.
     number: usize,
     plan: &'a SlicePlan,
     layout: &'a SliceLayout,
@@ -403,14 +400,13 @@ struct Part<'a> {
     fields: [Field; 2],
 }
 
-/// The entries of one chunk.
 struct ChunkCells<'a> {
     grid: &'a Grid,
     group: &'a [Placed],
     matrix: Block,
 }
 
-/// Some rows and columns of a Mueller matrix.
+/// A block of rows and columns of a Mueller matrix.
 struct Block {
     first: [u32; 2],
     shape: [u32; 2],
@@ -421,7 +417,7 @@ impl Block {
         (self.shape[0] * self.shape[1]) as usize
     }
 
-    /// The block's rows among those that `extent` has.
+    /// Returns the block's rows that `extent` contains.
     fn rows(&self, extent: Extent) -> std::ops::Range<u32> {
         self.first[0]..(self.first[0] + self.shape[0]).min(extent.rows)
     }
@@ -430,7 +426,7 @@ impl Block {
         self.first[1]..(self.first[1] + self.shape[1]).min(extent.cols)
     }
 
-    /// Where element (i, j) stands in the block, row by row.
+    /// Returns the index of element (i, j) in the block, row-major.
     fn position(&self, i: u32, j: u32) -> usize {
         ((i - self.first[0]) * self.shape[1] + j - self.first[1]) as usize
     }

@@ -1,16 +1,15 @@
-//! The variance of a pixel's total: of M00 summed over all that a slice keeps of the pixel (light outside the time window too),
-//! the mean over wavelengths.
+//! The variance of a pixel's total: M00, summed over everything that a slice keeps of the pixel (including
+//! light outside the time window) and averaged over wavelengths.
 //!
-//! Elements of one pixel are made of the same samples, so that the errors of their sum cannot be told from theirs.
+//! All elements of a pixel use the same samples, so the error of their sum does not follow from theirs.
 
 use optics::spectrum::Spectral;
 
-/// Samples of a pixel that count (those without light included), and their groups that are independent of each other.
+/// Number of valid samples of a pixel (including those without light) and of independent groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counted {
-    /// Samples.
     pub samples: u32,
-    /// Groups: as many as samples, unless these are stratified.
+    /// Number of groups; equal to `samples` unless samples are stratified.
     pub groups: u32,
 }
 
@@ -25,7 +24,7 @@ pub(super) struct TotalSums {
 }
 
 impl TotalSums {
-    /// Adds what a sample of a group brings; groups come one after the other.
+    /// Adds the light of one sample; all samples of a group must be added consecutively.
     #[inline(always)]
     pub fn add(&mut self, group: u32, total: Spectral) {
         if group != self.group {
@@ -43,14 +42,14 @@ impl TotalSums {
         self.pending = Spectral::ZERO;
     }
 
-    /// The variance of the mean over the pixel's samples, of values at so many wavelengths; NaN of a single group. Begins anew.
+    /// Returns the variance of the mean over samples and wavelengths, NaN for one group, and resets the sums.
     pub fn finish(&mut self, n: Counted, wavelengths: usize) -> f64 {
         self.fold();
         let Self { sum, square, .. } = std::mem::take(self);
         let groups = f64::from(n.groups);
         let spread = (square - sum * sum / groups).max(0.0);
         let samples = f64::from(n.samples) * wavelengths as f64;
-        // Groups' sums add up to that of the samples.
+        // The sums of the groups add up to the sum of the samples.
         spread * groups / (groups - 1.0) / (samples * samples)
     }
 }
@@ -59,7 +58,7 @@ impl TotalSums {
 mod tests {
     use super::*;
 
-    /// Groups of two samples at two wavelengths, of which one group is dark: variance of the mean of 0, 1, 2, 5 is 4.667/4.
+    /// Groups of two samples at two wavelengths, one dark: the variance of the mean of 0, 1, 2, 5 is 4.667/4.
     #[test]
     fn the_variance_is_that_of_groups() {
         let mut sums = TotalSums::default();

@@ -1,7 +1,7 @@
-//! Where on the projector's image walks from the light start, if only light that is sent on along single directions counts:
-//! mostly in cells of the image from which a ray meets a mirror, a smooth interface or a crystal first.
+//! Importance sampling of starting points on the projector's image, if only redirected light counts: light
+//! subpaths start mostly in cells whose rays first meet a mirror, a smooth interface or a crystal.
 //!
-//! Rays may miss what is small, so a few walks start in all other cells too: every direction has a density.
+//! The rays may miss small objects, so every cell has a non-zero density.
 
 use crate::device::pinhole::Pinhole;
 use crate::geometry::ray::Ray;
@@ -13,21 +13,20 @@ use rayon::prelude::*;
 /// Cells along each side of the image.
 const CELLS: usize = 64;
 
-/// Rays along each side of a cell.
 const RAYS: usize = 4;
 
-/// Weight of a cell none of whose rays meets such a surface, nor one of its neighbours'; the others have 1.
+/// Weight of a cell if no ray of it or of its neighbours meets such a surface; the other cells have weight 1.
 const ELSEWHERE: f32 = 1.0 / 64.0;
 
-/// A density over the image, even within each cell, 1 in the mean.
+/// A density over the image, constant within each cell, with mean 1.
 pub(super) struct Aim {
     densities: Vec<f32>,
-    /// Share of all cells before each, row by row; one more than there are cells.
+    /// Cumulative probability before each cell, row-major; one more than there are cells.
     before: Vec<f32>,
 }
 
 impl Aim {
-    /// For the light of a projector; `None` if none of its rays meets such a surface, or all do.
+    /// Creates the density for the light of a projector. Returns `None` if all cells have equal weight.
     pub fn new(scene: &Scene, device: &Pinhole) -> Option<Self> {
         let [w, h] = device.resolution.map(f64::from);
         let step = 1.0 / (CELLS * RAYS) as f64;
@@ -56,7 +55,7 @@ impl Aim {
         uneven.then(|| Self::of(&weights))
     }
 
-    /// Cells with these weights.
+    /// Creates a density from cell weights.
     fn of(weights: &[f32]) -> Self {
         let all: f64 = weights.iter().map(|w| f64::from(*w)).sum();
         let mut sum = 0.0;
@@ -73,10 +72,10 @@ impl Aim {
         }
     }
 
-    /// The point of the unit square for two uniforms.
+    /// Maps two uniform numbers to a point of the unit square.
     #[inline]
     pub fn point(&self, [u, v]: [f32; 2]) -> [f32; 2] {
-        // A cell of the image's rows in turn, and the place in it by what is left of `u`.
+        // Selects a cell in row-major order; the rest of `u` determines the position in it.
         let cell = self
             .before
             .partition_point(|b| *b <= u)
@@ -89,7 +88,7 @@ impl Aim {
         [(cell % CELLS) as f32 + within, (cell / CELLS) as f32 + v].map(|x| (x * size).min(last))
     }
 
-    /// The density at a point of the unit square.
+    /// Returns the density at a point of the unit square.
     #[inline]
     pub fn density(&self, at: [f32; 2]) -> f32 {
         let [x, y] = at.map(|x| ((x * CELLS as f32) as usize).min(CELLS - 1));
@@ -102,7 +101,7 @@ mod tests {
     use super::*;
     use optics::sampling::stream::Stream;
 
-    /// Points fall into every cell as often as its density says: chi squared over all cells, 5 sigma.
+    /// Points fall into each cell according to its density: chi squared over all cells, 5 sigma.
     #[test]
     fn points_have_their_density() {
         const N: usize = 400_000;

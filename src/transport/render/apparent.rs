@@ -1,8 +1,8 @@
-//! Where devices appear to be from inside a medium: what their light is bent by on its way there moves them.
+//! Apparent positions of devices, as seen through interfaces from inside a medium.
 //!
-//! Rays of a device are followed until particles scatter them. If nothing but interfaces came before, they are lines toward
-//! which the device lies; the place that is nearest to all of them stands for it. Through a flat pane that is its virtual
-//! image, blurred by the little that the angle of incidence makes.
+//! Rays of a device are traced until particles scatter them. If only specular interactions occurred before,
+//! each ray is a line toward the apparent device. The point nearest to all lines is the apparent position.
+//! Through a flat pane it is the virtual image, slightly blurred by the dependence on the angle of incidence.
 
 use super::emission::{Emission, Ends};
 use super::guide::Guide;
@@ -16,22 +16,22 @@ use glam::{DMat3, DVec2, DVec3, Vec3A};
 use optics::sampling::stream::Stream;
 use std::f32::consts::PI;
 
-/// The least forward peak, as a multiple of isotropic scattering, that makes large turns rare.
+/// Minimum forward peak, relative to isotropic scattering, that makes large turns rare.
 const LEAST_PEAK: f32 = 3.0;
 
-/// Rays along each side of a device's image that are followed into media.
+/// Rays along each side of a device's image that are traced into media.
 const GRID: u32 = 48;
 
-/// Share of rays that must come into a medium without a diffuse interaction for the device to be seen from there.
+/// Minimum fraction of rays that enter a medium without a diffuse interaction, for the device to count.
 const LEAST_SEEN: f64 = 0.01;
 
-/// Interfaces on the way.
+/// Maximum number of interfaces on a ray.
 const MOST_INTERFACES: u32 = 12;
 
-/// Key of the streams of these rays.
+/// Key of the random streams of these rays.
 const SEED: u64 = 0x1bd1_1bda_a9fc_1a22;
 
-/// Lines to which a point is to be found that is nearest to all.
+/// Lines whose nearest common point is computed by least squares.
 #[derive(Clone, Copy)]
 struct Lines {
     count: u32,
@@ -55,7 +55,7 @@ impl Lines {
         self.vector += across * p;
     }
 
-    /// The point; `None` where lines are too few or too nearly parallel to have one.
+    /// Returns the point, or `None` if there are too few lines or they are nearly parallel.
     fn nearest(&self) -> Option<Vec3A> {
         if f64::from(self.count) < LEAST_SEEN * f64::from(GRID * GRID) {
             return None;
@@ -66,8 +66,8 @@ impl Lines {
     }
 }
 
-/// The rays in media that they come into without a diffuse interaction, by device and medium; `start` gives a ray through a
-/// place of a device's image, 0..1 on both axes, and the number of the device, one of `devices`.
+/// Returns the lines along which rays enter media without a diffuse interaction, by device and medium.
+/// `start` returns a ray through a point of a device's image (0..1 on both axes) and the device's index.
 fn seen(
     scene: &Scene,
     from: From,
@@ -101,7 +101,7 @@ fn seen(
     lines
 }
 
-/// Targets in all media of a scene that scatter forward.
+/// Finds targets in all forward-scattering media of a scene.
 pub(super) fn find(scene: &Scene, emission: &Emission) -> Guide {
     let mut guide = Guide::none(&scene.media);
     let dir = Vec3A::Z;
@@ -140,7 +140,7 @@ pub(super) fn find(scene: &Scene, emission: &Emission) -> Guide {
 mod tests {
     use super::*;
 
-    /// Lines from a device 0.4 m before water, refracted by Snell's law, up to an angle in air.
+    /// Lines from a device 0.4 m in front of water, refracted by Snell's law, up to an angle `most` in air.
     fn through_water(index: f32, most: f32) -> Lines {
         let mut lines = Lines::NONE;
         for k in 0..GRID * GRID {
@@ -154,7 +154,7 @@ mod tests {
         lines
     }
 
-    /// Near the axis the device appears at n times its distance (Gauss); without water it is where it is.
+    /// Near the axis, the device appears at n times its distance (Gauss).
     #[test]
     fn devices_appear_at_their_images() {
         for index in [1.0, 1.333] {
@@ -164,12 +164,12 @@ mod tests {
                 "{index}: {place}"
             );
         }
-        // Steeper rays come from farther away.
+        // Steeper rays appear to come from farther away.
         let far = through_water(1.333, 0.4).nearest().expect("a place").z;
         assert!(far > 0.4 * 1.333 * 1.01, "{far}");
     }
 
-    /// Parallel lines, and too few, have no place.
+    /// Too few lines, or parallel lines, have no nearest point.
     #[test]
     fn parallel_lines_have_no_place() {
         let mut lines = Lines::NONE;

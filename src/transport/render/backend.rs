@@ -1,7 +1,8 @@
-//! What turns tiles of camera pixels into sums: the seam at which other processors stand beside this one.
+//! The interface for back ends, which turn tiles of camera pixels into sums, and the CPU back end.
 //!
-//! A back end sees plain-data tables alone: those of the scene, and the plans of its slices. What it makes of a tile depends
-//! on scene, seed and sample count alone, so neither threads nor interruptions change a bit.
+//! A back end sees only plain-data tables: those of the scene and the plans of its slices. The result of a
+//! tile depends only on scene, seed and sample count. The output is therefore bit-identical for any number of
+//! threads and after interruptions. 19 Renders tiles of one scene.
 
 use super::path::{BATCH, Wants};
 use super::selected::Aim;
@@ -16,13 +17,12 @@ use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// Renders tiles of one scene.
 pub trait TileBackend: Sync {
-    /// Renders tiles in any order, on any threads, and hands each over as soon as it is finished. No tile is begun once
-    /// `stop` says so, nor after `take` fails.
+    /// Renders tiles in any order, on any threads, and passes each to `take` as soon as it is finished.
+    /// Starts no further tile after `stop` returns true or `take` fails.
     ///
     /// # Errors
-    /// What `take` returns.
+    /// The error that `take` returns.
     fn render<E: Send>(
         &self,
         tiles: &[u32],
@@ -42,7 +42,6 @@ pub struct Cpu<'a> {
 }
 
 impl<'a> Cpu<'a> {
-    /// For a scene and the plans of its slices.
     #[must_use]
     pub fn new(scene: &'a Scene, plans: &'a [SlicePlan]) -> Self {
         let epipolar = match &scene.projector {
@@ -61,8 +60,8 @@ impl<'a> Cpu<'a> {
         }
     }
 
-    /// Keeps the points of so many walks from the light in memory at once (about 50 bytes each); the image is rendered in as
-    /// many parts as that takes, which changes no bit.
+    /// Sets the number of light subpaths whose vertices are kept in memory (about 50 bytes each). The image
+    /// is rendered in as many parts as this requires; the output is bit-identical.
     #[must_use]
     pub fn walks_at_once(self, walks: u64) -> Self {
         Self {
@@ -71,31 +70,31 @@ impl<'a> Cpu<'a> {
         }
     }
 
-    /// Makes walks from the light together with other parts of the render, if any; that changes no bit either.
+    /// Shares light subpaths with other parts of the render, if given; the output is bit-identical.
     #[must_use]
     pub fn shared_light(self, light: Option<SharedLight>) -> Self {
         Self { light, ..self }
     }
 
-    /// Takes so many samples of the pixels of each tile, none more than the scene's settings say: a tile gets the bits that it has where
-    /// the settings say its own number.
+    /// Sets the number of samples per pixel of each tile; none may exceed the scene's setting. A tile is
+    /// bit-identical to that of a render with the tile's number as its setting.
     #[must_use]
     pub fn samples(self, samples: Option<&'a [u32]>) -> Self {
         Self { samples, ..self }
     }
 
-    /// Samples of a tile's pixels.
+    /// Returns the number of samples per pixel of a tile.
     fn samples_of(&self, tile: u32) -> u32 {
         let own = self.samples.and_then(|s| s.get(tile as usize).copied());
         own.unwrap_or(self.scene.settings.spp)
     }
 
-    /// True if some slice parts light by what its path did.
+    /// Returns true if some slice separates light by path label.
     pub(super) fn labelled(&self) -> bool {
         self.plans.iter().any(SlicePlan::needs_labels)
     }
 
-    /// The slices of a camera pixel for which s' are drawn, with their bands.
+    /// Returns the slices that sample s' for a camera pixel, with their bands.
     fn aims<'b>(&'b self, [x, y]: [u32; 2], bands: &'b [Vec<u32>]) -> impl Iterator<Item = Aim<'b>> {
         let plans = (0..).zip(self.plans).zip(bands);
         plans.filter_map(move |((slice, plan), band)| {
@@ -110,7 +109,8 @@ impl<'a> Cpu<'a> {
         })
     }
 
-    /// Lists the band of each slice that draws from one about the line of a camera pixel; none where it has too many pixels.
+    /// Lists the band around a camera pixel's epipolar line for each slice that samples one. Lists with too
+    /// many pixels remain empty.
     fn list_bands(&self, [x, y]: [u32; 2], line: Option<(&Epipolar, EpipolarLine)>, bands: &mut [Vec<u32>]) {
         for (plan, band) in self.plans.iter().zip(bands) {
             let Some(&Selected::Band { half_width_px, most }) = plan.selected() else {
@@ -194,7 +194,7 @@ impl TileBackend for Cpu<'_> {
         if tiles.is_empty() {
             return Ok(());
         }
-        // One a thread, made once: they are large.
+        // One accumulator and tracer per thread, reused because they are large.
         let idle = Mutex::new(Vec::<(TileAccumulator, Tracer)>::new());
         let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
         let parts: Vec<&[u32]> = tiles
@@ -233,12 +233,12 @@ impl TileBackend for Cpu<'_> {
     }
 }
 
-/// True if every number is finite.
+/// Returns true if every number is finite.
 #[inline]
 fn finite(elements: &[Spectral]) -> bool {
     let mut sum = Spectral::ZERO;
     for e in elements {
-        // Zero times a finite number is zero, times anything else NaN.
+        // Zero times a finite number is zero; zero times infinity or NaN is NaN.
         sum += *e * Spectral::ZERO;
     }
     sum.to_array().iter().all(|s| *s == 0.0)

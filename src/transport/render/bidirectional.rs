@@ -1,16 +1,19 @@
-//! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994) with surfaces and media, polarized.
+//! Bidirectional path tracing (Lafortune & Willems 1993; Veach & Guibas 1994), polarized, with media.
 //!
-//! A walk from the camera and one from the light are connected, every point of one to every point of the other:
+//! A camera subpath and a light subpath are connected, every vertex of one to every vertex of the other:
 //!
 //! > C · M_z · e^(-τ) S₁ ⋯ Sₖ · M_y · L / d²,
 //!
-//! M_z and M_y being the interactions at the two points (with their cosines toward each other), S the sheets in between.
-//! The emitters' and the camera's pinholes are points of their walks: a lone emitter is next-event estimation, a lone
-//! camera a splat into whatever pixel sees the point. What several strategies can make is weighted by [`super::weight`].
+//! where M_z and M_y are the interactions at the two vertices (with their cosines toward each other) and S
+//! the sheets between them. The emitters and the camera's pinhole are vertices of their subpaths. A light
+//! subpath of only the emitter is next-event estimation. A camera subpath of only the camera is a splat into
+//! the pixel that sees the vertex. Paths that several strategies can sample are weighted by
+//! [`super::weight`].
 //!
-//! `integrator = "path"` in scenes with media takes the same steps, with lone emitters alone. `integrator = "caustics"` takes
-//! them in few samples, for those paths alone whose light meets a mirror, a smooth interface or a crystal first: what
-//! [`super::path`] cannot make. The two have no path in common, so what they find is added.
+//! `integrator = "path"` in scenes with media uses the same code, with light subpaths of only the emitter.
+//! `integrator = "caustics"` uses it with few samples, only for paths whose light first meets a mirror, a
+//! smooth interface or a crystal; [`super::path`] cannot sample these. The two sets are disjoint and their
+//! results are added.
 
 use super::apparent;
 use super::emission::{Emission, Ends, Sender};
@@ -35,22 +38,23 @@ use optics::spectrum::{Spectral, max_lane};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Tells the streams of samples for redirected light from those of plain paths.
+/// Separates the random streams of samples for redirected light from those of plain paths.
 const REDIRECTED_SEED: u64 = 0x2545_f491_4f6c_dd1d;
 
-/// The share of samples in which walks from both ends are connected if particles scatter light forward and are seen and lit through
-/// interfaces: then walks turn to where the other end appears and are connected to it from every particle, which finds nearly all
-/// light; connections of particles, whose forward peaks nothing aims, bring a tenth of it for a fifth of the time.
+/// The fraction of samples in which subpaths from both ends are connected, if particles scatter light forward
+/// and are seen and lit through interfaces. Subpaths then turn to where the other end appears and are
+/// connected to it from every particle, which finds nearly all light. Connections of particles do not account
+/// for the forward peaks; they find a tenth of the light for a fifth of the time.
 const RARELY: f32 = 0.04;
 
-/// Camera samples that say what is worth a connection.
+/// Number of camera samples that determine which connections are worth making.
 const PILOT: u32 = 2048;
 
-/// Plain paths for each sample of redirected light, and the least number of these samples.
+/// Number of plain paths per sample of redirected light, and the minimum number of these samples.
 const PATHS_PER_SAMPLE: u32 = 16;
 const LEAST_SAMPLES: u32 = 8;
 
-/// Samples by walks for each camera pixel of so many samples.
+/// Returns the number of subpath samples of a camera pixel with `spp` samples.
 pub(super) fn samples(scene: &Scene, spp: u32) -> u32 {
     match scene.settings.integrator {
         Integrator::Caustics => spp.div_ceil(PATHS_PER_SAMPLE).max(spp.min(LEAST_SAMPLES)),
@@ -58,31 +62,31 @@ pub(super) fn samples(scene: &Scene, spp: u32) -> u32 {
     }
 }
 
-/// What a render by walks works out beforehand.
+/// Precomputed data of a bidirectional render.
 pub struct Plan {
     pub(super) setup: Setup,
     /// Key of the random streams.
     pub(super) seed: u64,
-    /// Of the part of the image that is rendered.
+    /// Splats of the current part of the image.
     splats: Splats,
-    /// Of all parts, where there are several.
+    /// Splats of all parts, if there are several.
     spill: Option<Spill>,
-    /// Of all parts of a render on many machines.
+    /// Light subpaths of a render on many machines.
     light: Option<SharedLight>,
 }
 
-/// Walks of one camera sample, and what its pixel gets.
+/// The subpaths of one camera sample, and the contributions to its pixel.
 #[derive(Default)]
 pub struct Walks {
     camera: Walk,
     pub(super) light: Walk,
     pub(super) scratch: Scratch,
-    /// What each sample brings, in order, and the Mueller elements of all.
+    /// The contributions of each sample, in order, and the Mueller elements of all.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
 }
 
-/// True if connections of `s` points from the light to `t` from the camera are asked for.
+/// Returns true if connections of `s` light vertices to `t` camera vertices are enabled.
 #[inline]
 pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
     match scene.settings.strategy {
@@ -92,7 +96,7 @@ pub(super) fn wanted(scene: &Scene, s: usize, t: usize) -> bool {
 }
 
 impl Plan {
-    /// Prepares a render of an image in parts, which parts light by what its path did if `labelled`; `None` once `stop` says so.
+    /// Prepares a render in parts; `labelled` if labels are needed. Returns `None` once `stop` returns true.
     pub(super) fn new(
         scene: &Scene,
         parts: &Parts<impl Fn(u32) -> u32 + Sync>,
@@ -137,7 +141,7 @@ impl Plan {
             spill: None,
             light: None,
         };
-        // Beside all light.
+        // Estimated for all light, not only redirected light.
         if scene.settings.strategy.is_none() {
             let pilot = || plan.pilot(scene).threshold();
             let threshold = light.map_or_else(pilot, |light| light.number("roulette", pilot));
@@ -188,12 +192,11 @@ impl Plan {
         Some(plan)
     }
 
-    /// Turns to a part of the image.
     pub(super) fn turn_to(&mut self, scene: &Scene, parts: &Parts<impl Fn(u32) -> u32 + Sync>, part: usize) {
         if !self.has_splats(scene) {
             return;
         }
-        // One part's points are in memory at a time.
+        // Only one part's vertices are in memory at a time.
         self.splats = Splats::default();
         let wanted = |pixel| (parts.of)(pixel) as usize == part;
         let pixels = self.counts(scene).pixels;
@@ -229,12 +232,12 @@ impl Plan {
         };
     }
 
-    /// Points that a walk from the light must have, its end counted, before others connect to it.
+    /// Returns the number of vertices, including the end, from which a light subpath is connected to others.
     pub(super) fn first(&self) -> usize {
         if self.setup.redirected { 3 } else { 2 }
     }
 
-    /// Whether walks from the light are seen by the camera.
+    /// Returns true if light subpaths are connected to the camera.
     fn has_splats(&self, scene: &Scene) -> bool {
         scene.settings.strategy.is_none_or(|[_, t]| t == 1)
             && self.setup.strategies.has(Strategy::LightTracing)
@@ -250,7 +253,7 @@ impl Plan {
         }
     }
 
-    /// What is worth a connection, from a few samples spread over the image.
+    /// Estimates the roulette threshold from a few samples spread over the image.
     fn pilot(&self, scene: &Scene) -> Roulette {
         let [w, h] = scene.camera.resolution;
         let pixels = u64::from(w) * u64::from(h);
@@ -263,7 +266,7 @@ impl Plan {
                     let mut out = Contributions::new(list, elements, self.setup.labelled);
                     out.list.clear();
                     out.elements.clear();
-                    // Samples of their own.
+                    // Sample numbers that the render does not use.
                     walks.sample(scene, self, [pixel % w, pixel / w], u32::MAX - n, &mut out);
                     brings(&out)
                 },
@@ -273,7 +276,7 @@ impl Plan {
     }
 }
 
-/// The intensity of all contributions in the brightest lane.
+/// Returns the intensity of all contributions in the brightest lane.
 #[inline]
 pub(super) fn brings(out: &Contributions) -> f32 {
     let intensities = out.list.iter().map(|c| out.elements[c.first as usize]);
@@ -281,8 +284,8 @@ pub(super) fn brings(out: &Contributions) -> f32 {
 }
 
 impl Walks {
-    /// Traces paths for the `samples` of camera pixel (x, y), each through a uniformly random point of the pixel, and
-    /// leaves what they bring in `lists` and `elements`; the same as [`super::path::Paths::trace`].
+    /// Traces paths for the `samples` of camera pixel (x, y), each through a uniformly random point of the
+    /// pixel. Stores the results in `lists` and `elements`, as [`super::path::Paths::trace`] does.
     pub fn trace(&mut self, scene: &Scene, plan: &Plan, [x, y]: [u32; 2], samples: Range<u32>) -> u32 {
         self.lists.resize_with(samples.len(), Vec::new);
         let mut elements = std::mem::take(&mut self.elements);
@@ -299,7 +302,6 @@ impl Walks {
         rays
     }
 
-    /// One camera sample.
     fn sample(
         &mut self,
         scene: &Scene,
@@ -315,8 +317,8 @@ impl Walks {
         let [jx, jy] = stream.uniform2().map(f64::from);
         let dir = ends.look(DVec2::new(f64::from(x) + jx, f64::from(y) + jy));
         let end = plan.setup.emission.camera_end(scene, &ends.camera, dir);
-        // What plain paths find is theirs. What a Lambert surface sends to the camera is found by walks from
-        // the light, and over ways through interfaces.
+        // Plain paths find the remaining light. Light from a Lambert surface to the camera is found by light
+        // subpaths and by connections through interfaces.
         let all = !plan.setup.redirected;
         let limits = Limits {
             interactions: most(scene),
@@ -336,14 +338,14 @@ impl Walks {
             self.meet_emitters(scene, all, out);
             rays += self.join_emitters(scene, plan, (ends, pixel), &mut stream, out);
             let connects = strategies.walk_from_light() && strategies.has(Strategy::VertexConnection);
-            // All branches with the same walk from the light.
+            // All branches use the same light subpath.
             if connects && self.camera.fresh == 0 {
                 let share = plan.setup.connections;
                 let goes_on = |first: &Point| all || !first.is_lambert(scene);
                 if (share == 1.0 || stream.uniform() < share)
                     && self.camera.points.get(1).is_some_and(goes_on)
                 {
-                    // Over the samples, any walk starts anywhere.
+                    // Over all samples, each light subpath can start anywhere.
                     let number = WalkNumber { sample, walk: pixel };
                     partner = self.light_walk(scene, plan, number, (usize::MAX, Parting::Never));
                     rays += partner.as_ref().map_or(0, |_| self.light.rays);
@@ -365,7 +367,7 @@ impl Walks {
         rays
     }
 
-    /// Light of emitters that the camera's branch met by chance.
+    /// Adds the light of emitters that the camera's branch hit.
     fn meet_emitters(&self, scene: &Scene, all: bool, out: &mut Contributions) {
         if let (Some(left), None, true) = (&self.camera.escape, scene.settings.strategy, all) {
             let did = (left.interactions, left.label);
@@ -391,7 +393,7 @@ impl Walks {
         }
     }
 
-    /// Connects the points that are the camera's branch's own to emitters. Returns the number of rays.
+    /// Connects the vertices that belong only to this branch to emitters. Returns the number of rays.
     fn join_emitters(
         &mut self,
         scene: &Scene,
@@ -411,7 +413,7 @@ impl Walks {
             }
             let sources = 0..plan.setup.emission.count();
             let inside = strategies.has(Strategy::RoughInterface);
-            // Lines out of particles end at rough interfaces.
+            // Straight lines from particles are blocked by rough interfaces.
             let shut = inside && joiner.join_through_rough(camera, out);
             let next_event = all && !shut && strategies.has(Strategy::NextEvent);
             for source in sources.clone().filter(|_| next_event) {
@@ -452,7 +454,7 @@ impl Walks {
         joiner.rays
     }
 
-    /// Connects them to all points of the walk from the light. Returns the number of rays.
+    /// Connects these vertices to all vertices of the light subpath. Returns the number of rays.
     fn join_walks(
         &mut self,
         scene: &Scene,

@@ -1,12 +1,12 @@
-//! Straight lines between two points: what light gets along them.
+//! Straight connections between two points, and their transmission.
 //!
-//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not bend light, so the line between two
-//! points is a path even if some of them stand in it. It brings
+//! Sheets (polarizers, retarders, thin plates) and index-matched boundaries do not refract light, so the line
+//! between two points is a path even if it crosses some of them. Its transmission is
 //!
 //! > e^(-τ) · S₁ ⋯ Sₖ,
 //!
-//! S₁ being the sheet next to the camera's side and τ = Σ μ_t d over the media on the way. Each sheet counts as an
-//! interaction, as where a path meets it; boundaries that light does not notice do not. Anything else blocks the line.
+//! where S₁ is the sheet next to the camera's side and τ = Σ μ_t d over the media on the line. Each sheet
+//! counts as an interaction; boundaries without effect do not. Any other surface blocks the line.
 
 use crate::geometry::ray::{Ray, Surface};
 use crate::geometry::rounding::END_GAP;
@@ -21,38 +21,35 @@ use optics::spectrum::Spectral;
 /// The end of a line on the camera's side.
 #[derive(Clone, Copy)]
 pub(super) struct Start {
-    /// Leads to the other end.
+    /// Points to the other end.
     pub ray: Ray,
-    /// The point that the ray's origin is moved off from, and where the line really starts.
+    /// The point from which the ray's origin is offset, and the exact start of the line.
     pub from: Vec3A,
     pub at: DVec3,
     pub filling: Filling,
     pub nest: Nest,
 }
 
-/// What a line may meet.
+/// What a line may pass.
 #[derive(Clone, Copy)]
 pub(super) struct Allowed {
-    /// Most sheets.
     pub sheets: u32,
-    /// The wavelength whose indices count.
+    /// The wavelength whose refractive indices are used.
     pub lane: usize,
 }
 
-/// A line that light gets along.
+/// An unblocked line.
 pub(super) struct Bridge {
-    /// Optical path length, metres.
     pub optical_m: f64,
-    /// Number of sheets passed.
     pub sheets: u32,
     /// Optical depth τ.
     pub depth: Spectral,
-    /// What is at the end of the line.
+    /// The material at the end of the line.
     pub filling: Filling,
     pub nest: Nest,
 }
 
-/// What surrounds a path behind a boundary that it passed without bending: what fills the place, or vacuum.
+/// Returns the medium behind a boundary that was passed without refraction, or vacuum.
 #[inline]
 pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
     let index = |id: u32| scene.media.list[id as usize].index.to_array()[lane];
@@ -60,14 +57,14 @@ pub(super) fn surrounding(scene: &Scene, nest: &Nest, lane: usize) -> Filling {
         .map_or(Filling::VACUUM, |id| Filling::clear(index(id)))
 }
 
-/// True if light does not notice the surfaces of material `id`: boundaries between media of one index, and those that lie in
-/// an object of higher priority.
+/// Returns true if surfaces of material `id` have no effect on light: boundaries between media of equal
+/// index, and boundaries inside an object of higher priority.
 #[inline]
 pub(super) fn unnoticed(scene: &Scene, nest: &Nest, id: u32) -> bool {
     scene.materials.is_null(id) || nest.hides(&scene.boundaries, id)
 }
 
-/// Takes light that travels along `dir` straight through a surface, into what is behind it.
+/// Moves light that travels along `dir` straight through a surface into the medium behind it.
 #[inline]
 pub(super) fn pass(
     scene: &Scene,
@@ -84,18 +81,17 @@ pub(super) fn pass(
     }
 }
 
-/// The other end of a line.
 #[derive(Clone, Copy)]
 pub(super) struct End {
-    /// What the line is aimed at: nudged off the surface, if it is on one.
+    /// The target of the line: offset from the surface, if it is on one.
     pub aim: Vec3A,
-    /// Where it really ends, up to which it is measured.
+    /// The exact end, to which lengths are measured.
     pub at: DVec3,
 }
 
-/// Follows the line to its end; `None` if something blocks it. Multiplies `chain`, whose light is in `frame`, by what
-/// is in the way; counts the rays traced.
-// Out of line: scenes without sheets shall not carry its code through their inner loop.
+/// Traces the line to its end; returns `None` if it is blocked. Multiplies `chain`, whose light has frame
+/// `frame`, by the transmission, and counts the rays traced.
+// Not inlined, to keep its code out of the inner loop of scenes without sheets.
 #[inline(never)]
 pub(super) fn bridge(
     scene: &Scene,
@@ -150,7 +146,7 @@ pub(super) fn bridge(
         left -= step;
         at = surface.p.as_dvec3();
         let origin = scene.geometry.leave(&surface, ray.dir);
-        // Aimed anew, so that the steps off the sheets do not add up to a miss of the end.
+        // Aimed again, so that the offsets from the sheets do not add up to a miss of the end.
         ray = Ray {
             origin,
             dir: (to - origin).normalize_or(ray.dir),

@@ -29,20 +29,20 @@ pub(super) struct Vertex<'a> {
     pub surface: &'a Surface,
     /// Direction in which light leaves.
     pub wo: Vec3A,
-    /// Surface interactions, this one included.
+    /// Number of surface interactions, including this one.
     pub bounces: u32,
 }
 
-/// What several points get from the projector if nothing is in between, and where its view knows about that.
+/// Unoccluded light from the projector at several points, and their cells in the projector's view.
 pub(super) struct Lit<const N: usize> {
     at: Arrivals<N>,
-    /// Numbers of the view's pyramids.
+    /// Indices of the view's cells.
     cells: [u32; N],
 }
 
 impl<const N: usize> Lit<N> {
-    /// Of the points `p`, of which the first `used` count; `seen_in` is the camera pixel that sees all of them, if it
-    /// does so through the projector's own pinhole.
+    /// Computes it for the points `p`, of which the first `used` are valid. `seen_in` is the camera pixel
+    /// that sees all of them, if the camera shares the projector's pinhole.
     #[inline(always)]
     pub fn new(
         projector: &Projector,
@@ -69,7 +69,7 @@ impl<const N: usize> Lit<N> {
     }
 }
 
-/// What one of several points gets: that at this place among them.
+/// The light that one of several points receives, by index.
 #[derive(Clone, Copy)]
 pub(super) struct LitAt<'a, const N: usize> {
     pub lit: &'a Lit<N>,
@@ -77,7 +77,7 @@ pub(super) struct LitAt<'a, const N: usize> {
 }
 
 impl<const N: usize> LitAt<'_, N> {
-    /// Direction to the projector, and how far it is.
+    /// Returns direction and distance to the projector.
     #[inline]
     pub fn toward(&self) -> (Vec3A, f32) {
         let at = &self.lit.at;
@@ -85,8 +85,8 @@ impl<const N: usize> LitAt<'_, N> {
     }
 }
 
-/// Connects a surface point to the projector, from which it gets what `lit` says, and to every point emitter; returns the
-/// rays traced.
+/// Connects a surface point to the projector (light `lit`) and all point emitters. Returns the number of
+/// rays.
 #[inline(always)]
 pub(super) fn connect_all<const N: usize>(
     scene: &Scene,
@@ -137,7 +137,7 @@ pub(super) fn connect_known(
     connect(scene, state, at, to, Some(true), out);
 }
 
-/// Connects a surface point to every point emitter; returns the rays traced.
+/// Connects a surface point to every point emitter. Returns the number of rays traced.
 #[inline(never)]
 fn connect_points(scene: &Scene, state: &State, at: &Vertex<'_>, out: &mut Contributions) -> u32 {
     let mut rays = 0;
@@ -147,8 +147,7 @@ fn connect_points(scene: &Scene, state: &State, at: &Vertex<'_>, out: &mut Contr
     rays
 }
 
-/// Connects a surface point to the point emitter of that number, which was chosen with the probability `chance`; returns the
-/// rays traced.
+/// Connects a surface point to point emitter `number`, chosen with `chance`. Returns the number of rays.
 #[inline(never)]
 pub(super) fn connect_drawn_point(
     scene: &Scene,
@@ -160,7 +159,7 @@ pub(super) fn connect_drawn_point(
     connect_point(scene, state, at, (&scene.points[number as usize], chance), out)
 }
 
-/// Connects a surface point to a point emitter that is connected to with the probability `chance`; returns the rays traced.
+/// Connects a surface point to a point emitter chosen with probability `chance`. Returns the number of rays.
 #[inline(always)]
 fn connect_point(
     scene: &Scene,
@@ -194,8 +193,7 @@ fn connect_point(
     connect(scene, state, at, &connection, None, out)
 }
 
-/// Connects a surface point to all light with one direction, and to the point of shining surfaces and sky that was drawn;
-/// returns the rays traced.
+/// Connects a surface point to all directional lights and to a sampled light. Returns the number of rays.
 #[inline(never)]
 pub(super) fn connect_lights(
     scene: &Scene,
@@ -231,7 +229,7 @@ pub(super) fn connect_lights(
     rays
 }
 
-/// One connection: what is `known` about its being free first, then the BRDF, a ray only if both leave it open.
+/// Makes one connection: checks known visibility, then the BRDF, and only then traces a ray.
 #[inline(always)]
 fn connect(
     scene: &Scene,
@@ -248,7 +246,7 @@ fn connect(
         return connect_by_kind(scene, state, at, to, known, out);
     }
     let (surface, wo) = (at.surface, at.wo);
-    // Borrowed, not moved: it is large.
+    // Borrowed, not moved, because it is large.
     let scatter = scene.materials.eval_inline(surface.material, surface, wo, to.wi);
     let Some(scatter) = &scatter else {
         return 0;
@@ -262,7 +260,7 @@ fn connect(
     }
 }
 
-/// [`connect`] with a contribution for each kind of lobe.
+/// Implements [`connect`] with one contribution for each kind of lobe.
 #[inline(never)]
 fn connect_by_kind(
     scene: &Scene,
@@ -288,15 +286,15 @@ fn connect_by_kind(
     rays
 }
 
-/// What is between a surface and an emitter.
+/// Visibility between a surface and an emitter.
 enum Sight {
     Free,
-    /// Something is, on this ray, but sheets let light through.
+    /// The ray is blocked, but possibly only by sheets that transmit light.
     Blocked(Ray),
     Shut,
 }
 
-/// Looks from a surface to an emitter, with a ray unless it is `known` to be free; the rays traced.
+/// Returns the number of rays and the visibility of an emitter, with a ray unless it is `known` to be free.
 #[inline(always)]
 fn look(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) -> (u32, Sight) {
     if known.is_some() {
@@ -322,7 +320,7 @@ fn look(scene: &Scene, surface: &Surface, to: &Connection, known: Option<bool>) 
     )
 }
 
-/// Appends what an emitter brings by an interaction, whose label and whose blocked ray stand beside it; the rays traced.
+/// Appends an emitter's light by an interaction (with label and blocked ray). Returns the number of rays.
 #[inline(always)]
 fn bring(
     scene: &Scene,
@@ -370,7 +368,7 @@ fn bring(
     0
 }
 
-/// Ends a path whose last ray runs through a crystal, which turns polarization on the way, or through the emitter's filter.
+/// Finishes a path whose last segment passes a crystal, which changes polarization, or the emitter's filter.
 #[cold]
 fn through_filter(
     scene: &Scene,
@@ -384,7 +382,7 @@ fn through_filter(
     let mut chain = state.chain;
     let frame = chain.push(scatter, wo, state.frame);
     chain.scale(to.irradiance);
-    // Behind an interaction that depolarizes any frame is right.
+    // After a depolarizing interaction any frame is valid.
     let mut frame = frame.unwrap_or_else(|| perpendicular(to.wi));
     if let Some(way) = scene.materials.propagate(filling, to.wi, f64::from(to.distance)) {
         frame = chain.push(&way, -to.wi, frame).unwrap_or(frame);

@@ -1,14 +1,15 @@
-//! What light of a scene its integrator cannot find.
+//! Reports light of a scene that its integrator cannot find.
 //!
-//! Projector and camera are points, so light that leaves one of them by a single direction (over a mirror, through smooth
-//! glass) reaches a given point of a surface by chance never. Paths from the camera miss what the projector sends that
-//! way; paths from both ends miss what is bent on both sides of a single rough surface, but for what manifold connections
-//! find through interfaces and crystals and over mirrors.
+//! Projector and camera have no extent. Light that leaves one of them along a single direction (over a
+//! mirror, through smooth glass) therefore reaches a given surface point with probability zero. Paths from
+//! the camera miss such light of the projector. Paths from both ends miss light that is redirected on both
+//! sides of a single rough surface, except for the light that manifold connections find through interfaces
+//! and crystals and over mirrors.
 
 use crate::lit::meets;
 use crate::scene::Scene;
 
-/// What the scene's integrator cannot find of its light, a sentence each; none if nothing is known to be missing.
+/// Returns one sentence for each kind of light that the scene's integrator is known to miss.
 #[must_use]
 pub fn missing(scene: &Scene) -> Vec<String> {
     let mut out = vec![];

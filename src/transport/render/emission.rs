@@ -1,4 +1,4 @@
-//! Where walks from the light begin: emitters chosen by their power, directions by what they emit.
+//! Starts light subpaths: emitters are sampled by power, directions by emission.
 
 use super::aim::Aim;
 use super::bridge::surrounding;
@@ -16,7 +16,6 @@ use optics::polarization::frame::project;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// An emitter without extent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     Projector,
@@ -24,28 +23,27 @@ pub(super) enum Source {
     Point(usize),
 }
 
-/// All emitters that walks can start from, and what surrounds their ends and the camera's.
+/// All emitters from which subpaths can start, and the media around them and the camera.
 pub(super) struct Emission {
-    /// With the probability of being chosen.
+    /// Each source with its selection probability.
     sources: Vec<(Source, f32)>,
     /// Filled objects around each source, and around the camera.
     nests: Vec<Nest>,
     pub camera: Nest,
-    /// Where on the projector's image walks start, if not anywhere alike.
+    /// Density of starting points on the projector's image, if not uniform.
     aim: Option<Aim>,
 }
 
-/// The pinholes that a sample looks and shines through: the devices' own, or points of their lenses.
+/// The pinholes of a sample: those of the devices, or points on their lenses.
 #[derive(Clone, Copy)]
 pub(super) struct Ends {
     pub camera: Pinhole,
     pub projector: Option<Projector>,
-    /// Camera and projector share their pinhole.
+    /// True if camera and projector share their pinhole.
     pub coaxial: bool,
 }
 
 impl Ends {
-    /// The devices' centres.
     pub fn new(scene: &Scene) -> Self {
         Self {
             camera: scene.camera,
@@ -54,13 +52,13 @@ impl Ends {
         }
     }
 
-    /// Uniformly random points of the lenses.
+    /// Draws uniformly random points on the lenses.
     #[inline]
     pub fn draw(scene: &Scene, stream: &mut Stream) -> Self {
         let mut ends = Self::new(scene);
         if ends.camera.lens.radius > 0.0 {
             ends.camera = ends.camera.through_lens(stream.uniform2());
-            // Light that leaves by one point of the lens returns by another.
+            // Light that leaves through one point of the lens returns through another.
             ends.coaxial = false;
         }
         if let Some(p) = &mut ends.projector
@@ -71,7 +69,7 @@ impl Ends {
         ends
     }
 
-    /// The direction of the camera's ray through a position of the image, where a parallel camera's end moves to.
+    /// Returns the direction of the camera ray at an image position. Moves a parallel camera there.
     #[inline]
     pub fn look(&mut self, at: DVec2) -> Vec3A {
         if self.camera.parallel {
@@ -81,33 +79,33 @@ impl Ends {
     }
 }
 
-/// Where a path's light comes from.
+/// The origin of a path's light.
 #[derive(Clone, Copy)]
 pub(super) struct Sender {
-    /// Number of the source.
+    /// Index of the source.
     pub source: usize,
-    /// Projector pixel s', [`NO_PIXEL`] for point emitters.
+    /// Projector pixel s'; [`NO_PIXEL`] for point emitters.
     pub pixel: u32,
 }
 
-/// A walk's start with what it knows of its light.
+/// The start of a light subpath and its origin.
 pub(super) struct Emitted {
     pub end: End,
     pub sender: Sender,
 }
 
-/// The filled objects around a point: those whose boundaries a ray to infinity leaves more often than it enters them.
+/// Returns the filled objects around a point: those that a ray to infinity leaves more often than it enters.
 pub(super) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
     let mut nest = Nest::default();
     if !scene.filled {
         return nest;
     }
-    // Some direction that no scene is likely to be aligned with.
+    // A direction to which no scene is likely to be aligned.
     let dir = Vec3A::new(0.362_7, 0.541_3, 0.758_6).normalize();
     let mut ray = Ray { origin: p, dir };
     let mut net = vec![0_i32; scene.boundaries.len()];
     let mut left = vec![];
-    // A ray that grazes forever would be a loop.
+    // Bounded, because a grazing ray could loop forever.
     for _ in 0..10_000 {
         let Some(hit) = scene.geometry.intersect(&ray, f32::INFINITY) else {
             break;
@@ -122,14 +120,14 @@ pub(super) fn surroundings(scene: &Scene, p: Vec3A) -> Nest {
         }
         ray.origin = scene.geometry.leave(&surface, dir);
     }
-    // What is left first was entered last.
+    // The object left first was entered last.
     for id in left.iter().rev().filter(|id| net[**id as usize] > 0) {
         nest.cross(&scene.boundaries, *id, true);
     }
     nest
 }
 
-/// Density per steradian of directions through an image all of whose places are alike.
+/// Returns the density per steradian of directions that are uniform over the image.
 #[inline]
 fn even(device: &Pinhole, dir: Vec3A) -> f32 {
     let [w, h] = device.resolution.map(|n| n as f32);
@@ -164,25 +162,23 @@ impl Emission {
         out
     }
 
-    /// Starts walks mostly where the projector's light meets what sends it on along single directions.
+    /// Starts subpaths mostly where the projector's light meets redirecting surfaces.
     pub fn aimed(self, scene: &Scene) -> Self {
         let aim = scene.projector.as_ref().and_then(|p| Aim::new(scene, &p.pinhole));
         Self { aim, ..self }
     }
 
-    /// Number of sources.
     #[inline]
     pub fn count(&self) -> usize {
         self.sources.len()
     }
 
-    /// Probability that a walk starts at a source.
+    /// Returns the probability that a subpath starts at a source.
     #[inline]
     pub fn chance(&self, source: usize) -> f32 {
         self.sources[source].1
     }
 
-    /// Where a source is.
     #[inline]
     pub fn position(&self, scene: &Scene, ends: &Ends, source: usize) -> Vec3A {
         match (self.sources[source].0, &ends.projector) {
@@ -192,8 +188,8 @@ impl Emission {
         }
     }
 
-    /// Intensity that a source sends along the unit direction `dir`, which it lights, and the horizontal axis of its
-    /// Stokes vectors.
+    /// Returns a source's intensity along the unit direction `dir`, and the horizontal axis of its Stokes
+    /// vectors.
     #[inline]
     pub fn intensity(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> (Spectral, Vec3A) {
         match (self.sources[source].0, &ends.projector) {
@@ -211,8 +207,8 @@ impl Emission {
         }
     }
 
-    /// The projector pixel through which a source lights the point `p`, [`NO_PIXEL`] for point emitters; `None` if it does
-    /// not light it.
+    /// Returns the projector pixel through which a source illuminates the point `p`; [`NO_PIXEL`] for point
+    /// emitters. Returns `None` if it does not illuminate the point.
     #[inline]
     pub fn pixel(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<u32> {
         match (self.sources[source].0, &ends.projector) {
@@ -225,7 +221,7 @@ impl Emission {
         }
     }
 
-    /// Density per steradian with which a walk from a source starts along `dir`.
+    /// Returns the density per steradian with which a subpath from a source starts along `dir`.
     #[inline]
     pub fn density(&self, scene: &Scene, ends: &Ends, source: usize, dir: Vec3A) -> f32 {
         match (self.sources[source].0, &ends.projector) {
@@ -247,8 +243,8 @@ impl Emission {
         }
     }
 
-    /// Begins a walk: a source by its power, a point of the projector's image by the two uniforms `at`; `None` if the scene
-    /// has no sources.
+    /// Starts a subpath: samples a source by power, and a point of the projector's image from the two uniform
+    /// numbers `at`. Returns `None` if the scene has no sources.
     pub fn start(&self, scene: &Scene, ends: &Ends, at: [f32; 2], stream: &mut Stream) -> Option<Emitted> {
         let mut u = stream.uniform();
         let last = self.sources.len().checked_sub(1)?;
@@ -260,7 +256,7 @@ impl Emission {
         let (dir, pixel, density) = match (self.sources[source].0, &ends.projector) {
             (Source::Projector, Some(p)) => {
                 let at = self.aim.as_ref().map_or(at, |aim| aim.point(at));
-                // Of the point itself: back from the direction, rounding might find it in a neighbouring cell.
+                // Evaluated at the point: from the direction, rounding might find a neighbouring cell.
                 let aimed = self.aim.as_ref().map_or(1.0, |aim| aim.density(at));
                 let [w, h] = p.pinhole.resolution;
                 let at = [at[0] * w as f32, at[1] * h as f32].map(f64::from);
@@ -290,7 +286,7 @@ impl Emission {
         })
     }
 
-    /// The camera's end of walks whose rays start along `dir`.
+    /// Returns the camera's end of subpaths whose rays start along `dir`.
     #[inline]
     pub fn camera_end(&self, scene: &Scene, camera: &Pinhole, dir: Vec3A) -> End {
         let nest = if camera.parallel {
@@ -311,7 +307,7 @@ impl Emission {
         }
     }
 
-    /// A source as the end of a line from the point `p`; `None` where the two coincide.
+    /// Returns a source as the end of a line from the point `p`, or `None` if they coincide.
     #[inline]
     pub fn emitter(&self, scene: &Scene, ends: &Ends, source: usize, p: Vec3A) -> Option<Point> {
         let origin = self.position(scene, ends, source);
@@ -324,7 +320,7 @@ impl Emission {
                 chain: Chain::start(intensity),
                 frame: project(axis, dir),
                 density: self.density(scene, ends, source, dir),
-                // Lines are followed from the camera's side.
+                // Connections are traced from the camera's side.
                 filling: Filling::VACUUM,
                 nest: Nest::default(),
             },

@@ -1,4 +1,4 @@
-//! Light that paths meet by chance: shining surfaces, and the environment behind all surfaces.
+//! Light of emitters that paths hit: emitting surfaces, and the environment behind all surfaces.
 
 use super::state::Beam;
 use crate::accumulate::{Contributions, NO_PIXEL};
@@ -13,17 +13,17 @@ use optics::polarization::chain::Chain;
 use optics::polarization::frame::turn;
 use optics::spectrum::Spectral;
 
-/// How a ray of a path was chosen.
+/// How a ray of a path was sampled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chosen {
-    /// Density of its direction per steradian; 0 where no connection could make the same.
+    /// Density of its direction per steradian; 0 if no connection can sample the same path.
     pub density: f32,
-    /// From where, behind sheets in between.
+    /// Origin of the direction, before any sheets in between.
     pub from: Receiver,
 }
 
 impl Chosen {
-    /// By a mirror, by smooth glass, by the camera.
+    /// Describes a ray from a mirror, from smooth glass or from the camera.
     #[inline]
     pub fn alone(from: Vec3A) -> Self {
         Self {
@@ -32,7 +32,7 @@ impl Chosen {
         }
     }
 
-    /// Share of the path that chance gets beside a connection that draws the direction with density `other`.
+    /// Returns the MIS weight relative to a connection that samples the direction with density `other`.
     #[inline]
     fn share(self, other: f32) -> f32 {
         if self.density > 0.0 {
@@ -43,30 +43,29 @@ impl Chosen {
     }
 }
 
-/// A shining surface that a path came upon.
+/// An emitting surface that a path hit.
 pub(super) struct Met<'a> {
     pub light: &'a AreaLight,
-    /// Its number.
     pub number: u32,
     pub surface: &'a Surface,
-    /// Number of the triangle in its mesh, where that is known.
+    /// Index of the triangle in its mesh, if known.
     pub facet: Option<u32>,
-    /// Optical length of the path, metres.
+    /// Optical length of the path, in metres.
     pub optical_m: f64,
-    /// Interactions before, and what they did.
+    /// Number of previous interactions, and their label.
     pub interactions: u32,
     pub label: u8,
     pub chosen: Chosen,
 }
 
-/// Appends what a shining surface sends into a path: `beam` is the light that the path's product `chain` takes in.
+/// Appends the light of an emitting surface to a path; `beam` is the light to which `chain` applies.
 pub(super) fn met(scene: &Scene, mut chain: Chain, beam: Beam, met: &Met, out: &mut Contributions) {
     let Met { light, surface, .. } = *met;
     let radiance = light.toward(&scene.materials.textures, surface.ng, surface.uv, beam.travel);
     if radiance == Spectral::ZERO {
         return;
     }
-    // Where no connection could make the path, its density is not asked for.
+    // If no connection can sample the path, its density is not computed.
     let share = if met.chosen.density > 0.0 {
         let found = Found {
             number: met.number,
@@ -85,8 +84,8 @@ pub(super) fn met(scene: &Scene, mut chain: Chain, beam: Beam, met: &Met, out: &
     out.push(extent, time_ps, NO_PIXEL, met.interactions, met.label);
 }
 
-/// Appends what the environment sends into a path that left the scene after `bounces` interactions, which did what `label` says:
-/// `beam` is the light that the path's product takes in.
+/// Appends the light of the environment to a path that left the scene after `bounces` interactions with label
+/// `label`; `beam` is the light to which the path's product applies.
 #[inline]
 pub(super) fn seen(
     scene: &Scene,

@@ -1,4 +1,4 @@
-//! A walk between two of its points: straight through media, sheets' gaps and boundaries that light does not notice.
+//! The segment of a subpath between two vertices, straight through media and boundaries without effect.
 
 use super::bridge::{pass, unnoticed};
 use super::point::{End, Point, Site};
@@ -15,28 +15,27 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Surfaces are looked for this much farther than a free path, against rounding.
+/// Relative margin against rounding by which the search for surfaces extends beyond the free path.
 const REACH: f32 = 1e-3;
 
-/// The state of a walk between two points.
+/// The state of a subpath between two vertices.
 #[derive(Clone)]
 pub(super) struct Flight {
     pub state: State,
-    /// Which end it began at.
     pub end: From,
-    /// Optical depth since the last point.
+    /// Optical depth since the last vertex.
     pub depth: Spectral,
     pub nest: Nest,
     pub hero: Hero,
-    /// False if it goes straight on to the next surface, dimmed by media.
+    /// False if it continues straight to the next surface and media only attenuate it.
     pub draws: bool,
 }
 
-/// The wavelength that draws all distances and directions of a walk in media, and how likely each living one would have
-/// drawn the same, relative to each other.
+/// The wavelength that samples all distances and directions of a subpath in media, and the relative densities
+/// with which the other active wavelengths would have sampled them.
 ///
-/// Weights are over the mean density of all living wavelengths of the *whole* walk (Wilkie et al. 2014, "Hero wavelength
-/// spectral sampling"). Means event by event would let them grow with the number of events.
+/// Weights use the mean density of all active wavelengths over the *whole* subpath (Wilkie et al. 2014, "Hero
+/// wavelength spectral sampling"). Means per event would let the weights grow with the number of events.
 #[derive(Clone)]
 pub(super) struct Hero {
     pub lane: usize,
@@ -44,7 +43,7 @@ pub(super) struct Hero {
 }
 
 impl Hero {
-    /// Any of the living lanes.
+    /// Chooses one of the active lanes at random.
     #[inline]
     pub fn draw(lanes: Lanes, stream: &mut Stream) -> Self {
         Self {
@@ -53,7 +52,7 @@ impl Hero {
         }
     }
 
-    /// A dispersive interface leaves one lane.
+    /// Uses the single lane that a dispersive interface leaves.
     #[inline]
     pub fn only(lanes: Lanes) -> Self {
         Self {
@@ -62,8 +61,7 @@ impl Hero {
         }
     }
 
-    /// Takes on that an event has happened whose density is `densities` by lane; returns what to divide by, `None` where the
-    /// event is too unlikely for numbers.
+    /// Records an event with `densities` by lane. Returns the density to divide by; `None` on underflow.
     #[inline]
     pub fn event(&mut self, densities: Spectral) -> Option<f32> {
         let sum = |s: Spectral| s.to_array().iter().sum::<f32>();
@@ -73,21 +71,20 @@ impl Hero {
         if !(now > 0.0 && now.is_finite()) {
             return None;
         }
-        // Kept near 1: only ratios count.
+        // Normalized to stay near 1; only ratios matter.
         self.likely *= Spectral::splat(1.0 / now);
         Some(now / all)
     }
 }
 
-/// What ends a flight.
 pub(super) enum Landing {
-    /// Where, and what was hit of a surface.
+    /// At a site, with the surface hit, if any.
     At(Site, Surface, Option<Hit>),
     Escaped,
     Absorbed,
 }
 
-/// The mean transmittance over all of the scene's wavelengths.
+/// Returns the mean transmittance over all wavelengths of the scene.
 #[inline]
 pub(super) fn mean_transmittance(scene: &Scene, depth: Spectral) -> f32 {
     if depth == Spectral::ZERO {
@@ -98,7 +95,6 @@ pub(super) fn mean_transmittance(scene: &Scene, depth: Spectral) -> f32 {
 }
 
 impl Flight {
-    /// Begins at a walk's end.
     #[inline]
     pub fn start(scene: &Scene, from: From, end: &End, stream: &mut Stream) -> Self {
         let all = scene.lanes();
@@ -125,7 +121,7 @@ impl Flight {
         }
     }
 
-    /// Takes on what happens to the light that runs along the ray: an interaction in its true direction.
+    /// Applies an interaction, given in the true direction of the light, to the light along the ray.
     #[inline]
     pub fn push(&mut self, scatter: &Scatter) {
         let State {
@@ -138,7 +134,7 @@ impl Flight {
         *frame = next.unwrap_or(Vec3A::ZERO);
     }
 
-    /// [`polarized::factor`] of what happens to the light that runs along the ray; the same for `scatter` and its transpose.
+    /// Returns [`polarized::factor`] of an interaction on the ray; equal for `scatter` and its transpose.
     #[inline]
     pub fn polarized(&self, scatter: &Scatter) -> Option<Spectral> {
         let State {
@@ -151,7 +147,7 @@ impl Flight {
         polarized::factor(chain, scatter, d_out, *frame)
     }
 
-    /// A frame for the ray, where what it met left it open.
+    /// Sets a frame for the ray if the last interaction did not define one.
     #[inline]
     pub fn settle(&mut self) {
         if self.state.frame == Vec3A::ZERO {
@@ -159,7 +155,7 @@ impl Flight {
         }
     }
 
-    /// The point where it came to, without densities.
+    /// Returns the vertex at the end of the flight, without densities.
     #[inline]
     pub fn landed(&self, site: Site, surface: Surface, interactions: u32) -> Point {
         let state = &self.state;
@@ -183,12 +179,11 @@ impl Flight {
         }
     }
 
-    /// Flies on to the next thing that happens.
     pub fn fly(&mut self, scene: &Scene, stream: &mut Stream, rays: &mut u32) -> Landing {
         loop {
             *rays += 1;
             let inside = self.nest.medium(&scene.boundaries);
-            // Most ways through dense media end before any surface, which then need not be looked for.
+            // In dense media most flights end before a surface, so the search is limited to the free path.
             let free = inside
                 .filter(|_| self.draws)
                 .and_then(|id| self.free_path(scene, id, stream));
@@ -225,7 +220,7 @@ impl Flight {
         }
     }
 
-    /// Draws how far the hero wavelength goes in a medium before it is scattered or absorbed; `None` where nothing scatters.
+    /// Samples the hero wavelength's free path. Returns `None` if nothing scatters.
     #[inline]
     fn free_path(&self, scene: &Scene, id: u32, stream: &mut Stream) -> Option<f32> {
         let medium = &scene.media.list[id as usize];
@@ -237,7 +232,7 @@ impl Flight {
         Some(scene.media.reach(id, &self.sent(), self.hero.lane, -u.ln()))
     }
 
-    /// The ray from where the last piece of the walk ended, to the last digit.
+    /// Returns the ray from the exact end of the last segment.
     #[inline]
     fn sent(&self) -> Ray {
         Ray {
@@ -246,13 +241,13 @@ impl Flight {
         }
     }
 
-    /// Goes `way` metres through a medium, or less if the light's free path is shorter.
+    /// Advances `way` metres through a medium, or less if the free path is shorter.
     #[inline]
     fn through(&mut self, scene: &Scene, id: u32, way: f32, free: Option<f32>) -> Option<Landing> {
         let ray = self.sent();
         let passed = |length: f32| {
             let depth = scene.media.depth(id, &ray, length);
-            // Infinite ways through lanes that are clear.
+            // NaN arises for infinite distances in lanes without extinction.
             depth.simd_eq(depth).select(depth, Spectral::ZERO)
         };
         let Some(length) = free else {

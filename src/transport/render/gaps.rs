@@ -1,10 +1,10 @@
-//! Gaps behind sheets and interfaces that are thinner than single precision can tell: a ray that leaves the one surface may start
-//! beyond the other and never meet it, and rays from afar may meet the two in either order. Where it is known what such a contact
-//! stands for ([`Contact`]), the one surface can be moved; other scenes with such gaps are refused.
+//! Detects gaps behind sheets and interfaces that are too thin for single precision. A ray that leaves one
+//! surface may start beyond the other and never hit it, and rays from a distance may hit the two in either
+//! order. If the meaning of a contact is known ([`Contact`]), one surface can be moved; others are rejected.
 //!
-//! With δ the way that rays start off a surface and k its rounding (`geometry::rounding`), light is safe from surface A to
-//! B where the gap is wider than 3 δ_A + δ_B (twice δ_A are the shots of `manifold`), and rays from across the scene tell
-//! the two apart where it is wider than (k_A + k_B) u times the scene's extent.
+//! Let δ be the offset of rays from a surface and k its rounding (`geometry::rounding`). Light passes safely
+//! from surface A to B if the gap is wider than 3 δ_A + δ_B (the rays of `manifold` use twice δ_A). Rays from
+//! across the scene distinguish the two if the gap is wider than (k_A + k_B) u times the scene's extent.
 
 use crate::device::pinhole::Pinhole;
 use crate::geometry::bvh::Outline;
@@ -14,61 +14,59 @@ use crate::scene::Scene;
 use glam::{DVec2, Vec3A};
 use rayon::prelude::*;
 
-/// Rays along each side of a device's image that look for gaps, and surfaces that each passes at most.
+/// Number of rays along each side of a device's image, and maximum number of surfaces that each passes.
 const GRID: u32 = 64;
 const MOST_SURFACES: u32 = 32;
 
-/// Primitives whose own points are looked behind, at most; of more, some are left out.
+/// Maximum number of primitives whose points are tested; if there are more, some are skipped.
 const MOST_PRIMITIVES: usize = 4096;
 
-/// Least cosine between the normals on both sides of a gap: a wedge is thin at its edge, which is no fault.
+/// Minimum cosine between the normals on both sides of a gap. Wedges are thin at the edge.
 const PARALLEL: f32 = 0.95;
 
-/// Directions across gaps that differ by less than the inverse of this are one.
+/// Directions across gaps are equal if they differ by less than the inverse of this.
 const DIRECTIONS: f32 = 8.0;
 
-/// Finds that it takes: one may be of a rim.
+/// Minimum number of gaps found; a single one may lie at a rim.
 const LEAST_FINDS: usize = 3;
 
-/// How far behind a surface the other one is looked for, in units of δ/k: more than any two surfaces' bounds.
+/// Search distance behind a surface in units of δ/k; more than the bounds of any two surfaces.
 const SEARCHED: f32 = 1024.0;
 
-/// Where points of a primitive are looked behind: barycentric coordinates in both halves of a parallelogram, or directions.
+/// Tested points of a primitive: barycentric coordinates in both halves of a parallelogram, or directions.
 const PLACES: [[f32; 2]; 5] = [[0.33, 0.33], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8], [0.7, 0.7]];
 
 /// A gap in which light would be lost.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
-    /// Its width, and the least that would do, metres.
+    /// Width of the gap, and the minimum width required, in metres.
     pub width: f32,
-    /// See `width`.
     pub least: f32,
-    /// A point of it, and the unit direction across it, from the surface that lets light through.
+    /// A point of the gap, and the unit direction across it, from the transmitting surface.
     pub at: Vec3A,
-    /// See `at`.
     pub across: Vec3A,
-    /// Numbers of the objects on both sides, that of the surface that lets light through first; `None` for copies of groups.
+    /// Object numbers on both sides, the transmitting surface first; `None` for copies of groups.
     pub objects: [Option<u32>; 2],
-    /// What the contact of the two stands for.
     pub contact: Contact,
-    /// False where the direction speaks against it: surfaces at one place are found to lie on both sides of one another. Light
-    /// leaves glass for what it touches, and comes to the front of what a sheet lies on.
+    /// False if the direction contradicts the gap: coincident surfaces are found on both sides of each other.
+    /// Light leaves glass toward an object that touches it, and meets the front of a surface under a sheet.
     likely: bool,
 }
 
-/// What the contact of two surfaces stands for.
+/// The meaning of a contact between two surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// Air is between the two, or changes nothing: the surface of this side bends no light, or is known to be off the other.
+    /// Air lies between the two, or would change nothing: this side (0 or 1) does not refract, or is
+    /// separate.
     Air(usize),
-    /// The two touch, as far as rounding knows; the first surface bends light, and the other one lets none through: light inside
-    /// meets the other one.
+    /// The two touch within rounding. The first surface refracts light and the other is opaque: light inside
+    /// the first object hits the other surface.
     Touch,
-    /// Both bend light: with air between them they are another thing than without.
+    /// Both refract light, so air between them would change the result.
     Glass,
 }
 
-/// True if light goes on behind a surface.
+/// Returns true if a surface transmits light.
 fn transmits(scene: &Scene, s: &Surface, wo: Vec3A) -> bool {
     let materials = &scene.materials;
     materials.is_null(s.material)
@@ -76,19 +74,19 @@ fn transmits(scene: &Scene, s: &Surface, wo: Vec3A) -> bool {
         || materials.beyond(s.material, s, wo, scene.lanes()).is_some()
 }
 
-/// True if light goes straight on behind a surface: a sheet, or a boundary that bends no light.
+/// Returns true if a surface transmits light without refraction: a sheet or a null boundary.
 fn is_sheet(scene: &Scene, s: &Surface, wo: Vec3A) -> bool {
     let materials = &scene.materials;
     materials.is_null(s.material) || materials.straight(s.material, s, wo).is_some()
 }
 
-/// The gap behind a surface for light along `dir`, if there is one.
+/// Returns the gap behind a surface for light along `dir`, if there is one.
 fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
     let g = &scene.geometry;
     let near = g.moved(s);
     let scale = near / s.rounding;
     let (across, far) = (s.ng * s.ng.dot(dir).signum(), SEARCHED * scale);
-    // Looked at from a place that is surely beyond, distances are known well.
+    // Seen from a point that is certainly beyond, distances are accurate.
     let back = Ray {
         origin: s.p + across * far,
         dir: -across,
@@ -100,7 +98,7 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
         let t = g.surface(&back, &other);
         let both = (s.rounding + t.rounding) * UNIT * g.extent();
         let least = (3.0 * near + g.moved(&t)).max(both);
-        // What is before it by more than rounding is met before it.
+        // A surface in front by more than rounding is hit first.
         let width = far - other.t;
         let close = width < least && width > -4.0 * scale;
         if !close || t.ng.dot(s.ng).abs() <= PARALLEL {
@@ -137,7 +135,7 @@ fn behind(scene: &Scene, hit: &Hit, s: &Surface, dir: Vec3A) -> Option<Gap> {
     found.min_by(|a, b| a.width.total_cmp(&b.width))
 }
 
-/// The gaps that a ray of a device comes upon.
+/// Returns the gaps along a ray of a device.
 fn along(scene: &Scene, mut ray: Ray) -> Vec<Gap> {
     let mut gaps = vec![];
     for _ in 0..MOST_SURFACES {
@@ -156,7 +154,7 @@ fn along(scene: &Scene, mut ray: Ray) -> Vec<Gap> {
     gaps
 }
 
-/// A point of a primitive of the world.
+/// Returns a point of a primitive of the world.
 fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Option<(Hit, Surface)> {
     let g = &scene.geometry;
     match *outline {
@@ -186,8 +184,9 @@ fn point(scene: &Scene, leaf: u32, outline: &Outline, [u, v]: [f32; 2]) -> Optio
     }
 }
 
-/// The gaps that rays of camera and projector come upon, and that are behind points of all surfaces that let light through (those of
-/// instances are looked at by the rays alone): the narrowest of each pair of objects and direction, the narrowest of all first.
+/// Returns the gaps that rays of camera and projector cross, and the gaps behind points of all transmitting
+/// surfaces (surfaces in instances are tested only by the rays). For each pair of objects and each direction,
+/// only the narrowest gap is returned. Gaps are sorted by width.
 #[must_use]
 pub fn narrow(scene: &Scene) -> Vec<Gap> {
     let projector = scene.projector.as_ref().map(|p| &p.pinhole);
@@ -231,7 +230,7 @@ pub fn narrow(scene: &Scene) -> Vec<Gap> {
                 direction(&gap) == direction(other),
                 direction(&gap) == -direction(other),
             );
-            // An unlikely gap is a likely one seen the wrong way round.
+            // An unlikely gap is a likely one seen from the wrong side.
             (other.objects == [a, b] && (along || against && other.likely && !gap.likely))
                 || (other.objects == [b, a] && against)
         };

@@ -1,4 +1,4 @@
-//! About how much light curved mirrors throw on a point: a guess, for roulette to decide by whether to look for it.
+//! A rough estimate of the light that curved mirrors reflect to a point, for roulette.
 
 use super::mirrors_copied::area;
 use crate::geometry::bvh::Outline;
@@ -8,7 +8,7 @@ use glam::Vec3A;
 use optics::spectrum::max_lane;
 use std::f32::consts::PI;
 
-/// What a material reflects as a mirror at normal incidence, in the brightest lane, from the side that does more.
+/// Returns a material's specular reflectance at normal incidence: maximum over lanes and sides.
 pub(super) fn reflectance(materials: &Materials, material: u32) -> f32 {
     let surface = Surface {
         ng: Vec3A::Z,
@@ -24,17 +24,17 @@ pub(super) fn reflectance(materials: &Materials, material: u32) -> f32 {
     reflects(Vec3A::Z).max(reflects(-Vec3A::Z))
 }
 
-/// Curved mirrors, taken together for one ball that throws what it gets all ways alike.
+/// All curved mirrors, approximated by one ball that scatters light uniformly.
 #[derive(Debug, Default)]
 pub(super) struct Glints {
     centre: Vec3A,
     radius: f32,
-    /// Areas times reflectances, m².
+    /// Sum of area times reflectance, in m².
     reflecting: f32,
 }
 
 impl Glints {
-    /// Of mirrors within bounds, which reflect so much.
+    /// Creates the estimate for mirrors with bounds and reflectances.
     pub fn new<'a>(mirrors: impl Iterator<Item = (&'a Outline, [Vec3A; 2], f32)>) -> Self {
         let (mut low, mut high, mut reflecting) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY, 0.0);
         for (outline, [from, to], reflectance) in mirrors {
@@ -51,7 +51,6 @@ impl Glints {
         }
     }
 
-    /// That may throw any amount.
     pub fn unknown() -> Self {
         Self {
             reflecting: f32::INFINITY,
@@ -59,12 +58,11 @@ impl Glints {
         }
     }
 
-    /// The middle of all.
     pub fn centre(&self) -> Vec3A {
         self.centre
     }
 
-    /// Irradiance at `p` over the intensity of an emitter at `from`, m⁻².
+    /// Returns the irradiance at `p` per intensity of an emitter at `from`, in m⁻².
     pub fn thrown(&self, from: Vec3A, p: Vec3A) -> f32 {
         let near = |p: Vec3A| {
             p.distance_squared(self.centre)
@@ -78,7 +76,7 @@ impl Glints {
 mod tests {
     use super::*;
 
-    /// A far ball throws what its cross-section takes in, all ways alike: a quarter of its surface.
+    /// A distant ball scatters uniformly the light on its cross-section, a quarter of its surface area.
     #[test]
     fn a_ball_throws_what_it_takes_in() {
         let ball = Outline::Ball {
@@ -90,7 +88,7 @@ mod tests {
         let (from, p) = (Vec3A::new(1.0, 3.0, 0.0), Vec3A::new(1.0, 0.0, -2.0));
         let taken = 0.5 * PI * 0.01 / 9.0;
         let want = taken / (4.0 * PI * 4.0);
-        // Half of the ball's surface is lit, and a guess may be off by a few times.
+        // Only half of the ball's surface is lit, so the estimate may be too large by a small factor.
         let got = glints.thrown(from, p);
         assert!((got / want - 4.0).abs() < 1e-3, "{}", got / want);
         assert_eq!(Glints::new(std::iter::empty()).thrown(from, p), 0.0);

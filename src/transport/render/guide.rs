@@ -1,19 +1,22 @@
-//! Where light comes from in a medium, and where it is wanted: walks turn towards there more often than light does.
+//! Guiding in media: subpaths turn toward targets at the other end more often than light does.
 //!
-//! Where particles scatter mostly forward, most of what a camera gets from a lit medium took small turns, one large turn, and
-//! small turns again. A walk makes small turns by itself; if it left the large one to chance too, or to a line between the
-//! points of two walks, hardly any path would have it, and those few would count for all. So a walk that comes to a particle
-//! goes on, with probability [`SHARE`], not as light that came along its own ray, but as light that came along the ray
-//! *from the other end*: from the camera's side it turns toward the emitters, give or take an angle that the phase function has
-//! for a small turn, and the small turn that then leads to the emitter is as likely as the phase function says. The peaks
-//! of both cancel, and the large turn is evaluated, which has none. (Directions toward a light that is blurred by
-//! scattering: Georgiev et al. 2013, Herholz et al. 2019, of which this is the simplest case.)
+//! Where particles scatter mostly forward, most light from a lit medium to a camera has made small turns, one
+//! large turn, and small turns again. A subpath makes small turns by itself. If the large turn were left to
+//! the phase function or to a connection of two subpaths, the few paths that contain it would dominate.
 //!
-//! Walks *lean*, too. Light of many small turns comes round by degrees, and reaches the other end where it happens to run toward it,
-//! which of all directions few do. So of the two directions that lie opposite each other across the way on which a walk came to a
-//! particle, as likely as each other by the phase function, the one that is more toward the target is taken more often ([`Guide::lean`]).
+//! So at a particle, with probability [`SHARE`], a subpath does not continue like light that came along its
+//! own ray, but like light that came along the ray *from the other end*. A camera subpath thus turns toward
+//! the emitters, up to an angle that the phase function has for a small turn. The small turn that then leads
+//! to the emitter has the probability that the phase function gives it. The peaks of both cancel, and the
+//! large turn is evaluated, which has no peak. (Sampling directions toward a light that is blurred by
+//! scattering: Georgiev et al. 2013, Herholz et al. 2019; this is the simplest case.)
 //!
-//! Any target is right, since densities say what was done; [`super::apparent`] finds good ones.
+//! Subpaths also *lean*. Light that makes many small turns changes direction gradually and reaches the other
+//! end only if its direction happens to lead there. Two directions that are opposite each other across the
+//! incoming direction are equally likely by the phase function. The one that points more toward the target is
+//! sampled more often ([`Guide::lean`]).
+//!
+//! Any target gives unbiased results, since densities account for it; [`super::apparent`] finds good ones.
 
 use super::state::From;
 use crate::medium::Media;
@@ -23,65 +26,66 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
-/// Walks at a point that turn toward a target. A path has dozens of points at which light may take its large turn, so walks that
-/// turned more often would hardly ever get to the later ones (measured in milk: 0.05 to 0.1 is best, 0.25 as bad as none).
+/// Fraction of subpaths that turn toward a target at a vertex. A path has dozens of vertices at which light
+/// may make its large turn, so subpaths that turned more often would rarely reach the later ones. (Measured
+/// in milk: 0.05 to 0.1 is best, 0.25 is as bad as no guiding.)
 const SHARE: f32 = 0.06;
 
-/// How much more often than by chance walks lean toward a target, at most: below 1, so that they may go anywhere.
+/// Maximum bias of leaning toward a target; below 1, so that all directions remain possible.
 const LEAN: f32 = 0.9;
 
-/// Events in which a walk turns and leans; then it goes on as particles send it. What it counts for is a product of as many factors, whose
-/// tail grows with their number beyond what parting makes up for: of a lossless slab of depth 32 and asymmetry 0.82, whose light meets
-/// hundreds of particles, walks that were guided all the way showed 5 to 14 % less than there is in up to 36,000 samples, with errors that
-/// said 2 %. (The milky tank's paths have no more than 49.)
+/// Number of events in which a subpath turns and leans; after them it follows the phase function. The weight
+/// of a subpath is a product of as many factors. The tail of its distribution grows with this number beyond
+/// what splitting compensates. Example: a lossless slab of depth 32 and asymmetry 0.82, whose light meets
+/// hundreds of particles. With guiding in all events, the result was 5 to 14 % too low in up to 36,000
+/// samples, with estimated errors of 2 %. (Paths in the milky tank have at most 49 events.)
 pub(super) const MOST_EVENTS: u32 = 48;
 
-/// Targets in a medium for the walks of one side.
+/// Maximum number of targets in a medium for the subpaths of one end.
 const MOST: usize = 4;
 
 type Targets = ArrayVec<Vec3A, MOST>;
 
-/// The targets of every medium, by its number: of walks from the camera and of walks from the light.
+/// The targets of every medium, by its number: for camera subpaths and for light subpaths.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Guide {
     targets: Vec<[Targets; 2]>,
 }
 
 impl Guide {
-    /// Of media without targets.
     pub fn none(media: &Media) -> Self {
         Self {
             targets: vec![[Targets::new(), Targets::new()]; media.list.len()],
         }
     }
 
-    /// Adds a place toward which walks in a medium turn, while there is room for it.
+    /// Adds a target position in a medium, up to the maximum number.
     pub fn add(&mut self, medium: u32, from: From, place: Vec3A) {
         if let Some(targets) = self.targets.get_mut(medium as usize) {
-            // Further emitters are found without.
+            // Further emitters are found without guiding.
             let _ = targets[from as usize].try_push(place);
         }
     }
 
-    /// True if walks of both sides turn in some medium.
+    /// Returns true if subpaths of both ends have targets in the same medium.
     pub fn turns_both(&self) -> bool {
         self.targets.iter().any(|t| t.iter().all(|side| !side.is_empty()))
     }
 
-    /// Targets of a walk in a medium.
+    /// Returns the targets of a subpath in a medium.
     #[inline]
     fn targets(&self, id: u32, from: From) -> &[Vec3A] {
         self.targets.get(id as usize).map_or(&[], |t| &t[from as usize])
     }
 
-    /// True if walks turn anywhere in a medium.
+    /// Returns true if subpaths have targets in a medium.
     #[inline]
     pub fn turns(&self, medium: u32, from: From) -> bool {
         !self.targets(medium, from).is_empty()
     }
 
-    /// Decides whether a walk turns toward a target: the direction that it would then have come from, had it come straight from
-    /// the other end.
+    /// Decides at random whether a subpath turns toward a target. Returns the direction that it would have
+    /// come from on a straight line from the other end.
     #[inline]
     pub fn turn(&self, at: At, stream: &mut Stream) -> Option<Vec3A> {
         let targets = self.targets(at.medium, at.from);
@@ -96,7 +100,7 @@ impl Guide {
         (at.p - targets[n]).try_normalize()
     }
 
-    /// How a walk that came from direction `back` to a particle leans toward its targets.
+    /// Returns how a subpath that came from direction `back` to a particle leans toward its targets.
     #[inline]
     pub fn lean(&self, at: At, back: Vec3A, to: Vec3A) -> Lean {
         let targets = self.targets(at.medium, at.from);
@@ -106,13 +110,13 @@ impl Guide {
                 factor: 1.0,
             };
         }
-        // Of unit length anew: what rounding adds would grow threefold with every particle.
+        // Normalized again: otherwise rounding errors would triple with every particle.
         let partner = (back * (2.0 * back.dot(to)) - to).normalize();
         let mut pull = Vec3A::ZERO;
         for target in targets {
             pull += (*target - at.p).normalize_or_zero();
         }
-        // The mean of directions: what pulls two ways pulls less.
+        // The mean direction: opposing targets cancel.
         let more = pull.dot(to - partner) * (0.5 * LEAN / targets.len() as f32);
         Lean {
             partner,
@@ -120,7 +124,7 @@ impl Guide {
         }
     }
 
-    /// What turns do to the density of the direction `to`.
+    /// Returns the contribution of guided turns to the density of the direction `to`.
     #[inline]
     pub fn toward(&self, media: &Media, at: At, to: Vec3A) -> Toward {
         let targets = self.targets(at.medium, at.from);
@@ -149,39 +153,40 @@ impl Guide {
     }
 }
 
-/// The direction opposite another across the way on which a walk came, and how much likelier than by the phase function a
-/// walk that does not turn goes along that other: between 0 and 2, its partner 2 less that.
+/// The partner of a direction, which lies opposite across the incoming direction, and the direction's density
+/// relative to the phase function if the subpath does not turn. The factor is in 0..2; the partner has 2
+/// minus it.
 #[derive(Clone, Copy)]
 pub(super) struct Lean {
     pub partner: Vec3A,
     pub factor: f32,
 }
 
-/// A direction that walks may turn to.
+/// The effect of guided turns on the density of a direction.
 #[derive(Clone, Copy)]
 pub(super) struct Toward {
-    /// How likely a walk does not turn.
+    /// Probability of no guided turn.
     straight: f32,
-    /// Density by lane per steradian with which walks turn there.
+    /// Density per steradian, by lane, with which subpaths turn to the direction.
     turned: Spectral,
-    /// How much more light may be hoped for there than from elsewhere, as a factor, by lane.
+    /// Expected light from the direction, relative to other directions, by lane.
     pub hopes: Spectral,
 }
 
 impl Toward {
-    /// Densities by lane per steradian of walks that, if they do not turn, go there with the density `own`.
+    /// Returns the densities per steradian, by lane, given the density `own` without guided turns.
     #[inline]
     pub fn densities(&self, own: Spectral) -> Spectral {
         own * Spectral::splat(self.straight) + self.turned
     }
 }
 
-/// Where a walk has come to in a medium.
+/// The position of a subpath in a medium.
 #[derive(Clone, Copy)]
 pub(super) struct At {
     pub medium: u32,
     pub p: Vec3A,
-    /// The end that the walk began at.
+    /// The end at which the subpath started.
     pub from: From,
 }
 
@@ -194,7 +199,7 @@ mod tests {
 
     const P: Vec3A = Vec3A::new(0.1, -0.2, 0.3);
 
-    /// A medium that scatters forward, and walks from the camera that turn toward two places.
+    /// A forward-scattering medium with two targets for camera subpaths.
     fn guided() -> (Media, Guide) {
         let mut media = Media::default();
         let bulk = Bulk {
@@ -215,8 +220,8 @@ mod tests {
         (media, guide)
     }
 
-    /// chi squared per degree of freedom of directions that are drawn, against densities, on a grid of cosθ and φ, and the integral
-    /// of these.
+    /// Returns chi squared per cell of sampled directions, on a grid of cosθ and φ, and the integral of
+    /// densities.
     fn chi2(
         draw: impl Fn(&Guide, &Media, At, &mut Stream) -> Vec3A,
         density: impl Fn(&Guide, &Media, At, Vec3A) -> f32,
@@ -259,8 +264,8 @@ mod tests {
         (chi / (ROWS * COLUMNS) as f64, all)
     }
 
-    /// Directions have the density that is said of them: 5 sigma of chi squared over 512 cells of 400,000 samples; with no
-    /// word of turns they have not.
+    /// Sampled directions have the stated density: 5 sigma of chi squared over 512 cells of 400,000 samples.
+    /// Densities without guided turns fail the test.
     #[test]
     fn turns_have_their_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);
@@ -279,8 +284,8 @@ mod tests {
         assert!(chi > 2.0 * most, "{chi}");
     }
 
-    /// Of the directions that walks draw, those that lean have the density that is said of them, by the same measure; with no word of
-    /// that they have not, nor with a lean a quarter weaker.
+    /// Directions sampled with leaning have the stated density, by the same measure. Densities without
+    /// leaning, or with a quarter less of it, fail the test.
     #[test]
     fn leaning_has_its_density() {
         let back = Vec3A::new(0.6, 0.0, 0.8);
@@ -308,7 +313,7 @@ mod tests {
         }
     }
 
-    /// Walks from the other end, those in other media, and those at a target have the density of the medium alone.
+    /// Subpaths from the other end, in other media and at a target have the density of the medium alone.
     #[test]
     fn others_do_not_turn() {
         let (media, guide) = guided();

@@ -1,4 +1,4 @@
-//! What a render of a scene is, for the sink that takes it: layouts of its slices, and provenance.
+//! Describes a render to its sink: slice layouts and provenance.
 
 use super::strategies::strategies;
 use super::tracer::replicates;
@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use tensor::sink::{Job, JobSlice};
 use tensor::slice::Slice;
 
-/// The job of rendering all slices of a scene, whose plans are [`plans`].
+/// Returns the job of rendering all slices of a scene; `plans` are its [`plans`].
 pub(super) fn job(scene: &Scene, plans: &[SlicePlan]) -> Job {
     let slices = scene.slices.iter().zip(plans).map(|(slice, plan)| JobSlice {
         layout: plan.layout().clone(),
@@ -25,13 +25,13 @@ pub(super) fn job(scene: &Scene, plans: &[SlicePlan]) -> Job {
     }
 }
 
-/// How contributions become elements of each slice.
+/// Returns the plan of each slice, which maps contributions to elements.
 pub(super) fn plans(scene: &Scene) -> Vec<SlicePlan> {
     let extents = scene.extents();
     scene.slices.iter().map(|s| SlicePlan::new(s, &extents)).collect()
 }
 
-/// Attributes that say what was rendered, before it is.
+/// Returns the attributes that describe the render, known before it starts.
 fn provenance(scene: &Scene) -> Map<String, Value> {
     let pose = |p: &Pinhole| {
         let per = if p.parallel { "pixels_per_m" } else { "focal_px" };
@@ -79,7 +79,7 @@ fn provenance(scene: &Scene) -> Map<String, Value> {
     map
 }
 
-/// Coefficients of a lens by their names: the five of Brown–Conrady always, others where they act.
+/// Returns lens coefficients by name: always the five of Brown–Conrady, others only if non-zero.
 fn lens(distortion: &Distortion) -> Value {
     let lens = match distortion {
         Distortion::None => Opencv::default(),
@@ -110,7 +110,7 @@ fn lens(distortion: &Distortion) -> Value {
 fn slice_attributes(scene: &Scene, slice: &Slice, plan: &SlicePlan) -> Map<String, Value> {
     use tensor::slice::ProjectorSelect as P;
     let mut map = Map::new();
-    // What probing needs to lay a drive pattern over the slice's projector axes.
+    // Probing needs these to place a drive pattern on the slice's projector axes.
     if let Some(p) = &scene.projector {
         let bin = match slice.projector {
             P::Binned { nx, ny } => [nx, ny],

@@ -1,4 +1,4 @@
-//! Connections between a walk from the camera and one from the light, and their weights.
+//! Connections between a camera subpath and a light subpath, and their weights.
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::emission::{Emission, Ends, Sender};
@@ -22,53 +22,52 @@ use optics::polarization::frame::{perpendicular, turn};
 use optics::sampling::stream::Stream;
 use optics::spectrum::{Spectral, max_lane};
 
-/// What all connections of a render need.
+/// The data shared by all connections of a render.
 pub(super) struct Setup {
     pub emission: Emission,
-    /// Only light counts that is sent on along a single direction first. If a Lambert surface sends it to the camera at last, walks from
-    /// the camera stop there.
+    /// True if only redirected light counts. Camera subpaths then stop at a Lambert surface seen first.
     pub redirected: bool,
-    /// Walks from the light per sample.
+    /// Number of light subpaths per sample.
     pub walks: u32,
-    /// The share of samples in which walks from both ends are connected.
+    /// Fraction of samples in which subpaths from both ends are connected.
     pub connections: f32,
-    /// What is tried.
     pub strategies: Strategies,
-    /// Over which emitters are looked for.
+    /// Mirrors over which connections to emitters are searched for.
     pub mirrors: Mirrors,
-    /// Where walks turn to in media.
+    /// Targets of guided turns in media.
     pub guide: Guide,
     pub roulette: Roulette,
-    /// Some slice parts light by what its path did.
+    /// True if some slice separates light by path label.
     pub labelled: bool,
 }
 
-/// Where a walk begins with interfaces: the first point behind them that lines can end at, by its number, and the density,
-/// per area across, with which walks come there, if the way would have been found from the point.
+/// For a subpath that starts with interfaces: the index of the first vertex behind them at which connections
+/// can end. The density is that with which subpaths reach it, per perpendicular area, if the path through the
+/// interfaces would be found from that vertex.
 pub(super) type Seen = Option<(usize, Option<f32>)>;
 
-/// What a thread keeps from one connection to the next.
+/// Buffers that a thread keeps between connections.
 #[derive(Default)]
 pub(super) struct Scratch {
-    /// Of the present walks from the camera and from the light.
+    /// Densities on the current camera subpath and light subpath.
     densities: [Vec<Densities>; 2],
     pub seen: [Seen; 2],
 }
 
-/// Interactions that a path may have.
+/// Returns the maximum number of interactions of a path.
 #[inline]
 pub(super) fn most(scene: &Scene) -> u32 {
     scene.settings.max_depth - 1
 }
 
-/// The line between the last points of two walks.
+/// The line between the last vertices of two subpaths.
 pub(super) struct Line {
-    /// Directions in which it leaves the camera's point and the light's.
+    /// Directions in which it leaves the camera vertex and the light vertex.
     pub dirs: [Vec3A; 2],
-    /// Mean transmittance over the squared distance.
+    /// Mean transmittance divided by the squared distance.
     pub passed: f32,
-    /// Densities per area across with which walks from the other side come to the camera's point and to the light's, where
-    /// the line is bent.
+    /// For a refracted or reflected line: densities per perpendicular area with which subpaths from the other
+    /// side reach the camera vertex and the light vertex.
     pub arrivals: [Option<f32>; 2],
 }
 
@@ -83,25 +82,22 @@ impl Line {
     }
 }
 
-/// The first point of a walk that lines can end at.
+/// Returns the first vertex of a subpath at which connections can end.
 #[inline]
 pub(super) fn behind(walk: &[Point]) -> Option<usize> {
     let last = walk.len() - 1;
     (1..=last).find(|i| !walk[*i].delta || *i == last)
 }
 
-/// What is recorded of a path beside its matrix.
+/// The properties of a path besides its matrix.
 pub(super) struct Record {
     pub time_ps: f64,
-    /// Projector pixel.
     pub pixel: u32,
     pub interactions: u32,
-    /// What it did ([`tensor::label`]).
     pub label: u8,
 }
 
-/// Joins a product that was grown from the camera, and takes in `beam`, to that of the light's walk at the point `y`, and
-/// appends the path.
+/// Joins the camera's product `chain`, which applies to `beam`, to that of `y` and appends the path.
 #[inline]
 pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out: &mut Contributions) {
     let (c2, s2) = turn(beam.travel, y.frame, beam.frame);
@@ -117,33 +113,28 @@ pub(super) fn meet(mut chain: Chain, beam: Beam, y: &Point, record: &Record, out
     );
 }
 
-/// A line that light has been let along.
+/// An unblocked line.
 struct Followed {
-    /// Optical length, metres.
     optical_m: f64,
-    /// Sheets passed.
     sheets: u32,
-    /// Mean transmittance.
     passed: f32,
 }
 
-/// Makes connections.
+/// Makes connections between subpaths.
 pub(super) struct Joiner<'a> {
     pub scene: &'a Scene,
     pub setup: &'a Setup,
-    /// Of the camera's walk, and of the light's.
+    /// Ends of the camera subpath and of the light subpath.
     pub ends: [&'a Ends; 2],
     pub scratch: &'a mut Scratch,
-    /// False where no other strategy makes the same paths, or nobody asks how much they bring.
+    /// False if no other strategy samples the same paths, or if weights are not needed.
     pub weighs: bool,
-    /// Decides which connections are made.
     pub stream: &'a mut Stream,
-    /// Rays traced.
     pub rays: u32,
 }
 
 impl<'a> Joiner<'a> {
-    /// For walks from the given ends.
+    /// Creates a joiner for subpaths from the given ends.
     pub fn new(
         scene: &'a Scene,
         setup: &'a Setup,
@@ -162,7 +153,7 @@ impl<'a> Joiner<'a> {
         }
     }
 
-    /// Connects the last point of a walk from the light to the camera, which counts `factor` times.
+    /// Connects the last vertex of a light subpath to the camera, with weight `factor`.
     pub fn splat(&mut self, light: &[Point], sender: Sender, factor: f32, out: &mut Contributions) {
         let camera = &self.ends[0].camera;
         let Some(point) = light.last() else {
@@ -175,8 +166,8 @@ impl<'a> Joiner<'a> {
         self.join(&[Point::end(self.scene, &end)], light, sender, Some(factor), out);
     }
 
-    /// Connects the last points of a walk from the camera and of one from the light, both of which may be ends, and appends
-    /// what the path brings. It counts `factor` times, if roulette has decided already.
+    /// Connects the last vertices of a camera subpath and a light subpath and appends the contribution. Both
+    /// vertices may be ends. `factor` is the weight if roulette has already been decided.
     pub fn join(
         &mut self,
         camera: &[Point],
@@ -199,7 +190,7 @@ impl<'a> Joiner<'a> {
         let Some(way) = to.try_normalize() else {
             return;
         };
-        // Roulette is one for all.
+        // One roulette decision for all lobes.
         let Some(factor) = factor.or_else(|| {
             let mut chain = z.chain;
             if z.site != Site::Pinhole {
@@ -214,7 +205,7 @@ impl<'a> Joiner<'a> {
         }) else {
             return;
         };
-        // Every kind of lobe of the one point by every one of the other.
+        // Every kind of lobe of one vertex with every kind of the other.
         let kinds = |p: &Point, wo, wi| -> ArrayVec<Option<u8>, 4> {
             if p.site == Site::Pinhole {
                 return std::iter::once(None).collect();
@@ -230,8 +221,8 @@ impl<'a> Joiner<'a> {
         }
     }
 
-    /// True if the last points of two walks are in different media and nothing lets light straight from one into another: no line
-    /// between them is free, which need not be looked for.
+    /// Returns true if the last vertices of two subpaths are in different media and light cannot pass
+    /// straight between them. The connection is then blocked without tracing a ray.
     #[inline]
     fn are_parted(&self, camera: &[Point], light: &[Point]) -> bool {
         let (scene, ([.., z], [.., y])) = (self.scene, (camera, light)) else {
@@ -244,10 +235,10 @@ impl<'a> Joiner<'a> {
         z.medium_toward(scene, to) != y.medium_toward(scene, -to)
     }
 
-    /// Roulette on a line between two points, which is expected to bring so much: how many times it counts.
+    /// Decides by roulette on a connection with contribution about `expected`. Returns its weight.
     #[inline(always)]
     fn spin_line(&mut self, ends: [&Point; 2], expected: f32) -> Option<f32> {
-        // Two walks are not connected in every sample.
+        // Two subpaths are connected only in a fraction of samples.
         let often = if ends.iter().all(|p| p.site != Site::Pinhole) {
             self.setup.connections
         } else {
@@ -257,7 +248,7 @@ impl<'a> Joiner<'a> {
         Some(factor / often)
     }
 
-    /// [`Self::join`] by the kinds of lobes of both points that are named; by all lobes where none is.
+    /// Implements [`Self::join`] for the lobe kinds given for each vertex, or for all lobes.
     fn join_lobes(
         &mut self,
         camera: &[Point],
@@ -343,7 +334,7 @@ impl<'a> Joiner<'a> {
         meet(chain, Beam { travel, frame }, y, &record, out);
     }
 
-    /// Lets light along a line; `None` if it is blocked.
+    /// Traces a connection; returns `None` if it is blocked.
     #[inline]
     fn follow(
         &mut self,
@@ -375,14 +366,14 @@ impl<'a> Joiner<'a> {
         })
     }
 
-    /// True if no other strategy makes the path of a connection of these walks along a straight line.
+    /// Returns true if no other strategy samples the path of a straight connection of these subpaths.
     fn is_sole(&self, camera: &[Point], light: &[Point]) -> bool {
-        // Light that comes to the Lambert surface by single directions alone is also looked for from there.
+        // A Lambert surface reached only by specular interactions is also sampled from there.
         let lambert = |p: &Point| p.is_lambert(self.scene) && behind(light) != Some(light.len() - 1);
         self.setup.redirected && camera.len() == 1 && light.last().is_some_and(lambert)
     }
 
-    /// The weight of a connection among all strategies that can make its path.
+    /// Returns the weight of a connection among all strategies that can sample its path.
     pub fn weight(&mut self, camera: &[Point], light: &[Point], source: usize, line: Line) -> f32 {
         let (scene, guide) = (self.scene, &self.setup.guide);
         if !self.weighs {
@@ -400,7 +391,7 @@ impl<'a> Joiner<'a> {
         }
         let (z, y) = (&camera[camera.len() - 1], &light[light.len() - 1]);
         let [from_camera, from_light] = &mut self.scratch.densities;
-        // Each end of the line as the other's walk would come there, and the points before them.
+        // Densities with which the other subpath would sample each end of the line and its predecessor.
         let [toward_light, toward_camera] = line.dirs;
         let to_z = line.arrivals[0].unwrap_or_else(|| {
             line.passed
@@ -431,7 +422,7 @@ impl<'a> Joiner<'a> {
                 out[k - 1].other = point.density(scene, guide, from, dir, point.back) * point.spread;
             }
             if let Some((first, density)) = seen {
-                // The way through the interfaces is one step, that walks and manifolds both can make.
+                // The segment through the interfaces is one step, for subpaths and manifold connections.
                 out.drain(1..first);
                 out[1].own = density;
             }

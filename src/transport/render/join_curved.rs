@@ -1,8 +1,9 @@
-//! Connections over curved mirrors and through curved glass, which have any number of ways: found by chance, and counted by
-//! the reciprocal of the chance (Zeltner, Georgiev & Jakob 2020).
+//! Connections over curved mirrors and through curved glass, which can have any number of specular paths.
+//! Paths are found at random, with weight 1/probability (Zeltner, Georgiev & Jakob 2020).
 //!
-//! A way that is found from a share p of all random starts counts 1/p times, and the number of starts until it is found again
-//! is, in the mean, 1/p. They are made where no other strategy finds the path, so that each has all of its weight.
+//! If a fraction p of all random initial guesses leads to a path, its weight is 1/p; the number of guesses
+//! until it is found again has the mean 1/p. These connections are made where no other strategy samples the
+//! path, so their MIS weight is one.
 
 use super::glints::Glints;
 use super::join::{Joiner, most};
@@ -15,12 +16,13 @@ use crate::accumulate::Contributions;
 use glam::Vec3A;
 use optics::spectrum::max_lane;
 
-/// Most starts that a way is looked for again from, should rounding hide it.
+/// Maximum number of guesses to find a path again, in case rounding prevents it.
 const MOST_TRIES: u32 = 1 << 16;
 
 impl Joiner<'_> {
-    /// Connects the last point of a walk from the camera to an emitter by all ways that no other strategy reckons with, those that
-    /// are found by chance and through crystals, and appends what that brings; it must not be [`Self::reached`] otherwise.
+    /// Connects the last vertex of a camera subpath to an emitter by all paths that no other strategy
+    /// accounts for, and appends the contributions: randomly found paths and paths through crystals. They
+    /// must not be [`Self::reached`] by other strategies.
     pub fn join_alone(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
         if self.setup.mirrors.splits {
             self.join_through_crystals(camera, source, out);
@@ -29,7 +31,6 @@ impl Joiner<'_> {
         self.join_through(camera, source, out);
     }
 
-    /// Over one curved mirror.
     fn join_over_one(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
         let Some(z) = camera.last() else {
             return;
@@ -46,8 +47,8 @@ impl Joiner<'_> {
         self.join_by_chance(camera, source, factor, draw, |_, _| Some(1.0), out);
     }
 
-    /// By every other way that something curved has a part in: through curved glass, but for the way that
-    /// [`Self::join_by_manifold`] finds, and over several mirrors.
+    /// Connects by all other paths that include something curved: through curved glass, except for the path
+    /// that [`Self::join_by_manifold`] finds, and over several mirrors.
     fn join_through(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
         let Some(z) = camera.last() else {
             return;
@@ -68,7 +69,7 @@ impl Joiner<'_> {
             let way = manifold::find_along(scene, start, &traced.route(&setup.mirrors), dir, goal)?;
             (!first || !joiner.is_expected(z, &way, &traced.over, goal)).then_some(way)
         };
-        // Long rows of curved mirrors have ways without number, most of which bring next to nothing.
+        // Long sequences of curved mirrors have innumerable paths, most of which contribute next to nothing.
         let decide = |joiner: &mut Self, way: &Way| {
             let scattered = z.scatter(scene, z.back, way.dir)?;
             let (intensity, _) = setup
@@ -81,7 +82,7 @@ impl Joiner<'_> {
         self.join_by_chance(camera, source, factor, draw, decide, out);
     }
 
-    /// True if a way from a point over some mirrors is found from its straight start.
+    /// Returns true if a path over mirrors is found from its deterministic initial guess.
     fn is_expected(&self, z: &Point, way: &Way, over: &[Seed], goal: Goal) -> bool {
         if over.iter().any(|s| s.is_curved()) {
             return false;
@@ -97,9 +98,9 @@ impl Joiner<'_> {
         is
     }
 
-    /// Connects the last point of a walk from the camera to an emitter by ways that are drawn, for a wavelength; `draw` is told
-    /// whether it is the first time, or whether the way that it gave is waited for again. `decide` says of a way how many times it
-    /// counts, if it is followed at all.
+    /// Connects the last vertex of a camera subpath to an emitter by random paths. `draw` samples a path for
+    /// a wavelength; its last argument is true for the first draw and false while the same path is searched
+    /// for again. `decide` returns the weight of a path, or `None` to skip it.
     fn join_by_chance(
         &mut self,
         camera: &[Point],
@@ -125,7 +126,7 @@ impl Joiner<'_> {
             });
             return;
         }
-        // Where one wavelength finds nothing by chance, others may.
+        // If no path is found for one wavelength, others may still find one.
         for k in 0..z.lanes.count() {
             let lane = z.lanes.nth(k);
             if let Some((way, tries)) = found(self, lane) {
@@ -134,7 +135,7 @@ impl Joiner<'_> {
         }
     }
 
-    /// Roulette on the search for ways over curved surfaces, that throw about so much, from a point to an emitter at `to`.
+    /// Decides by roulette whether to search for paths over curved surfaces, whose light `glints` estimates.
     fn spin_glints(&mut self, z: &Point, source: usize, to: Vec3A, glints: &Glints) -> Option<f32> {
         let (scene, setup) = (self.scene, self.setup);
         if setup.mirrors.is_flat() {

@@ -1,7 +1,7 @@
-//! Connections of walks from the camera to shining surfaces, sky and light with one direction ([`crate::light`]).
+//! Connections of camera subpaths to emitting surfaces, sky and directional lights ([`crate::light`]).
 //!
-//! Walks from the light do not begin there, so each of these paths is made in two ways at most: by a connection, or by
-//! chance ([`super::environment`]).
+//! Light subpaths do not start at these emitters. Each path is therefore sampled in at most two ways: by a
+//! connection, or by hitting the emitter ([`super::environment`]).
 
 use super::emission::Sender;
 use super::join::Joiner;
@@ -16,7 +16,7 @@ use optics::polarization::chain::Chain;
 use optics::spectrum::Spectral;
 
 impl Joiner<'_> {
-    /// Connects the last point of a walk from the camera to all light with one direction and to light that is drawn.
+    /// Connects the last vertex of a camera subpath to all directional lights and to a sampled light.
     pub fn join_lights(&mut self, camera: &[Point], out: &mut Contributions) {
         let (scene, guide, Some(point)) = (self.scene, &self.setup.guide, camera.last()) else {
             return;
@@ -46,7 +46,7 @@ impl Joiner<'_> {
 
     fn join_drawn(&mut self, camera: &[Point], drawn: &Drawn, share: f32, out: &mut Contributions) {
         let dir = -drawn.wi;
-        // Lines lose the squared distance on the way.
+        // Compensates for the division by the squared distance along the connection.
         let intensity = share * drawn.distance * drawn.distance;
         let mut chain = Chain::start(drawn.irradiance * Spectral::splat(intensity));
         let frame = drawn.polarized.begin(&mut chain, dir);
@@ -58,7 +58,7 @@ impl Joiner<'_> {
             chain,
             frame,
             density: 0.0,
-            // Lines are followed from the camera's side.
+            // Connections are traced from the camera's side.
             filling: Filling::VACUUM,
             nest: Nest::default(),
         };

@@ -1,5 +1,6 @@
-//! Connections through smooth interfaces and over mirrors of a walk from the camera to an emitter ([`super::manifold`]); those of
-//! a walk from the light to the camera are [`super::view_manifold`], those that are found by chance [`super::join_curved`].
+//! Connections of a camera subpath to an emitter through smooth interfaces and over mirrors
+//! ([`super::manifold`]). For connections of a light subpath to the camera see [`super::view_manifold`], for
+//! randomly sampled ones [`super::join_curved`].
 
 use super::bridge::{Allowed, Start};
 use super::flight::mean_transmittance;
@@ -22,18 +23,18 @@ use optics::polarization::frame::perpendicular;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::{Spectral, max_lane};
 
-/// Who takes a way that was found.
+/// The wavelengths that use a specular path, and its weight.
 #[derive(Clone, Copy)]
 pub(super) struct Takers {
-    /// Wavelengths that take it, and the one whose indices count.
+    /// Wavelengths that use the path, and the one whose refractive indices were used.
     pub lanes: Lanes,
     pub lane: usize,
-    /// How many times it counts.
+    /// Weight of the path.
     pub factor: f32,
 }
 
 impl Takers {
-    /// One wavelength.
+    /// Returns a single wavelength.
     #[inline]
     pub fn only(lane: usize, factor: f32) -> Self {
         Self {
@@ -44,16 +45,16 @@ impl Takers {
     }
 }
 
-/// The side of walks from the light.
+/// Index of the light's side.
 const LIGHT: usize = 1;
 
-/// Particles, and points of other surfaces in a medium, from which ways over flat mirrors are looked for. Such ways are many and bring
-/// little of what comes there, which walks from the light find as well: all of them took an eighth of the milky tank's time for a
-/// hundredth of its light.
+/// Probabilities with which paths over flat mirrors are searched for, from particles and from surface
+/// vertices in a medium. Such paths are many and contribute little compared with light subpaths. Searching
+/// for all of them took an eighth of the milky tank's time for a hundredth of its light.
 const PARTICLES: f32 = 1.0 / 256.0;
 const IN_MEDIA: f32 = 1.0 / 16.0;
 
-/// The chance that ways over flat mirrors are looked for from a point.
+/// Returns the probability with which paths over flat mirrors are searched for from a vertex.
 #[inline]
 fn flats_chance(scene: &Scene, point: &Point) -> f32 {
     match point.site {
@@ -63,7 +64,7 @@ fn flats_chance(scene: &Scene, point: &Point) -> f32 {
     }
 }
 
-/// How many times a way from a point is looked for, in the mean.
+/// Returns the mean number of searches for a path from a vertex.
 #[inline]
 fn tries(scene: &Scene, point: &Point, way: &Way) -> f32 {
     if way.reflects() {
@@ -74,7 +75,7 @@ fn tries(scene: &Scene, point: &Point, way: &Way) -> f32 {
 }
 
 impl Joiner<'_> {
-    /// Connects the last point of a walk from the camera to an emitter through interfaces, and appends what that brings.
+    /// Connects the last vertex of a camera subpath to an emitter through interfaces.
     pub fn join_by_manifold(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
         let Some(z) = camera.last() else {
             return;
@@ -96,8 +97,8 @@ impl Joiner<'_> {
         );
     }
 
-    /// Connects the last point of a walk from the camera to an emitter through crystals with double images; it must not be
-    /// [`Self::reached`] otherwise.
+    /// Connects the last vertex of a camera subpath to an emitter through crystals with double images. The
+    /// path must not be [`Self::reached`] by other strategies.
     pub fn join_through_crystals(&mut self, camera: &[Point], source: usize, out: &mut Contributions) {
         let (Some(z), scene) = (camera.last(), self.scene) else {
             return;
@@ -115,8 +116,8 @@ impl Joiner<'_> {
         }
     }
 
-    /// True if a path over the last point of a walk from the camera and mirrors to an emitter is made in other ways: by
-    /// connections of two walks, or by ways through interfaces to the camera.
+    /// Returns true if other strategies sample the paths from the last vertex of a camera subpath over
+    /// mirrors to an emitter. These connect two subpaths, or the camera through interfaces.
     #[inline]
     pub fn reached(&mut self, camera: &[Point]) -> bool {
         let last = camera.len() - 1;
@@ -124,10 +125,10 @@ impl Joiner<'_> {
         (1..=last).any(|i| connects(i - 1) && connects(i)) || self.seen_from(camera).is_some()
     }
 
-    /// Connects the last point of a walk from the camera to an emitter over flat mirrors, and appends what that brings. Unless
-    /// there are so few that other strategies reckon with it ([`Mirrors::flats_weigh`]), it must be `alone`, not
-    /// [`Self::reached`] otherwise: paths that are get no share of their weight here. Over three and more they are looked for where it is
-    /// alone.
+    /// Connects the last vertex of a camera subpath to an emitter over flat mirrors and appends the
+    /// contribution. If `alone`, no other strategy samples the paths ([`Self::reached`]), and sequences of
+    /// three or more mirrors are tried as well. Otherwise other strategies must account for these connections
+    /// in their weights ([`Mirrors::flats_weigh`]).
     pub fn join_over_flats(&mut self, camera: &[Point], source: usize, alone: bool, out: &mut Contributions) {
         let Some(z) = camera.last() else {
             return;
@@ -156,7 +157,7 @@ impl Joiner<'_> {
         }
     }
 
-    /// The start of a way from a point over mirrors, looked for from points of them, and its route.
+    /// Returns the start and the route of a path over mirrors, with mirror points as initial guess.
     fn route_over<'b>(
         &self,
         z: &Point,
@@ -174,14 +175,14 @@ impl Joiner<'_> {
         Some((line, route))
     }
 
-    /// The way from a point over mirrors, looked for from points of them.
+    /// Finds the path from a vertex over mirrors, with mirror points as initial guess.
     pub fn way_over(&self, z: &Point, seeds: &[Seed], goal: Goal) -> Option<Way> {
         let (start, route) = self.route_over(z, seeds, goal.to, goal.lane)?;
         manifold::find(self.scene, start, &route, goal)
     }
 
-    /// Roulette on a way from a point over flat mirrors to an emitter at `to`, before and after it is known what they and
-    /// media let through: its start, its route and its factor.
+    /// Decides by roulette whether to search for a path over flat mirrors to an emitter at `to`: before and
+    /// after the transmittance of mirrors and media is known. Returns the start, the route and the weight.
     fn spin_over<'b>(
         &mut self,
         z: &Point,
@@ -205,7 +206,7 @@ impl Joiner<'_> {
         let length = (first.point - z.surface.p).length() + between + (to - last.point).length();
         let expected = z.chain.max_m00() * scattered.map_or(0.0, |s| max_lane(s.m00())) * max_lane(intensity)
             / (length * length);
-        // In a medium most are too far away.
+        // In a medium, most mirrors are too far away.
         let passed = z.nest.medium(&scene.boundaries).map_or(1.0, |id| {
             let ray = Ray {
                 origin: z.surface.p,
@@ -222,9 +223,9 @@ impl Joiner<'_> {
         Some((start, route, factor * again))
     }
 
-    /// Roulette on the connection of a point to an end at `to`, as if the way there were straight: what is `scattered` that
-    /// way, times what the end has for it per steradian, times n²/d²; and once more when it is known what media let
-    /// through. Returns the way's start, its route and its factor.
+    /// Decides by roulette whether to connect a vertex to an end at `to`. The expectation assumes a straight
+    /// path: light `scattered` toward it, times the end's value per steradian `end`, times n²/d². Decides
+    /// again when the transmittance of media is known. Returns the start, the route and the weight.
     #[inline]
     pub fn spin(
         &mut self,
@@ -247,8 +248,8 @@ impl Joiner<'_> {
         Some((start, route, factor * again))
     }
 
-    /// Calls back with the way that is found from a point, if there is one, the wavelengths that take it, the one whose
-    /// indices count, and its factor; where interfaces disperse, every wavelength takes a way of its own.
+    /// Calls `f` with the path that `find` returns for a vertex, and the wavelengths that use it. If
+    /// interfaces are dispersive, each wavelength has a separate path.
     pub fn each_way(
         &mut self,
         p: &Point,
@@ -277,14 +278,14 @@ impl Joiner<'_> {
         }
     }
 
-    /// The straight line from a point to an end at `to`, from which ways through interfaces are looked for.
+    /// Returns the straight line from a vertex to `to`, the initial guess for paths through interfaces.
     #[inline]
     pub fn straight(&self, p: &Point, to: Vec3A) -> Option<Start> {
         let dir = (to - p.surface.p).try_normalize()?;
         Some(p.line(self.scene, dir))
     }
 
-    /// The way from a point to an end at `to` through interfaces.
+    /// Finds the path from a vertex to an end at `to` through interfaces.
     #[inline]
     pub fn way(&self, p: &Point, to: Vec3A, lane: usize) -> Option<Way> {
         let start = self.straight(p, to)?;
@@ -292,7 +293,7 @@ impl Joiner<'_> {
         manifold::find(self.scene, start, &route, Goal { to, lane })
     }
 
-    /// Appends what a way brings to its takers.
+    /// Appends the contribution of a specular path for its wavelengths.
     pub fn join_way(
         &mut self,
         camera: &[Point],
@@ -317,7 +318,7 @@ impl Joiner<'_> {
         }
     }
 
-    /// [`Self::join_way`] by an interaction at the last point, with what the path did in the end.
+    /// Implements [`Self::join_way`] for one interaction at the last vertex and the label of the whole path.
     fn join_way_by(
         &mut self,
         camera: &[Point],
@@ -353,14 +354,14 @@ impl Joiner<'_> {
         let Some(emitter) = emission.emitter(scene, self.ends[0], source, way.first) else {
             return;
         };
-        // Over the number of tries that it is weighed against.
+        // Divided by the number of tries, because the weight compares densities times tries.
         let density = emission.density(scene, self.ends[0], source, way.emitted) / tries(scene, z, way);
         let line = Line {
             dirs: [way.dir, way.emitted],
             passed: 1.0,
             arrivals: [Some(way.density(density, &passed)), None],
         };
-        // Ways that no other strategy reckons with are taken where there is none.
+        // If other weights ignore these paths, no other strategy samples the ones that get here.
         let weight = if way.reflects() && !self.setup.mirrors.flats_weigh() {
             1.0
         } else {
@@ -380,8 +381,9 @@ impl Joiner<'_> {
         meet(chain, beam, &emitter, &record, out);
     }
 
-    /// Where a walk from the light begins with interfaces: the number of the first point behind them that lines can end at,
-    /// and the density per area with which light comes there; `None` where no such way would be found from that point.
+    /// For a light subpath that starts with interfaces: returns the index of the first vertex behind them at
+    /// which connections can end, and the density per area with which light arrives there. Returns `None` if
+    /// the path would not be found from that vertex.
     #[inline]
     pub fn seen_through(&mut self, light: &[Point], source: usize) -> Option<(usize, f32)> {
         let to = self.setup.emission.position(self.scene, self.ends[1], source);
@@ -393,7 +395,7 @@ impl Joiner<'_> {
         })
     }
 
-    /// The same of a walk from the camera.
+    /// Returns the same for a camera subpath.
     #[inline]
     pub fn seen_from(&mut self, camera: &[Point]) -> Option<(usize, f32)> {
         let to = self.ends[0].camera.origin;
@@ -402,7 +404,7 @@ impl Joiner<'_> {
         })
     }
 
-    /// Of a walk from the camera (0) or the light (1), whose end is at `to` and sends rays with density `start`.
+    /// Implements both for side 0 (camera) or 1 (light) with end `to`; `start` is the density of its rays.
     fn seen(
         &mut self,
         walk: &[Point],
@@ -430,8 +432,8 @@ impl Joiner<'_> {
         known.map(|density| (first, density * point.cosine(point.back)))
     }
 
-    /// The density per area across with which a walk from the end at `to` comes to a point behind `count` interfaces;
-    /// `None` if the way would not be found from the point.
+    /// Returns the density per perpendicular area with which a subpath from the end at `to` reaches a vertex
+    /// behind `count` interfaces. Returns `None` if the path would not be found from the vertex.
     fn density_through(
         &mut self,
         side: usize,
@@ -445,7 +447,7 @@ impl Joiner<'_> {
             return None;
         }
         let lane = point.lanes.nth(0);
-        // Two ways through the same interfaces do not begin within a few milliradians of one another.
+        // Two paths through the same interfaces start more than a few milliradians apart.
         let is_it = |way: &Way| way.count() == count && way.dir.dot(point.back) > 1.0 - 1e-5;
         let mut found = self.way(point, to, lane).filter(is_it);
         if found.is_none() && side == LIGHT && self.setup.mirrors.flats_weigh() {

@@ -1,12 +1,12 @@
-//! Ground truth that no lab has: depth, position, normals, object, material and albedo of every camera pixel.
+//! Ground-truth layers: depth, position, normals, object, material and albedo of every camera pixel.
 //!
-//! A pass of its own over rays of the camera, k × k a pixel, through the middles of k × k equal parts of it (no chance is
-//! involved, so the same scene gives the same bits). Rays vote: the object of a pixel is the one that most of its rays meet, and
-//! everything else is the mean over those rays alone, so that nothing is mixed across edges. Of a device with a lens the middle of
-//! the lens sees.
+//! They are computed in a separate pass with k × k camera rays per pixel, through the centres of k × k equal
+//! parts. No random numbers are used, so the same scene gives the same bits. The object of a pixel is the one
+//! that most of its rays hit. All other values are means over these rays only, so values do not mix across
+//! edges. For a camera with a lens, the centre of the lens is used.
 //!
-//! The first surface counts, but for boundaries that light does not notice; on request what stands behind smooth interfaces and
-//! sheets, where every ray is bent as refraction bends it (`sight.rs`).
+//! The first surface counts, except boundaries that have no effect on light. With an option, rays pass smooth
+//! interfaces and sheets with refraction (`sight.rs`).
 
 use super::sight::{Sight, Viewer};
 use crate::scene::Scene;
@@ -14,12 +14,11 @@ use glam::{DVec2, DVec3, Vec3A};
 use rayon::prelude::*;
 use tensor::layers::{Layer, LayerSet, LayerValues, Parts};
 
-/// How layers are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Rays a pixel along each side, k; at least 1.
+    /// Rays per pixel along each side, k; at least 1.
     pub side: u32,
-    /// See through smooth interfaces (glass, water, crystals) and sheets to what stands behind.
+    /// Look through smooth interfaces (glass, water, crystals) and sheets to the surface behind.
     pub through: bool,
 }
 
@@ -32,10 +31,9 @@ impl Default for Options {
     }
 }
 
-/// What the layers hold of one pixel.
 #[derive(Clone)]
 struct Pixel {
-    /// -1 where there is nothing, or of what stands in the world itself.
+    /// -1 if there is none, or for objects that are not in a group.
     object: i32,
     copy: i32,
     material: i32,
@@ -49,7 +47,7 @@ struct Pixel {
 }
 
 impl Pixel {
-    /// Of a pixel of which so much is nothing.
+    /// Returns a pixel without surface; `coverage` is the fraction of rays that hit nothing.
     fn nothing(coverage: f32) -> Self {
         let [one, three, four] = [[f32::NAN; 4]; 3];
         Self {
@@ -67,22 +65,22 @@ impl Pixel {
     }
 }
 
-/// What most of all are, and how many; of as many, the least.
+/// Returns the most frequent value and its count; of equally frequent values, the smallest.
 fn majority<T: Ord + Copy>(all: impl Iterator<Item = T>) -> Option<(T, usize)> {
     let mut sorted: Vec<T> = all.collect();
     sorted.sort_unstable();
     let runs = sorted.chunk_by(|a, b| a == b).map(|run| (run[0], run.len()));
-    // The last of equals would win.
+    // `max_by_key` returns the last of equals.
     runs.rev().max_by_key(|(_, n)| *n)
 }
 
-/// The unit vector along a sum of vectors; NaN where they cancel.
+/// Returns the unit vector along a sum of vectors; NaN if they cancel.
 fn unit(sum: DVec3) -> [f32; 3] {
     sum.try_normalize()
         .map_or([f32::NAN; 3], |n| n.as_vec3().to_array())
 }
 
-/// A normal on the side of the ray that came.
+/// Returns a normal on the side of the incoming ray.
 fn toward(n: Vec3A, ng: Vec3A, wo: Vec3A) -> DVec3 {
     if ng.dot(wo) < 0.0 {
         -n.as_dvec3()
@@ -91,7 +89,7 @@ fn toward(n: Vec3A, ng: Vec3A, wo: Vec3A) -> DVec3 {
     }
 }
 
-/// What the rays of a pixel found.
+/// Combines the hits of a pixel's rays.
 fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
     let key = |s: &Sight| (s.object, s.copy);
     let all = sights.len() as f32;
@@ -116,7 +114,7 @@ fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
         toward(seen.map_or(s.surface.ns, |(_, at)| at.ns), s.surface.ng, s.wo)
     };
     let lengths = sum(&|s| DVec3::new(s.length, s.optical, 0.0)) * share;
-    // An object's parts may differ in what they are made of.
+    // The parts of an object may have different materials.
     let albedos = seen.iter().filter(|s| named(s) == material);
     let albedos: Option<Vec<_>> = albedos
         .map(|s| scene.materials.albedo(s.material, &s.surface, s.wo))
@@ -143,21 +141,25 @@ fn pixel(scene: &Scene, sights: &[Option<Sight>]) -> Pixel {
     }
 }
 
-/// The layers of what a scene's camera sees:
+/// Returns the layers of a scene's camera image:
 ///
-/// | layer | what |
+/// | layer | contents |
 /// |---|---|
-/// | `depth` | length of the ray from the pinhole, metres (not the distance along the axis), bends included |
-/// | `optical_length` | the same with every part times the refractive index there, at the middle one of the wavelengths |
-/// | `position` | world, metres |
-/// | `geometric_normal`, `shading_normal` | world, unit, on the side from which the ray comes; the latter as meshes interpolate and maps turn it |
-/// | `object` | number, of [`Names::objects`](crate::names::Names::objects), which are its labels; -1 where there is nothing |
-/// | `copy` | which copy of a group it is in, from 0; -1 of what stands in the world itself |
-/// | `material` | number of the object's material that most rays meet, of [`Names::materials`](crate::names::Names::materials) |
-/// | `albedo` | by wavelength, mean of that material; NaN where it has none: metals, glass, sheets, crystals, measured tables |
-/// | `coverage` | share of the pixel that the object covers (or nothing, where most of it is nothing) |
+/// | `depth` | length of the ray from the pinhole in metres, along refraction (not distance along the axis) |
+/// | `optical_length` | optical length of the ray in metres, at the middle wavelength |
+/// | `position` | world position in metres |
+/// | `geometric_normal`, `shading_normal` | world, unit, toward the ray; shading: interpolated and mapped |
+/// | `object` | number, with [`Names::objects`] as labels; -1 for none |
+/// | `copy` | number of the copy of a group, from 0; -1 outside groups |
+/// | `material` | number in [`Names::materials`], of the object's most frequent material |
+/// | `albedo` | by wavelength, mean of that material; NaN without albedo (see below) |
+/// | `coverage` | fraction of the pixel that the object covers (or the background, if `object` is -1) |
 ///
-/// All but the numbers are NaN where there is nothing.
+/// Metals, glass, sheets, crystals and measured tables have no albedo. Without a surface, all other values
+/// are NaN.
+///
+/// [`Names::objects`]: crate::names::Names::objects
+/// [`Names::materials`]: crate::names::Names::materials
 #[must_use]
 pub fn layers(scene: &Scene, options: Options) -> LayerSet {
     let [w, h] = scene.camera.resolution;
@@ -180,7 +182,7 @@ pub fn layers(scene: &Scene, options: Options) -> LayerSet {
     }
 }
 
-/// Pixels as arrays.
+/// Arranges pixels as arrays.
 fn lay(scene: &Scene, pixels: &[Pixel]) -> Vec<Layer> {
     let layer = |name, units, long_name, parts, values| Layer {
         name,

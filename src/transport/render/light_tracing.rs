@@ -1,7 +1,7 @@
-//! Light tracing: points of walks from the light that the camera sees, straight or through interfaces.
+//! Light tracing: connects vertices of light subpaths to the camera, directly or through interfaces.
 //!
-//! They are found once for a part of the image ([`super::splats`]), as numbers of walks and points: the walks are made again for the
-//! pixel that sees them.
+//! Visible vertices are found once for a part of the image ([`super::splats`]) and stored as numbers of
+//! subpaths and vertices. The pixel that sees them traces the subpaths again.
 
 use super::bidirectional::{Plan, Walks, brings, wanted};
 use super::emission::Sender;
@@ -19,7 +19,7 @@ use crate::strategy::Strategy;
 use glam::Vec3A;
 
 impl Walks {
-    /// Makes a walk from the light up to a point, or the first branch of it, and leaves it in `light`; `None` if the scene has no sources.
+    /// Traces a light subpath (or its first branch) up to a vertex; `None` if the scene has no sources.
     pub(super) fn light_walk(
         &mut self,
         scene: &Scene,
@@ -31,7 +31,7 @@ impl Walks {
         light_walk(&mut self.light, scene, &plan.setup, plan.seed, number, up_to)
     }
 
-    /// Makes a walk from the light and calls back with its points that the camera sees. `out` is for its own use.
+    /// Traces a light subpath and calls `found` with each vertex that the camera sees. `out` is a buffer.
     pub(super) fn look(
         &mut self,
         scene: &Scene,
@@ -51,7 +51,7 @@ impl Walks {
         }
     }
 
-    /// The same of the points that a branch of the walk does not share with those before.
+    /// Does the same for the vertices that belong only to the current branch.
     fn look_from_branch(
         &mut self,
         scene: &Scene,
@@ -108,7 +108,7 @@ impl Walks {
         }
     }
 
-    /// Connects a point of a walk from the light to the camera, which is known to see it. Returns the number of rays.
+    /// Connects a vertex of a light subpath to the camera that sees it. Returns the number of rays.
     pub(super) fn splat(
         &mut self,
         scene: &Scene,
@@ -151,9 +151,9 @@ impl Walks {
     }
 }
 
-/// Roulette on a point of a walk from the light, seen straight or by a way: how many times it counts. What it brings is the
-/// bound of what it brings when it is weighed, which takes longer and is asked for of those alone that are left; to make the walk
-/// again takes longest.
+/// Decides by roulette whether to keep a vertex of a light subpath that is seen directly or along a specular
+/// path. Returns its weight. The unweighted contribution bounds the weighted one, which takes longer to
+/// compute and is evaluated only for the remaining vertices. Tracing the subpath again takes longest.
 fn decide(
     joiner: &mut Joiner,
     light: &[Point],
@@ -179,7 +179,7 @@ fn decide(
         let brings = brings(out);
         out.list.clear();
         out.elements.clear();
-        // Nothing comes where something is in the way.
+        // The contribution is zero if the connection is blocked.
         if brings == 0.0 {
             return None;
         }

@@ -1,4 +1,4 @@
-//! Walks from the light, by number: each depends on its number and the seed alone.
+//! Light subpaths by number: each depends only on its number and the seed.
 
 use super::emission::{Ends, Sender};
 use super::join::{Setup, most};
@@ -9,20 +9,19 @@ use super::walk::{First, Limits, Walk};
 use crate::scene::Scene;
 use optics::sampling::stream::Stream;
 
-/// Tells the streams of walks from the light from those of camera samples.
+/// Separates the random streams of light subpaths from those of camera samples.
 const LIGHT_SEED: u64 = 0x5bd1_e995_9d1b_54a3;
 
-/// A walk from the light that has been made.
+/// A light subpath that has been traced.
 pub(super) struct Begun {
-    /// The pinholes that it runs between.
     pub ends: Ends,
     pub sender: Sender,
-    /// What is left of its stream.
+    /// The rest of its random stream.
     pub stream: Stream,
     pub limits: Limits,
 }
 
-/// Makes a walk up to a point, or the first branch of it; `None` if the scene has no sources.
+/// Traces a light subpath (or its first branch) up to `point`; `None` if the scene has no sources.
 pub(super) fn light_walk(
     walk: &mut Walk,
     scene: &Scene,
@@ -58,8 +57,9 @@ pub(super) fn light_walk(
     })
 }
 
-/// Where on the projector's image a walk starts: the points of one sample are spread evenly (Roberts 2018, the additive
-/// recurrence of the plastic number), all of them moved by the same random vector, which makes each uniform.
+/// Returns the point on the projector's image from which a subpath starts. The points of one sample are
+/// evenly spread (Roberts 2018, the additive recurrence of the plastic number). All of them are shifted by
+/// the same random vector, which makes each uniform.
 #[inline]
 fn spread(seed: u64, number: WalkNumber) -> [f32; 2] {
     let mut shift = Stream::new(seed, u32::MAX, number.sample);

@@ -1,22 +1,23 @@
-//! Connections to a pinhole through smooth interfaces and over mirrors: next-event estimation along specular manifolds
-//! (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob & Marschner 2012).
+//! Connections to a pinhole through smooth interfaces and over mirrors: next-event estimation along specular
+//! manifolds (Hanika, Droske & Fascione 2015, "Manifold next event estimation"; Jakob & Marschner 2012).
 //!
-//! From a point x a ray is shot through k interfaces, with its derivatives by the two angles of its direction (Igehy 1999,
-//! "Tracing ray differentials"). Newton's method turns the direction until the ray meets the emitter; it starts from the
-//! straight line, which also says how many interfaces there are. At the solution the derivative says how much area A the
-//! rays of a solid angle cover about the emitter, and so what arrives at x from its intensity I:
+//! A ray is traced from a point x through k interfaces, with its derivatives by the two angles of its
+//! direction (Igehy 1999, "Tracing ray differentials"). Newton's method turns the direction until the ray
+//! hits the emitter. It starts from the straight line, which also determines the number of interfaces. At the
+//! solution, the derivative gives the area A around the emitter that the rays of a solid angle cover. From it
+//! follows the light that arrives at x from the emitter's intensity I:
 //!
 //! > M_x · S₁ ⋯ Sₖ · I / J,  J = dA⊥/dω_x,
 //!
-//! which is 1/d² where nothing bends the ray. Each Sᵢ is the interface's whole transmission with its radiance scaled by
-//! the squared indices. The density with which a walk from the light would have come the same way is
-//! p(ω_L) (n_x/n_L)² / J per area across.
+//! which is 1/d² without refraction. Each Sᵢ is the full transmission of an interface, with radiance scaled
+//! by the squared indices. A light subpath samples the same path with density p(ω_L) (n_x/n_L)² / J per
+//! perpendicular area.
 //!
-//! A straight start finds at most one of the ways that a curved interface may have. What is found depends on the point alone,
-//! so [`super::weight`] can ask of any path whether it would have been found; the other ways are looked for at random
-//! ([`super::join_curved`]).
+//! A curved interface may have several specular paths, and the straight line finds at most one of them. The
+//! result depends only on the point, so [`super::weight`] can determine for any path whether it would have
+//! been found. The other paths are searched for at random ([`super::join_curved`]).
 //!
-//! A way may also go over [`super::mirrors`], where it starts at a given point of each; J is the same.
+//! A path may also include [`super::mirrors`], with a given point on each as initial guess; J is the same.
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::flight::mean_transmittance;
@@ -34,31 +35,31 @@ use optics::polarization::scatter::Scatter;
 use optics::spectrum::max_lane;
 use tensor::label::SPECULAR;
 
-/// Steps of Newton's method.
+/// Maximum number of Newton steps.
 const STEPS: usize = 24;
 
-/// Ways whose cosine is nearer 1 than this are one: a milliradian.
+/// Paths are equal if the cosine between their directions is nearer to 1 than this: a milliradian.
 const SAME: f32 = 5e-7;
 
-/// Shots start this many times as far off their surface as other rays: they leave along the ray and not along the normal, and a
-/// point on the ray is rounded across the surface too.
+/// Factor on the offset of traced rays from their surface. They are offset along the ray and not along the
+/// normal, and a point on the ray is also rounded across the surface.
 const LEAVE: f32 = 2.0;
 
-/// Least cosine for which the distance along a ray is stretched so that it clears a surface: nearer to grazing, the ray would
-/// start more than twenty times as far off as others do.
+/// Minimum cosine for extending the offset along a ray to clear a surface. At more grazing angles, the offset
+/// would be more than twenty times that of other rays.
 const LEAST_COSINE: f32 = 0.05;
 
-/// Longest step of Newton's method, radians: a leap beyond is one to where the derivative means nothing.
+/// Maximum Newton step in radians; beyond it, the derivative is meaningless.
 const LEAP: f32 = 0.3;
 
-/// A step that leads away is cut to this share, at most so many times: 0.4⁵ is 1 %, below which the way is given up.
+/// A step that increases the miss is shortened by this factor, at most `CUTS` times (0.4⁵ = 1 %).
 const CUT: f32 = 0.4;
 const CUTS: usize = 6;
 
-/// Where the way is bent.
+/// A specular interaction on a path.
 pub(super) struct Bend {
     pub surface: Surface,
-    /// Directions before and after, away from x.
+    /// Directions before and after, as traced from x.
     pub before: Vec3A,
     pub after: Vec3A,
     pub lobe: Lobe,
@@ -66,28 +67,28 @@ pub(super) struct Bend {
     pub filling: Option<Filling>,
 }
 
-/// A way from a point to an emitter.
+/// A specular path from a point to an emitter.
 pub(super) struct Way {
-    /// Direction in which it leaves the point, and in which the emitter's light starts out.
+    /// Direction in which it leaves the point, and in which the emitter's light starts.
     pub dir: Vec3A,
     pub emitted: Vec3A,
-    /// The point that the emitter lights first.
+    /// The point that the emitter illuminates first.
     pub first: Vec3A,
-    /// J, m².
+    /// J in m².
     pub spread: f32,
     bends: ArrayVec<Bend, INTERFACES>,
     start: Start,
 }
 
-/// Where a way shall end.
+/// The end that a specular path must reach.
 #[derive(Clone, Copy)]
 pub(super) struct Goal {
     pub to: Vec3A,
-    /// The wavelength that it is for.
+    /// The wavelength for which it is computed.
     pub lane: usize,
 }
 
-/// What a way is looked for by.
+/// The parameters of a search for a specular path.
 struct Search<'a> {
     scene: &'a Scene,
     start: Start,
@@ -95,17 +96,16 @@ struct Search<'a> {
     goal: Goal,
 }
 
-/// What a way brings besides its polarization.
+/// Quantities of a specular path besides its polarization.
 pub(super) struct Passed {
     pub optical_m: f64,
     pub sheets: u32,
-    /// Mean transmittance of the media, and the index at the emitter.
+    /// Mean transmittance of the media, and the refractive index at the emitter.
     pub mean: f32,
     pub index: f32,
 }
 
-/// The way from the start of a line along a route to a goal; it is looked for along the line, or from the first point on a
-/// mirror.
+/// Finds the specular path along a route to a goal, starting along the line or toward the first mirror point.
 pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Option<Way> {
     let dir = match route.over.first() {
         Some(seed) => (seed.point - start.from).try_normalize()?,
@@ -114,7 +114,7 @@ pub(super) fn find(scene: &Scene, start: Start, route: &Route, goal: Goal) -> Op
     find_along(scene, start, route, dir, goal)
 }
 
-/// The same, looked for along a direction.
+/// Finds the path as [`find`] does, but starts along a given direction.
 pub(super) fn find_along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<Way> {
     let search = Search {
         scene,
@@ -125,11 +125,12 @@ pub(super) fn find_along(scene: &Scene, start: Start, route: &Route, dir: Vec3A,
     search.solve(dir)
 }
 
-/// How far to go along `dir` to be as far off a surface as a step `off` along its normal leads, and [`LEAVE`] times that.
+/// Returns the distance along `dir` that clears a surface as much as an offset `off` along its normal, times
+/// [`LEAVE`].
 #[inline]
 fn clear(off: Vec3A, dir: Vec3A) -> f32 {
     let length = off.length();
-    // Nothing where there is no surface.
+    // Avoids division by zero for points that are not on a surface.
     let cos = off
         .dot(dir)
         .abs()
@@ -139,8 +140,8 @@ fn clear(off: Vec3A, dir: Vec3A) -> f32 {
 }
 
 impl Search<'_> {
-    /// Shoots a ray along the route and on to where it passes the goal; calls back with each interface or mirror, the
-    /// directions before and after it, and whether it is a flat interface.
+    /// Traces a ray along the route and on to where it passes the goal. Calls `bent` for each interface or
+    /// mirror with the directions before and after it, and with true for a flat interface.
     fn shoot(&self, dir: Vec3A, mut bent: impl FnMut(&Surface, Vec3A, Vec3A, bool)) -> Option<Shot> {
         let Self {
             scene,
@@ -153,7 +154,7 @@ impl Search<'_> {
         let mut slopes_p = [Vec3A::ZERO; 2];
         let mut slopes_d = [across.x_axis, across.y_axis];
         let (mut dir, mut nest, mut from) = (dir, start.nest, start.from);
-        // Off the surface along the ray: a step along the normal would shift it, and lenses magnify that.
+        // Along the ray: an offset along the normal would shift it, and lenses magnify that.
         let mut origin = from + dir * clear(start.ray.origin - from, dir);
         let (mut left, mut leg) = (*route.through.first()?, 0);
         let mut length = 0.0;
@@ -172,7 +173,7 @@ impl Search<'_> {
             if !straight && !mirror && left == 0 {
                 return None;
             }
-            // On to the surface, along it.
+            // Transfer to the surface.
             for k in 0..2 {
                 let s: Vec3A = slopes_p[k] + slopes_d[k] * step;
                 slopes_p[k] = if straight {
@@ -185,7 +186,7 @@ impl Search<'_> {
                 nest.cross(&scene.boundaries, id, surface.ng.dot(dir) < 0.0);
             }
             if !straight {
-                // To the derivatives a mirror is an interface without change of index whose far side is the near one.
+                // For derivatives, a mirror is an interface with equal indices that reflects.
                 let (after, ratio) = if mirror {
                     (reflected(scene, &surface, dir, lane)?, 1.0)
                 } else {
@@ -225,7 +226,7 @@ impl Search<'_> {
         None
     }
 
-    /// Newton's method, from a direction.
+    /// Runs Newton's method from a direction.
     fn solve(&self, mut dir: Vec3A) -> Option<Way> {
         let mut panes = Panes::default();
         let mut shot = self.shoot(dir, |surface, _, _, flat| panes.add(surface, flat))?;
@@ -239,7 +240,7 @@ impl Search<'_> {
         for _ in 0..STEPS {
             let miss = shot.miss.length();
             let (step, _) = newton(dir, &shot)?;
-            // No leap beyond where the derivative means something, and none that leads away.
+            // Limits the step length, and rejects steps that increase the miss.
             let mut share = (LEAP / step.length()).min(1.0);
             let mut better = None;
             let near = shot.is_near();
@@ -256,7 +257,7 @@ impl Search<'_> {
             if let Some(next) = better {
                 (dir, shot) = next;
             }
-            // One step after it is near is as near as rounding allows.
+            // After it is near, one further step reaches rounding precision.
             if near {
                 return self.along(dir);
             }
@@ -265,12 +266,12 @@ impl Search<'_> {
         None
     }
 
-    /// The way along the route, of which is known that it leaves along `dir`.
+    /// Returns the path along the route whose initial direction `dir` is known.
     fn along(&self, dir: Vec3A) -> Option<Way> {
         self.shot_along(dir).map(|(way, _)| way)
     }
 
-    /// The same, with the shot along it.
+    /// Returns the path and the ray traced along it.
     fn shot_along(&self, dir: Vec3A) -> Option<(Way, Shot)> {
         let mut bends = ArrayVec::new();
         let shot = self.shoot(dir, |surface, before, after, _| {
@@ -299,7 +300,7 @@ impl Search<'_> {
     }
 }
 
-/// The way from the start of a line along a route to a goal, of which is known that it leaves along `dir`.
+/// Returns the specular path along a route to a goal, whose initial direction `dir` is known.
 pub(super) fn along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal: Goal) -> Option<Way> {
     let search = Search {
         scene,
@@ -311,7 +312,7 @@ pub(super) fn along(scene: &Scene, start: Start, route: &Route, dir: Vec3A, goal
 }
 
 impl Way {
-    /// That leaves a start along `dir`, and is bent so.
+    /// Creates a path from a start along `dir` with known interactions.
     pub fn known(start: Start, dir: Vec3A, spread: f32, bends: ArrayVec<Bend, INTERFACES>) -> Option<Self> {
         let last = bends.last()?;
         Some(Self {
@@ -324,36 +325,36 @@ impl Way {
         })
     }
 
-    /// Number of interfaces and mirrors.
+    /// Returns the number of interfaces and mirrors.
     #[inline]
     pub fn count(&self) -> usize {
         self.bends.len()
     }
 
-    /// True if another way from the same point is this one.
+    /// Returns true if another path from the same point equals this one.
     #[inline]
     pub fn is(&self, other: &Self) -> bool {
         self.count() == other.count() && self.dir.dot(other.dir) > 1.0 - SAME
     }
 
-    /// What interfaces and mirrors let through of unpolarized light, about.
+    /// Returns the approximate transmittance of interfaces and mirrors for unpolarized light.
     pub fn passes(&self) -> f32 {
         self.bends.iter().map(|b| max_lane(b.scatter.m00())).product()
     }
 
-    /// True if it goes over mirrors.
+    /// Returns true if it includes mirrors.
     #[inline]
     pub fn reflects(&self) -> bool {
         self.bends.iter().any(|b| b.lobe == Lobe::Reflected)
     }
 
-    /// What it sets in a path's label ([`tensor::label`]).
+    /// Returns the path label's bits that it sets ([`tensor::label`]).
     #[inline]
     pub fn label(&self) -> u8 {
         if self.reflects() { SPECULAR } else { 0 }
     }
 
-    /// True if wavelengths take different ways.
+    /// Returns true if wavelengths take different paths.
     #[inline]
     pub fn disperses(&self, scene: &Scene) -> bool {
         self.bends
@@ -361,22 +362,22 @@ impl Way {
             .any(|b| scene.materials.disperses(b.surface.material))
     }
 
-    /// Density per area across at the point with which walks from the other end come along the way, `density` being that
-    /// of their direction there per steradian.
+    /// Returns the density per perpendicular area at the point with which subpaths from the other end sample
+    /// the path. `density` is that of their direction at the other end, per steradian.
     #[inline]
     pub fn density(&self, density: f32, passed: &Passed) -> f32 {
         density * self.squared_indices(passed) / self.spread * passed.mean
     }
 
-    /// (n_x/n_L)²: what radiance gains on the way from the other end.
+    /// Returns (n_x/n_L)², the gain of radiance on the path from the other end.
     #[inline]
     pub fn squared_indices(&self, passed: &Passed) -> f32 {
         let ratio = self.start.filling.index / passed.index;
         ratio * ratio
     }
 
-    /// Multiplies `chain`, whose light is in `frame`, by all that happens on the way to the emitter at `to`; `None` if
-    /// something blocks it or more sheets than are allowed stand in it.
+    /// Multiplies `chain`, whose light has frame `frame`, by all interactions on the path to the emitter at
+    /// `to`. Returns `None` if the path is blocked or crosses more sheets than allowed.
     pub fn follow(
         &self,
         scene: &Scene,
@@ -412,7 +413,7 @@ impl Way {
                 sheets: allowed.sheets - sheets,
                 ..allowed
             };
-            // Origin and end are off their surfaces: along the way's own direction a line would end in the surface now and then.
+            // Both ends are offset from surfaces; along the path's exact direction, a line could hit one.
             start.ray.dir = (end.aim - start.ray.origin).normalize_or(start.ray.dir);
             let line = bridge(scene, chain, frame, &start, end, left, rays)?;
             optical_m += line.optical_m;

@@ -1,15 +1,17 @@
-//! Mirrors that light may take to a point: where ways over them are looked for (Zeltner, Georgiev & Jakob 2020, "Specular
-//! manifold sampling for rendering high-frequency caustics and glints").
+//! The mirrors of a scene, and initial guesses for specular paths over them (Zeltner, Georgiev & Jakob 2020,
+//! "Specular manifold sampling for rendering high-frequency caustics and glints").
 //!
-//! A surface that is lit over a mirror and seen in a mirror is reached by no walk from one end and no straight connection:
-//! both ends are points. [`super::manifold`] finds the way if it knows about where to start.
+//! A surface that is lit over a mirror and seen in a mirror is reached by no subpath and no straight
+//! connection, because both ends are points. [`super::manifold`] finds the specular path from a near guess.
 //!
-//! - Flat mirrors: all that lie in one plane are a group. The end's image says where light for a point is reflected, so
-//!   every group, and every pair of them, is asked for its one way; and rows of three and more, where no other strategy finds
-//!   their light.
-//! - Curved mirrors have any number of ways. One start is drawn at random; a way that is found from a share p of all
-//!   starts counts 1/p times, and the number of starts until it is found again is, in the mean, 1/p.
-//! - Several in a row, one of them curved, and curved glass: the same, with starts that follow a ray ([`super::traced`]).
+//! - Flat mirrors: all mirrors in one plane form a group. The mirror image of the end determines where light
+//!   for a point is reflected, so every group, and every pair of groups, has one candidate path. Sequences of
+//!   three or more are tried only where no other strategy finds their light.
+//! - Curved mirrors can have any number of specular paths. One initial guess is drawn at random. If a
+//!   fraction p of all guesses leads to a path, its weight is 1/p; the number of guesses until it is found
+//!   again has the mean 1/p.
+//! - Sequences that include a curved mirror, and curved glass: the same, with guesses from a traced ray
+//!   ([`super::traced`]).
 
 use super::glints::{Glints, reflectance};
 use super::mirrors_copied::{Copied, area, ends, point_on};
@@ -22,57 +24,56 @@ use glam::{Mat3A, Vec3A};
 use optics::sampling::stream::Stream;
 use std::collections::HashMap;
 
-/// No mirror, and any curved one.
+/// Group numbers for surfaces that are not mirrors, and for all curved mirrors.
 const NONE: u32 = u32::MAX;
 const CURVED: u32 = u32::MAX - 1;
 
-/// The number of a primitive and what it belongs to.
+/// The number of a primitive and its owner.
 type Key = (u32, Owner);
 
-/// Any instance.
 const EVERY: Owner = Owner::instance(u32::MAX);
 
-/// Up to so many mirrors in instances are listed like those of the world; beyond, each group's are listed once, and flat ones
-/// are looked for at random like curved ones.
+/// Maximum number of mirrors in instances that are listed like those of the world. Beyond it, each group's
+/// mirrors are listed once, and flat ones are sampled at random like curved ones.
 const MOST_LISTED: usize = 65536;
 
-/// Above so many planes, flat mirrors are looked for at random like curved ones.
+/// Above this number of planes, flat mirrors are sampled at random like curved ones.
 const MOST_FLATS: usize = 2048;
 
-/// Up to so many planes, light may take two of them.
+/// Maximum number of planes for which pairs are considered.
 const MOST_IN_PAIRS: usize = 64;
 
-/// Most planes in a row.
+/// Maximum number of planes in a sequence.
 const MOST_IN_ROW: usize = 8;
 
-/// Light may take three planes in a row or more while there are up to so many such rows.
+/// Sequences of three or more planes are considered while their number does not exceed this.
 const MOST_ROWS: usize = 1024;
 
-/// What curved glass throws, over what a mirror would that sends all light all ways alike: into a cone of about π.
+/// Light from curved glass relative to a uniformly scattering mirror: into a cone of about π.
 const PASSED: f32 = 4.0;
 
-/// Share of random points that are taken for their image in a flat mirror.
+/// Fraction of random points that are replaced by their image in a flat mirror.
 const IMAGED: f32 = 0.25;
 
-/// Planes are told apart by their normals and, relative to the scene, distances to this accuracy.
+/// Tolerance for equal planes: normals, and distances relative to the scene's extent.
 const SAME_PLANE: f32 = 1e-4;
 
-/// Points of reflection count up to this many radii from the middle of a plane's mirrors: just beyond, against rounding,
-/// and farther where interfaces on the way move the point that a straight image gives.
+/// Reflection points are accepted up to this many radii from the centre of a plane's mirrors: slightly beyond
+/// 1 for rounding, and more where interfaces on the path shift the point from that of a straight image.
 const REACH: f32 = 1.001;
 const REACH_BENT: f32 = 1.5;
 
-/// Barycentric coordinates of a point inside of any triangle or parallelogram, at which a primitive's surface is asked for.
+/// Barycentric coordinates, inside any triangle or parallelogram, at which surfaces are evaluated.
 const INSIDE: f32 = 0.3;
 
-/// A point of a group of mirrors, from which a way is looked for.
+/// A point on a group of mirrors, the initial guess for a path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seed {
     pub group: u32,
     pub point: Vec3A,
 }
 
-/// All mirrors that lie in a plane n·p = d, within a sphere.
+/// All mirrors in a plane n·p = d, within a sphere.
 #[derive(Clone, Copy, Debug)]
 struct Flat {
     n: Vec3A,
@@ -81,35 +82,34 @@ struct Flat {
     radius: f32,
 }
 
-/// An end and its images in one flat mirror after the other, with their groups.
+/// An end and its successive images in flat mirrors, with the mirrors' groups.
 type Images = ArrayVec<(u32, Vec3A), { MOST_IN_ROW + 1 }>;
 
 impl Seed {
-    /// True on curved mirrors.
+    /// Returns true on curved mirrors.
     #[inline]
     pub fn is_curved(self) -> bool {
         self.group == CURVED
     }
 }
 
-/// The mirrors of a scene.
 #[derive(Debug, Default)]
 pub(super) struct Mirrors {
     flats: Vec<Flat>,
-    /// Curved mirrors, each with the area of all up to it.
+    /// Curved mirrors with their cumulative areas.
     curved: Vec<(Outline, f32)>,
-    /// Curved mirrors besides those, of groups with many copies.
+    /// Further curved mirrors, in groups with many copies.
     copied: Copied,
-    /// What curved mirrors throw, about, and what they do together with what passes through curved glass.
+    /// Approximate light from curved mirrors; `bright` includes the light through curved glass.
     pub glints: Glints,
     pub bright: Glints,
-    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], [`EVERY`] for all of them.
+    /// Group of each primitive, by [`Hit::leaf`] and [`Hit::owner`], or [`EVERY`] for all owners.
     groups: HashMap<Key, u32>,
-    /// Interfaces may move the point of reflection.
+    /// True if interfaces may shift the point of reflection.
     bent: bool,
-    /// Some interface sends wavelengths different ways.
+    /// True if some interface is dispersive.
     pub disperses: bool,
-    /// Some crystal has double images.
+    /// True if some crystal has double images.
     pub splits: bool,
 }
 
@@ -124,7 +124,7 @@ impl Flat {
         p - self.n * (2.0 * self.height(p))
     }
 
-    /// Where light between two points is reflected; `None` if not on these mirrors.
+    /// Returns the point of reflection between two points, or `None` if it is not on these mirrors.
     #[inline]
     fn reflects(&self, a: Vec3A, b: Vec3A, bent: bool) -> Option<Vec3A> {
         let [s, e] = [a, b].map(|p| self.height(p));
@@ -138,7 +138,7 @@ impl Flat {
 }
 
 impl Mirrors {
-    /// All surfaces of a scene that light is mirrored at.
+    /// Collects all specularly reflecting surfaces of a scene.
     pub fn new(geometry: &Geometry, materials: &Materials) -> Self {
         let mut out = Self {
             bent: materials.any_interface(),
@@ -163,7 +163,7 @@ impl Mirrors {
             if !is_mirror(&surface) {
                 continue;
             }
-            // Under normal maps flat ones are as good as curved.
+            // Flat mirrors with a normal map are treated as curved.
             let group = if flat && !materials.is_turned(surface.material) {
                 let d = surface.ng.dot(surface.p);
                 let key = [surface.ng.x, surface.ng.y, surface.ng.z, d / geometry.extent()];
@@ -225,7 +225,7 @@ impl Mirrors {
         out
     }
 
-    /// Those over which a render looks for ways.
+    /// Removes the mirrors that the strategies of a render do not use.
     pub fn only(mut self, strategies: Strategies) -> Self {
         if !strategies.has(Strategy::FlatMirrors) {
             self.flats.clear();
@@ -238,40 +238,39 @@ impl Mirrors {
         self
     }
 
-    /// The group of what is hit, a number that no seed has for all but mirrors.
+    /// Returns the group of the surface hit; for other surfaces than mirrors, a number that no seed has.
     #[inline]
     pub fn group(&self, hit: &Hit) -> u32 {
         let of = |owner| self.groups.get(&(hit.leaf, owner)).copied();
         of(hit.owner).or_else(|| of(EVERY)).unwrap_or(NONE)
     }
 
-    /// The point of a mirror that is hit; `None` on all else.
+    /// Returns the seed at a mirror that is hit, or `None` on other surfaces.
     #[inline]
     pub fn seed(&self, hit: &Hit, point: Vec3A) -> Option<Seed> {
         let group = self.group(hit);
         (group != NONE).then_some(Seed { group, point })
     }
 
-    /// True if there are none.
+    /// Returns true if there are no mirrors.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.groups.is_empty()
     }
 
-    /// True if none of them is curved.
+    /// Returns true if there are no curved mirrors.
     #[inline]
     pub fn is_flat(&self) -> bool {
         self.curved.is_empty() && self.copied.area() <= 0.0
     }
 
-    /// True if ways over flat mirrors are looked for from every point, so that other strategies must reckon with them.
+    /// Returns true if other strategies' weights must account for paths over flat mirrors from every vertex.
     #[inline]
     pub fn flats_weigh(&self) -> bool {
         (1..=MOST_IN_PAIRS).contains(&self.flats.len())
     }
 
-    /// Calls back with the flat mirrors, one or two, that light between a point and an end at `to` may take, from the point
-    /// on.
+    /// Calls `f` with each one or two flat mirrors over which light can go, in order from `from` to `to`.
     pub fn flat_ways(&self, from: Vec3A, to: Vec3A, mut f: impl FnMut(&[Seed])) {
         let seed = |group: usize, point| Seed {
             group: group as u32,
@@ -298,7 +297,7 @@ impl Mirrors {
         }
     }
 
-    /// Most flat mirrors in a row that light may take.
+    /// Returns the maximum length of sequences of flat mirrors.
     fn longest_row(&self) -> usize {
         let next = self.flats.len().saturating_sub(1);
         let mut rows = self.flats.len();
@@ -310,8 +309,8 @@ impl Mirrors {
             .count()
     }
 
-    /// Calls back with the flat mirrors, three to `most` in a row, that light between a point and an end at `to` may take, from
-    /// the point on. They are fewer where they are many, so that they never take long.
+    /// Calls `f` with each sequence of three to `most` flat mirrors over which light can go from a point to
+    /// `to`, in order from the point. With many mirrors sequences are shorter, to bound the cost.
     pub fn flat_rows(&self, from: Vec3A, to: Vec3A, most: usize, f: &mut impl FnMut(&[Seed])) {
         let most = most.min(self.longest_row());
         if self.flats.len() > 1 && most > 2 {
@@ -319,7 +318,8 @@ impl Mirrors {
         }
     }
 
-    /// The same of all that end with given mirrors, from the end on: the last image of the end that each made, which is first.
+    /// Calls `f` with all sequences that end with given mirrors. `images` are the end and its successive
+    /// images in these mirrors, the last mirror of the path first.
     fn add_rows(&self, from: Vec3A, images: &mut Images, most: usize, f: &mut impl FnMut(&[Seed])) {
         let Some((last, image)) = images.last().copied() else {
             return;
@@ -341,7 +341,7 @@ impl Mirrors {
         }
     }
 
-    /// Where light from a point is reflected on its way over a row of flat mirrors; `None` if it misses one.
+    /// Returns the reflection points on a sequence of flat mirrors, or `None` if light misses one.
     fn row(&self, mut from: Vec3A, images: &Images) -> Option<ArrayVec<Seed, MOST_IN_ROW>> {
         let mut seeds = ArrayVec::new();
         for pair in images.windows(2).rev() {
@@ -352,8 +352,8 @@ impl Mirrors {
         Some(seeds)
     }
 
-    /// A random point of the curved mirrors, or its image in one flat mirror or more: what light may be sent to from any point,
-    /// straight or over those.
+    /// Draws a random point on the curved mirrors, or its image in one or more flat mirrors, as target of a
+    /// ray.
     pub fn aim(&self, stream: &mut Stream) -> Option<Vec3A> {
         let mut point = self.draw(stream)?.point;
         if !self.flats.is_empty() {
@@ -365,7 +365,7 @@ impl Mirrors {
         Some(point)
     }
 
-    /// A random point of the curved mirrors, if there are any.
+    /// Draws a random point on the curved mirrors, if there are any.
     pub fn draw(&self, stream: &mut Stream) -> Option<Seed> {
         let listed = self.curved.last().map_or(0.0, |c| c.1);
         let all = listed + self.copied.area();
@@ -385,8 +385,8 @@ impl Mirrors {
     }
 }
 
-/// Everything that may be a mirror, with its number and its instance's; not what is in instances, and false, where that is
-/// too much.
+/// Returns primitives that may be mirrors, and true; only those of the world, and false, if there are too
+/// many.
 fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec<(Key, Outline)>, bool) {
     let world = geometry.outlines().map(|(leaf, o)| ((leaf, Owner::WORLD), o));
     let mut all: Vec<_> = world.collect();
@@ -413,7 +413,7 @@ fn candidates(geometry: &Geometry, is_mirror: impl Fn(&Surface) -> bool) -> (Vec
     (all, true)
 }
 
-/// The mirrors of instances, listed by group.
+/// Lists the mirrors of instances by group.
 fn copied(
     geometry: &Geometry,
     is_mirror: impl Fn(&Surface) -> bool,
@@ -438,7 +438,7 @@ fn copied(
     )
 }
 
-/// A primitive's surface at some point, and whether it is flat.
+/// Returns a primitive's surface at an inner point, and whether it is flat.
 fn primitive(geometry: &Geometry, (leaf, owner): Key, outline: &Outline) -> (Surface, bool) {
     let (lo, hi) = ends(outline);
     let ray = Ray {

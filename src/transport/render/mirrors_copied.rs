@@ -1,16 +1,15 @@
-//! Mirrors in groups with so many copies that there is no list of all: points are drawn on them in two steps, first a copy,
-//! then a place in its group.
+//! Mirrors in groups with too many copies to list. A point is drawn in two steps: copy, then point.
 
 use crate::geometry::bvh::Outline;
 use glam::{Affine3A, Vec3A};
 use optics::sampling::warp;
 
-/// Mirrors of groups, and where their copies are.
+/// The mirrors of groups, and the transforms of their copies.
 #[derive(Debug, Default)]
 pub(super) struct Copied {
-    /// Group and place of every copy, with the area of all up to it.
+    /// Group, transform and cumulative area of each copy.
     copies: Vec<(u32, Affine3A, f32)>,
-    /// The mirrors of every group in its own coordinates, each with the area of all up to it.
+    /// The mirrors of each group in its own coordinates, with their cumulative areas.
     groups: Vec<Vec<(Outline, f32)>>,
 }
 
@@ -27,7 +26,7 @@ impl Copied {
         let groups: Vec<Vec<(Outline, f32)>> = groups.into_iter().map(summed).collect();
         let mut all = 0.0;
         let copies = copies.filter_map(|(group, place)| {
-            // Areas grow with a map as its volume to the power of 2/3, if it scales alike all ways; any share will do.
+            // Exact for a uniform scale; otherwise approximate, as any sampling probability may be.
             let grown = place.matrix3.determinant().abs().powf(2.0 / 3.0);
             all += groups[group as usize].last()?.1 * grown;
             Some((group, place, all))
@@ -38,12 +37,12 @@ impl Copied {
         }
     }
 
-    /// About the area of all.
+    /// Returns the approximate total area.
     pub fn area(&self) -> f32 {
         self.copies.last().map_or(0.0, |c| c.2)
     }
 
-    /// A point of the copy where so much area has gone before, for three uniform numbers; there must be copies.
+    /// Returns the point at cumulative area `at`, for three uniform numbers; there must be copies.
     pub fn point(&self, at: f32, part: f32, uniforms: [f32; 2]) -> Vec3A {
         let i = self.copies.partition_point(|c| c.2 <= at);
         let (group, place, _) = self.copies[i.min(self.copies.len() - 1)];
@@ -54,7 +53,7 @@ impl Copied {
     }
 }
 
-/// About the area of an outline, m².
+/// Returns the approximate area of an outline in m².
 pub(super) fn area(outline: &Outline) -> f32 {
     match outline {
         Outline::Flat {
@@ -66,7 +65,6 @@ pub(super) fn area(outline: &Outline) -> f32 {
     }
 }
 
-/// Bounds of an outline.
 pub(super) fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
     match outline {
         Outline::Flat { corners } => corners[1..]
@@ -78,7 +76,7 @@ pub(super) fn ends(outline: &Outline) -> (Vec3A, Vec3A) {
     }
 }
 
-/// A point on something, for two uniform numbers.
+/// Returns a point on an outline, for two uniform numbers.
 pub(super) fn point_on(outline: &Outline, uniforms: [f32; 2]) -> Vec3A {
     match *outline {
         Outline::Flat {

@@ -1,4 +1,4 @@
-//! From a scene to finished tiles of its slices.
+//! Renders a scene into finished tiles of its slices: path sampling, connections, scheduling.
 
 mod aim;
 mod apparent;

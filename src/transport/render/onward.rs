@@ -1,4 +1,4 @@
-//! How a walk goes on from a surface or a particle.
+//! Continues a subpath from a surface or a particle.
 
 use super::bridge::pass;
 use super::environment::Chosen;
@@ -16,35 +16,34 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 use tensor::label;
 
-/// A walk on its way.
+/// The state of a subpath that is being traced.
 #[derive(Clone)]
 pub(super) struct Progress {
     pub flight: Flight,
-    /// With which the present direction was drawn, per steradian; 1 in delta lobes.
+    /// Density with which the current direction was sampled, per steradian; 1 for delta lobes.
     pub density: f32,
-    /// The same for light that is met by chance.
+    /// How the current direction was sampled, for emitters that the subpath hits.
     pub chosen: Chosen,
-    /// Throughput of a walk that has lost nothing.
+    /// Throughput of a subpath without losses.
     pub full: f32,
-    /// What may come from where the walk goes now, over what may come from elsewhere.
+    /// Expected light from the current direction, relative to other directions.
     pub hope: f32,
     pub interactions: u32,
     pub labelled: bool,
-    /// Times that it has parted.
+    /// Number of times that it has been split.
     pub parted: u32,
 }
 
-/// How a walk goes on from a point.
+/// How a subpath continues from a vertex.
 pub(super) enum Onward {
-    /// Along a direction.
     Toward(Vec3A),
-    /// Straight through a sheet, which is no point of its own, as on a line between points.
+    /// Straight through a sheet, which is not a vertex, as on a connection.
     Straight,
     Nowhere,
 }
 
-/// Samples where a walk that came from direction `back` to a surface goes on, and the density of that (1 for delta lobes). The
-/// interaction is in the true direction of the light; for light it is per flux.
+/// Samples the continuation of a subpath that came from direction `back` to a surface. Also returns its
+/// density (1 for delta lobes). The interaction has the light's true direction, per flux for light subpaths.
 #[inline]
 fn onward(
     scene: &Scene,
@@ -64,7 +63,7 @@ fn onward(
     if from == From::Camera {
         return Some((sampled, density));
     }
-    // The other way through the surface.
+    // Reverse direction through the surface.
     let (cos_in, cos_out) = (s.ng.dot(back).abs(), s.ng.dot(sampled.wi).abs());
     if cos_in <= 0.0 {
         return None;
@@ -81,9 +80,9 @@ fn onward(
     }
     sampled.scatter = sampled.scatter.reversed();
     if !materials.is_crystal(id) {
-        // Shading normals are not the same from both sides (Veach 1997, sect. 5.3).
+        // Shading normals make scattering asymmetric (Veach 1997, sect. 5.3).
         let (shading_in, shading_out) = if sampled.delta && sampled.filling.is_none() {
-            // Mirrors turn their own normals.
+            // A mirror reflects about the same normal from both sides.
             (1.0, 1.0)
         } else {
             (s.ns.dot(back).abs(), s.ns.dot(sampled.wi).abs())
@@ -95,14 +94,14 @@ fn onward(
         && !materials.is_crystal(id)
         && let Some(near) = materials.beyond(id, s, sampled.wi, *lanes)
     {
-        // Radiance grows with the squared index, flux does not. (Light never stops inside a smooth crystal.)
+        // Radiance scales with the squared index, flux does not. (Light subpaths never end in crystals.)
         let ratio = far.index / near.index;
         sampled.scatter = sampled.scatter.scaled(Spectral::splat(ratio * ratio));
     }
     Some((sampled, density))
 }
 
-/// Draws where a walk goes from a surface.
+/// Samples how a subpath continues from a surface.
 pub(super) fn scatter_on(
     scene: &Scene,
     guide: &Guide,
@@ -114,8 +113,7 @@ pub(super) fn scatter_on(
     let mut lanes = flight.state.lanes;
     let id = surface.material;
     if scene.sheets && scene.materials.has_extended_lobe(id) {
-        // A surface that is a sheet in part is a point of as many walks only as do not go straight on: what is connected
-        // to it counts for all of them.
+        // A partial sheet is a vertex only of subpaths that do not pass straight; connections represent all.
         let straight = scene.materials.straight_chance(id, surface, back, lanes);
         if straight > 0.0 && straight < 1.0 {
             point.chain.scale(Spectral::splat(1.0 / (1.0 - straight)));
@@ -167,7 +165,7 @@ pub(super) fn scatter_on(
         flight.nest.cross(&scene.boundaries, surface.material, enters);
     }
     if let (From::Camera, Some(filling)) = (flight.end, next.filling) {
-        // Radiance falls with the squared index, and rises again on the way out: nothing is lost.
+        // Radiance falls with the squared index and rises again on the way out, so nothing is lost.
         let ratio = flight.state.filling.index / filling.index;
         progress.full *= ratio * ratio;
     }
@@ -176,7 +174,7 @@ pub(super) fn scatter_on(
     Onward::Toward(next.wi)
 }
 
-/// Draws where a walk goes from a Lambert surface in a medium where walks turn.
+/// Samples how a subpath continues from a Lambert surface in a medium with guided turns.
 fn scatter_or_turn(
     scene: &Scene,
     guide: &Guide,
@@ -218,7 +216,7 @@ fn scatter_or_turn(
     Onward::Toward(wi)
 }
 
-/// Draws where a walk goes from a particle of medium number `id`.
+/// Samples how a subpath continues from a particle of medium number `id`.
 pub(super) fn scatter_in(
     scene: &Scene,
     guide: &Guide,
@@ -252,7 +250,7 @@ pub(super) fn scatter_in(
     }
     let Lean { partner, mut factor } = guide.lean(at, back, wi);
     if guided && turns.is_none() && factor != 1.0 && 2.0 * stream.uniform() >= factor {
-        // Partners scatter alike, by the same angle in the same plane, and to polarized light half a turn is none.
+        // The partner has the same scattering angle and plane, so polarization does not matter.
         (wi, factor) = (partner, 2.0 - factor);
     }
     let unguided = scene.media.densities_toward(id, back, wi);
@@ -267,17 +265,17 @@ pub(super) fn scatter_in(
     let Some(drawn) = flight.hero.event(drawn) else {
         return Onward::Nowhere;
     };
-    // The same from both sides: particles are their own mirror images.
+    // Particles are mirror-symmetric, so both directions scatter equally.
     flight.push(&scatter.scaled(Spectral::splat(1.0 / drawn)));
     flight.state.label |= label::MEDIUM;
-    // For weights, which are to be functions of the path alone, as of unpolarized light, and as if all events were guided.
+    // MIS weights depend on the path alone: assume unpolarized light and guiding in all events.
     progress.density = scene.lanes().mean(toward.densities(own));
     progress.hope = scene.lanes().mean(toward.hopes);
     progress.chosen = Chosen {
         density: progress.density,
         from: point.receiver(scene),
     };
-    // Particles scatter alike both ways, but walks from the other end turn elsewhere.
+    // Particles scatter equally in both directions, but subpaths from the other end have other targets.
     let other = At {
         from: from.other(),
         ..at

@@ -1,4 +1,4 @@
-//! What a walk's interaction on a surface does, for paths that are labelled: one kind of lobe of those that send light there.
+//! Restricts a surface interaction of a labelled subpath to one kind of lobe.
 
 use super::state::From;
 use crate::geometry::ray::Surface;
@@ -8,8 +8,8 @@ use glam::Vec3A;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Makes an interaction that was drawn, with what density, where a walk came from direction `back`, that of one kind of lobe, over its
-/// chance; returns what it sets in a label.
+/// Replaces a sampled interaction with density `density`, of a subpath that came from direction `back`, by
+/// that of one kind of lobe divided by the probability of the kind. Returns the label bits of the kind.
 #[inline(never)]
 pub(super) fn part(
     scene: &Scene,
@@ -20,11 +20,11 @@ pub(super) fn part(
     stream: &mut Stream,
 ) -> u8 {
     let (materials, id) = (&scene.materials, s.material);
-    // What crosses an interface with its lobe's own weight has one kind.
+    // Transmission through an interface is weighted by its own lobe and has one kind.
     if from == From::Camera || next.delta || next.filling.is_some() {
         return materials.part(id, s, back, next, stream);
     }
-    // Light goes the other way, and counts per flux.
+    // Light travels in the opposite direction, and the weight is per flux.
     let factor = s.ng.dot(next.wi).abs() / (s.ng.dot(back).abs() * density);
     let drawn = materials.draw_lobe(id, s, [next.wi, back], stream);
     let (kind, scatter) = drawn.unwrap_or((0, next.scatter.scaled(Spectral::ZERO)));

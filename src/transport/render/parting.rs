@@ -1,12 +1,11 @@
-//! Walks that part: one that counts for much goes on as two that count for half each (splitting; Kahn & Harris 1951, Booth 1985).
+//! Splitting: a subpath of large weight continues as two of half weight (Kahn & Harris 1951, Booth 1985).
 //!
-//! Walks in media that turn toward the other end ([`super::guide`]) leave those that do not turn the fewer the longer they are, and let
-//! each count for more: after forty particles, which much of a dense medium's light has met, one in twelve is left that counts for
-//! twelve, and what it brings is rare and strong. Such a walk parts at a particle, and both branches go on from there with numbers of their
-//! own.
+//! Guided turns in media ([`super::guide`]) leave few subpaths without a turn, the fewer the longer they are,
+//! and each of these gets a larger weight. Much of a dense medium's light has met forty particles; by then
+//! one subpath in twelve is left with weight twelve, and its contributions are rare and large. Such a subpath
+//! is split at a particle, and both branches continue with independent random numbers.
 //!
-//! What a branch brings on average is half of what the walk would, so that nothing else needs to know of it: densities and weights
-//! of paths stay those of a walk that does not part.
+//! A branch contributes half of the original subpath on average. Densities and MIS weights are unchanged.
 
 use super::guide::Guide;
 use super::onward::Progress;
@@ -14,27 +13,25 @@ use super::point::{Point, Site};
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// What a walk must count for, over what it began with, to part. (Measured in milk: with 1.5 to 2.5 the same error takes the same
-/// time.)
+/// Weight, relative to its start, from which a subpath is split. (In milk, 1.5 to 2.5 are equally efficient.)
 const LEAST: f32 = 2.0;
 
-/// Most times that a branch parts.
+/// Maximum number of splits of a branch.
 const MOST: u32 = u8::BITS;
 
-/// Which branches of a walk are made.
+/// Which branches of a subpath are traced.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Parting {
-    /// It does not part.
     Never,
-    /// All, one after another.
+    /// All branches, one after another.
     All,
-    /// That of a lineage alone.
+    /// Only the branch with this lineage.
     Follow(u8),
 }
 
-/// A branch that is still to be walked, from the particle on at which the walk parted.
+/// A branch that has not been traced yet. It starts at the particle where the subpath was split.
 pub(super) struct Branch {
-    /// Points that it shares with the walk, that particle included.
+    /// Number of vertices shared with the subpath, including that particle.
     pub points: usize,
     pub progress: Progress,
     pub lineage: u8,
@@ -42,8 +39,8 @@ pub(super) struct Branch {
 }
 
 impl Parting {
-    /// Parts a walk at its last point, if that is a particle and the walk counts for enough; returns the branch that is left for later, if
-    /// all are made. `lineage` is that of the walk so far.
+    /// Splits a subpath at its last vertex, if that is a particle and the weight is large enough. Returns the
+    /// branch to trace later if all branches are traced. `lineage` is that of the subpath so far.
     #[inline]
     pub fn part(
         self,
@@ -55,7 +52,7 @@ impl Parting {
     ) -> Option<Branch> {
         let chain = &mut progress.flight.state.chain;
         let counts = chain.max_m00() / progress.full;
-        // Neither numbers that are none nor those without end.
+        // Excludes NaN and infinity.
         let much = (LEAST..f32::INFINITY).contains(&counts);
         if !much || self == Self::Never || progress.parted == MOST {
             return None;
@@ -67,7 +64,7 @@ impl Parting {
             return None;
         }
         chain.scale(Spectral::splat(0.5));
-        // Drawn by all, so that a lineage that is followed meets the same numbers.
+        // Forked in every mode, so that following a lineage reproduces the same random numbers.
         let other = stream.fork();
         let bit = 1 << progress.parted;
         progress.parted += 1;

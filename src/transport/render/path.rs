@@ -1,10 +1,12 @@
 //! Unidirectional path tracing from the camera with next-event estimation to every emitter.
 //!
-//! A path carries the Mueller product from its current ray to the camera frame (all wavelengths at once), the optical
-//! path length, the number of surface interactions, and at each connection the one projector pixel s' that lights it.
-//! Projector and points have no extent, so light reaches them only by connection; it passes sheets that let light straight
-//! through ([`super::sheets`]), and smooth interfaces that bend it block it (light through them needs paths from the
-//! projector).
+//! A path carries the Mueller product from its current ray to the camera frame (for all wavelengths), the
+//! optical path length and the number of surface interactions. Each connection to the projector yields the
+//! one projector pixel s' that illuminates the vertex.
+//!
+//! Projector and point emitters have no extent, so only connections reach them. Connections pass sheets that
+//! transmit light straight through ([`super::sheets`]). Smooth refracting interfaces block them; light
+//! through such interfaces needs paths from the projector.
 
 mod start;
 
@@ -31,66 +33,67 @@ use optics::spectrum::Spectral;
 use std::ops::Range;
 use tensor::label;
 
-/// What slices want beside plain paths.
+/// What slices require beyond plain paths.
 #[derive(Clone, Copy)]
 pub(super) struct Wants<'a> {
-    /// Paths of their own.
+    /// Projector pixels to sample paths for.
     pub aims: &'a [Aim<'a>],
-    /// To know what paths did.
+    /// True if path labels are needed.
     pub labels: bool,
 }
 
-/// Paths that are traced together. Their rays are met one after the other before any is shaded: no path waits for
-/// another, so the processor works on several at a time. Few enough that all of them stay in its nearest cache.
+/// Number of paths traced together. Their rays are intersected one after the other before any vertex is
+/// shaded. The paths are independent, so the processor overlaps their work. The number is small enough that
+/// all of them fit into the first-level cache.
 pub const BATCH: usize = 16;
 
-/// Most likely survival of Russian roulette.
+/// Maximum survival probability of Russian roulette.
 const SURVIVAL: f32 = 0.95;
 
-/// One path and what it needs to go on.
+/// One path and the data to continue it.
 struct Path {
     state: State,
     stream: Stream,
-    /// What the current ray hits, and there.
+    /// The hit of the current ray and its surface.
     hit: Option<Hit>,
     surface: Surface,
-    /// How the current ray was chosen; kept where there is something to meet by chance.
+    /// How the current ray was sampled; set only if a ray can hit an emitter.
     chosen: Chosen,
-    /// Density of its direction per steradian, kept where slices have paths of their own; 0 where they make no such.
+    /// Density of its direction per steradian, if slices sample projector pixels; 0 for a delta lobe.
     density: f32,
 }
 
-/// Some paths of one camera pixel, traced in step.
+/// Paths of one camera pixel that are traced in lockstep.
 #[derive(Default)]
 pub struct Paths {
     paths: Vec<Path>,
-    /// What each brings, in order, and the Mueller elements of all.
+    /// The contributions of each path, in order, and the Mueller elements of all.
     pub lists: Vec<Vec<Contribution>>,
     pub elements: Vec<Spectral>,
-    /// What the s' drawn for slices light, of each.
+    /// Surface points illuminated by the s' sampled for slices, per path.
     points: Vec<Vec<LitPoint>>,
 }
 
-/// What is worked out for all living paths at once: a row's entry belongs to the path at that place among them.
+/// Data computed for all active paths together; each index belongs to the path at that position among them.
 struct Rows {
-    /// Where they are.
+    /// Positions of the paths.
     points: Many<BATCH>,
-    /// On Lambert surfaces: the normal on the side that light goes to, and what its next direction is drawn from.
+    /// On Lambert surfaces: normal on the side of scattering, and random numbers for the next direction.
     normals: Many<BATCH>,
     uniforms: [[f32; BATCH]; 2],
-    /// For which points lights are chosen, which, and where on them.
+    /// The points for which lights are chosen, the chosen lights and the random numbers for points on them.
     receivers: [Receiver; BATCH],
     lights: [Choice; BATCH],
     places: [[f32; 2]; BATCH],
-    /// Point emitters, of many.
+    /// Chosen point emitters, if there are many.
     emitters: [Choice; BATCH],
 }
 
 impl Paths {
-    /// Traces a path for each of the `samples` (at most [`BATCH`]) of camera pixel (x, y), each through a uniformly
-    /// random point of the pixel, stratified over its `group`, and leaves what they bring in `lists` and `elements`, with all that slices want.
+    /// Traces one path for each of `samples` (at most [`BATCH`]) of camera pixel (x, y) into `lists` and
+    /// `elements`. Each path starts at a uniformly random point of the pixel, stratified over its `group`.
     ///
-    /// Values are camera radiance per unit drive, W/(m² sr nm). `epipolar_px` is left at 0. Returns the rays traced.
+    /// Values are radiance per unit drive, W/(m² sr nm), with `epipolar_px` = 0. Returns the number of rays.
     #[inline]
     pub fn trace(
         &mut self,
@@ -120,13 +123,13 @@ impl Paths {
     ) -> u32 {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if scene.geometry.avx2() {
-            // SAFETY: the processor was asked when the geometry was built.
+            // SAFETY: AVX2 support was detected when the geometry was built.
             return unsafe { self.trace_avx2::<MORE>(scene, views, pixel, samples, group, wants) };
         }
         self.trace_any::<MORE>(scene, views, pixel, samples, group, wants)
     }
 
-    /// The same operations in the processor's shorter encodings; nothing is fused, so the bits are the same.
+    /// The same operations in AVX encoding. No operations are fused, so the results are bit-identical.
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     #[target_feature(enable = "avx2")]
     fn trace_avx2<const MORE: bool>(
@@ -189,9 +192,9 @@ impl Paths {
                 };
             }
             rays += alive.len() as u32;
-            // The last interaction goes on only to meet light.
+            // After the last interaction, a path continues only to hit emitters.
             let goes_on = bounces + 1 < last || meets;
-            // Not `retain`: its closure would not be compiled for the processor at hand.
+            // Not `retain`: its closure would not be compiled with this function's target features.
             let mut kept = 0;
             for n in 0..alive.len() {
                 let i = alive[n];
@@ -299,7 +302,6 @@ impl Paths {
 }
 
 impl Default for Path {
-    /// None yet.
     fn default() -> Self {
         Self {
             state: State::default(),
@@ -313,8 +315,8 @@ impl Default for Path {
 }
 
 impl Path {
-    /// Takes the path to the surface that its ray hits, and enters in the rows, at place `n`, what is to be worked out
-    /// for all paths at once; `goes_on` if it is to leave the surface again.
+    /// Moves the path to the surface that its ray hits, and stores the inputs of the batched computations in
+    /// the rows at index `n`. `goes_on` is true if the path may leave the surface again.
     #[inline(always)]
     fn arrive(&mut self, scene: &Scene, goes_on: bool, n: usize, rows: &mut Rows) {
         let Some(hit) = &self.hit else {
@@ -326,21 +328,21 @@ impl Path {
         let (at, length) = met(state.from, state.ray.dir, surface);
         state.optical_m += f64::from(state.filling.index) * length;
         if let Some(scatter) = state.crossed(scene, surface) {
-            // The light comes from the surface, so this stands left of what the surface will add.
+            // The light comes from the surface, so this factor is to the left of the surface's own.
             let frame = state.chain.push(&scatter, -state.ray.dir, state.frame);
             state.frame = frame.unwrap_or(state.frame);
         }
         state.from = at;
         many::set(&mut rows.points, n, surface.p);
         if goes_on && scene.materials.lambert(surface.material).is_some() {
-            // Where shading and geometry disagree about the side, the surface will say that it is dark.
+            // If shading and geometric normal disagree about the side, the surface scatters no light.
             let normal = facing(surface, -state.ray.dir).unwrap_or(surface.ns);
             many::set(&mut rows.normals, n, normal);
             [rows.uniforms[0][n], rows.uniforms[1][n]] = self.stream.uniform2();
         }
     }
 
-    /// Connects the surface to the emitters, after `bounces` interactions before this one; returns the rays traced.
+    /// Connects the surface, after `bounces` previous interactions, to emitters. Returns the number of rays.
     #[inline(always)]
     fn connect(
         &self,
@@ -365,7 +367,7 @@ impl Path {
         connect_all(scene, views, state, &at, lit, out)
     }
 
-    /// What the surface that is met by chance sends by itself, after `bounces` interactions.
+    /// Adds the emission of a surface that the path hits after `bounces` interactions.
     #[inline(never)]
     fn glow(&self, scene: &Scene, bounces: u32, out: &mut Contributions) {
         let (Some(hit), state) = (&self.hit, &self.state) else {
@@ -394,7 +396,7 @@ impl Path {
         environment::met(scene, chain, Beam { travel, frame }, &met, out);
     }
 
-    /// Enters in the rows, at place `n`, how lights are chosen for the surface.
+    /// Stores the inputs for choosing lights for the surface in the rows at index `n`.
     #[inline(always)]
     fn begin_choices(&mut self, scene: &Scene, n: usize, rows: &mut Rows) {
         let surface = &self.surface;
@@ -412,8 +414,8 @@ impl Path {
         }
     }
 
-    /// Connects the surface to shining surfaces, sky and light from afar, after `bounces` interactions before this one;
-    /// returns the rays traced.
+    /// Connects the surface, after `bounces` interactions, to a sampled light and all directional lights.
+    /// Returns the number of rays.
     #[inline(never)]
     fn connect_lights(
         &self,
@@ -445,7 +447,7 @@ impl Path {
         connect_lights(scene, &self.state, &at, drawn, out)
     }
 
-    /// Connects the surface to one of many point emitters, after `bounces` interactions before this one; returns the rays traced.
+    /// Connects the surface, after `bounces` interactions, to a sampled point emitter. Returns the rays traced.
     #[inline(never)]
     fn connect_drawn_point(
         &self,
@@ -466,12 +468,12 @@ impl Path {
         connect_drawn_point(scene, &self.state, &at, (number, choice.chance), out)
     }
 
-    /// Keeps how the direction `wi`, in which a path goes on, was chosen; `delta`: as the only one.
+    /// Records how the next direction `wi` was sampled; `delta` if from a delta lobe.
     #[inline(never)]
     fn choose(&mut self, scene: &Scene, wo: Vec3A, wi: Vec3A, delta: bool) {
         let surface = &self.surface;
         if delta && wi == -wo {
-            // Through a sheet, which connections pass too.
+            // A sheet leaves the direction unchanged, and connections pass sheets too.
             return;
         }
         self.chosen = if delta {
@@ -484,8 +486,8 @@ impl Path {
         };
     }
 
-    /// What the surface does to the path, after `bounces` interactions before this one; true if it goes on. Where it goes
-    /// on from a Lambert surface, it is along `diffuse`, in frame `frame`.
+    /// Scatters the path at the surface, after `bounces` previous interactions. Returns true if the path
+    /// continues. On a Lambert surface it continues along `diffuse` with frame `frame`.
     #[inline(always)]
     fn scatter<const MORE: bool>(
         &mut self,
@@ -509,7 +511,7 @@ impl Path {
             }
             diffuse
         } else {
-            // Borrowed, not moved: it is large.
+            // Borrowed, not moved, because it is large.
             let mut sampled = materials.sample_inline(id, surface, wo, &mut state.lanes, stream);
             let Some(sampled) = &mut sampled else {
                 return false;

@@ -1,12 +1,12 @@
-//! The points that a walk leaves behind, for those of another walk to be connected to.
+//! Vertices of a subpath, which are connected to those of another subpath.
 //!
-//! At each a walk keeps the Mueller product from its end: from the camera C = M₁ M₂ ⋯, from an emitter the transpose of
-//! L = ⋯ M₂ M₁, which grows on the same side, so that a whole path is C · L and both walks are made by the same steps.
-//! Interactions at a point are not in its product.
+//! Each vertex stores the Mueller product from the end of its subpath. From the camera this is C = M₁ M₂ ⋯.
+//! From an emitter it is the transpose of L = ⋯ M₂ M₁, which grows on the same side. A whole path is C · L,
+//! and both kinds of subpaths use the same code. The product excludes the interaction at the vertex itself.
 //!
-//! Densities are per area (per volume in media) up to the medium's own μ_t at either point, which is the same factor from
-//! both sides. They are functions of the path alone, not of the wavelengths that a walk still carries, so that weights
-//! made of them sum to one.
+//! Densities are per area (per volume in media) up to the medium's μ_t at either vertex, which is the same
+//! factor from both sides. They are functions of the path alone, not of the wavelengths that a subpath still
+//! carries, so that the weights computed from them sum to one.
 
 use super::bridge::Start;
 use super::guide::{At, Guide};
@@ -22,7 +22,7 @@ use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 use tensor::label;
 
-/// A walk's end: a point without extent, and what leaves it.
+/// The end of a subpath: a point without extent and the ray that leaves it.
 #[derive(Clone, Copy)]
 pub(super) struct End {
     pub ray: Ray,
@@ -34,54 +34,52 @@ pub(super) struct End {
     pub nest: Nest,
 }
 
-/// Where a point of a walk is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Site {
-    /// At the walk's end.
     Pinhole,
     Surface,
-    /// Inside the medium of this number.
+    /// Inside the medium with this number.
     Volume(u32),
 }
 
-/// The lobes of one kind.
+/// Returns the scattering by the lobes of one kind.
 fn of_kind(lobes: Lobes, kind: u8) -> Option<Scatter> {
     lobes.into_iter().find(|(k, _)| *k == kind).map(|(_, s)| s)
 }
 
-/// A point of a walk.
 #[derive(Clone, Copy)]
 pub(super) struct Point {
     pub site: Site,
-    /// Of a volume or an end, its position alone counts.
+    /// For a volume or an end, only its position is valid.
     pub surface: Surface,
-    /// The same where the ray met it, in double precision: ways are measured from there.
+    /// The position where the ray met it, in double precision, for measuring path lengths.
     pub at: DVec3,
-    /// Unit direction to the point before.
+    /// Unit direction to the previous vertex.
     pub back: Vec3A,
-    /// Mueller product from the walk's end to the light that arrives here, and that light's frame.
+    /// Mueller product from the end of the subpath to the light that arrives here, and that light's frame.
     pub chain: Chain,
     pub frame: Vec3A,
-    /// Optical path length from the walk's end, metres.
+    /// Optical path length from the end of the subpath, in metres.
     pub optical_m: f64,
-    /// What is on the side of `back`.
+    /// The material on the side of `back`.
     pub filling: Filling,
     pub nest: Nest,
     pub lanes: Lanes,
-    /// Interactions before this one, and what they did ([`tensor::label`]).
+    /// Number of interactions before this one, and their label ([`tensor::label`]).
     pub interactions: u32,
     pub label: u8,
-    /// True if the walk went on by a delta lobe.
+    /// True if the subpath continued by a delta lobe.
     pub delta: bool,
-    /// Density with which the walk came here, and with which one the other way would have come from the next point.
+    /// Density with which the subpath sampled this vertex, and with which a subpath in the opposite direction
+    /// would have sampled it from the next vertex.
     pub forward: f32,
     pub reverse: f32,
-    /// What turns a density of the direction `back` into one at the point before.
+    /// Converts a density of the direction `back` to a density at the previous vertex.
     pub spread: f32,
 }
 
 impl Point {
-    /// A walk's end. Its density is that of the direction in which the walk starts.
+    /// Returns the end of a subpath. Its density is that of the direction in which the subpath starts.
     #[inline]
     pub fn end(scene: &Scene, end: &End) -> Self {
         let p = end.ray.origin;
@@ -108,7 +106,7 @@ impl Point {
         }
     }
 
-    /// The light that leaves along `wo` of that which comes from `wi`, both away from the point.
+    /// Evaluates scattering of light from `wi` into `wo`, both directions pointing away from the vertex.
     ///
     /// On surfaces it is the Mueller BSDF times |cosθ_i|, in media the phase function.
     #[inline]
@@ -120,7 +118,7 @@ impl Point {
         }
     }
 
-    /// [`Self::scatter`] by kinds, with what they set in a label.
+    /// Returns [`Self::scatter`] separated by lobe kind, each with its label bits.
     pub fn lobes(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
         match self.site {
             Site::Surface => scene
@@ -131,19 +129,19 @@ impl Point {
         }
     }
 
-    /// The intensity that leaves along `wo` per flux that arrives from `wi`.
+    /// Returns the intensity scattered along `wo` per flux that arrives from `wi`.
     #[inline]
     pub fn scatter_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let scatter = self.scatter(scene, wo, wi)?;
         if self.site != Site::Surface {
             return Some(scatter);
         }
-        // Shading normals may light a point from where its true surface is grazed.
+        // With shading normals, light from below the true surface may reach the vertex.
         let cos = self.cosine(wi);
         (cos > 0.0).then(|| scatter.scaled(Spectral::splat(self.cosine(wo) / cos)))
     }
 
-    /// [`Self::scatter`] by lobes of one kind, if one is named.
+    /// Returns [`Self::scatter`] restricted to lobes of `kind`, if given.
     #[inline]
     pub fn scatter_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match kind {
@@ -152,7 +150,7 @@ impl Point {
         }
     }
 
-    /// [`Self::scatter_flux`] likewise.
+    /// Returns [`Self::scatter_flux`] restricted to lobes of `kind`, if given.
     #[inline]
     pub fn scatter_flux_by(&self, scene: &Scene, kind: Option<u8>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match kind {
@@ -161,7 +159,7 @@ impl Point {
         }
     }
 
-    /// [`Self::scatter_flux`] by kinds, as [`Self::lobes`].
+    /// Returns [`Self::scatter_flux`] separated by lobe kind, as [`Self::lobes`] does.
     pub fn lobes_flux(&self, scene: &Scene, wo: Vec3A, wi: Vec3A) -> Lobes {
         let mut lobes = self.lobes(scene, wo, wi);
         let cos = self.cosine(wi);
@@ -175,7 +173,7 @@ impl Point {
         lobes
     }
 
-    /// The medium that light which is scattered here comes through, if the point is one where walks may turn.
+    /// Returns the medium through which light arrives, if guided turns are possible at the vertex.
     #[inline]
     pub fn medium(&self, scene: &Scene) -> Option<u32> {
         match self.site {
@@ -185,7 +183,7 @@ impl Point {
         }
     }
 
-    /// The point as what light is chosen for.
+    /// Returns the vertex as a receiver for choosing lights.
     #[inline]
     pub fn receiver(&self, scene: &Scene) -> Receiver {
         match self.site {
@@ -194,7 +192,7 @@ impl Point {
         }
     }
 
-    /// Density per steradian with which a walk of one end that came from direction `back` goes on along `to`.
+    /// Returns the density per steradian of direction `to` for a subpath from `from` and direction `back`.
     #[inline]
     pub fn density(&self, scene: &Scene, guide: &Guide, from: From, back: Vec3A, to: Vec3A) -> f32 {
         let own = match self.site {
@@ -222,7 +220,7 @@ impl Point {
             .mean(guide.toward(&scene.media, at, to).densities(own))
     }
 
-    /// Area that the point shows along a unit direction, per area.
+    /// Returns the projected area along a unit direction, per area.
     #[inline]
     pub fn cosine(&self, dir: Vec3A) -> f32 {
         match self.site {
@@ -231,7 +229,7 @@ impl Point {
         }
     }
 
-    /// True if light can come here from, or go to, any point.
+    /// Returns true if light can arrive from any point and leave to any point.
     #[inline]
     pub fn connects(&self, scene: &Scene) -> bool {
         match self.site {
@@ -240,13 +238,13 @@ impl Point {
         }
     }
 
-    /// True on plain Lambert surfaces.
+    /// Returns true on plain Lambert surfaces.
     #[inline]
     pub fn is_lambert(&self, scene: &Scene) -> bool {
         matches!(self.site, Site::Surface) && scene.materials.lambert(self.surface.material).is_some()
     }
 
-    /// A ray's origin toward `dir` off the surface.
+    /// Returns the origin of a ray along `dir`, offset from the surface.
     #[inline]
     pub fn leave(&self, scene: &Scene, dir: Vec3A) -> Vec3A {
         match self.site {
@@ -255,7 +253,7 @@ impl Point {
         }
     }
 
-    /// The medium that a line along `dir` starts in.
+    /// Returns the medium in which a line along `dir` starts.
     #[inline]
     pub fn medium_toward(&self, scene: &Scene, dir: Vec3A) -> Option<u32> {
         let s = &self.surface;
@@ -270,7 +268,7 @@ impl Point {
         }
     }
 
-    /// What a line of so many metres that comes from direction `dir` is aimed at: off the surface.
+    /// Returns the target, offset from the surface, of a line of `length` metres from direction `dir`.
     #[inline]
     pub fn reach(&self, scene: &Scene, dir: Vec3A, length: f32) -> Vec3A {
         match self.site {
@@ -279,7 +277,7 @@ impl Point {
         }
     }
 
-    /// The start of a line along `dir`.
+    /// Returns the start of a line along `dir`.
     #[inline]
     pub fn line(&self, scene: &Scene, dir: Vec3A) -> Start {
         let (mut filling, mut nest) = (self.filling, self.nest);

@@ -1,13 +1,16 @@
-//! Where polarized light goes on from a particle.
+//! Samples the azimuth at which a particle scatters polarized light.
 //!
-//! A particle sends polarized light more to some sides than to others: of light whose product so far has the row (I, Q, U, V),
-//! 1 + (S₁₂/S₁₁) · (Q cos 2φ + U sin 2φ)/I times as much as of unpolarized light, φ being the turn to the scattering plane. A walk
-//! that drew all sides alike would carry that factor on, up to 2 at every event: the product of many has a mean of 1 and a
-//! variance that grows exponentially with their number, so that few paths count for all and errors, which are estimated from
-//! the samples, are too short (in a conservative Rayleigh slab of depth 4 the variance of the transmitted intensity was 15 times
-//! that of isotropic scattering). So a side is drawn as polarized light takes it (Bartel & Hielscher 2000, Appl. Opt. 39,
-//! 1580, by rejection). Rejecting nothing: the factor at right angles is 2 less this one, so a side that is not taken with
-//! probability factor/2 gives way to the one a quarter turn on.
+//! A particle scatters polarized light more into some azimuths than into others. If the product so far has
+//! the row (I, Q, U, V), it scatters 1 + (S₁₂/S₁₁) · (Q cos 2φ + U sin 2φ)/I times as much as for unpolarized
+//! light, where φ is the rotation to the scattering plane. With a uniform azimuth, a subpath would carry this
+//! factor, up to 2 at every event. The product of many factors has mean 1 and a variance that grows
+//! exponentially with their number. Few paths then dominate, and errors estimated from the samples are too
+//! small. (In a conservative Rayleigh slab of depth 4, the variance of the transmitted intensity was 15 times
+//! that of isotropic scattering.)
+//!
+//! The azimuth is therefore sampled with this factor (Bartel & Hielscher 2000, Appl. Opt. 39, 1580, by
+//! rejection). No sample is rejected: the factor at right angles is 2 minus this one. An azimuth that is not
+//! accepted, with probability factor/2, is replaced by the one a quarter turn further.
 
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -15,9 +18,9 @@ use optics::polarization::frame::turn;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// What an interaction lets on of the light whose product is `chain`, over what it lets on of unpolarized light of the same
-/// intensity, by lane: 0 to 2; 1 where there is no light. `d_out` and `frame` as for [`Chain::push`]. `None` if the light is
-/// unpolarized, so that the factor is 1 everywhere.
+/// Returns the intensity that an interaction transmits of the light with product `chain`, relative to
+/// unpolarized light of the same intensity, by lane. It is 0 to 2, and 1 where there is no light. `d_out` and
+/// `frame` are as for [`Chain::push`]. Returns `None` if the light is unpolarized.
 #[inline]
 pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Spectral> {
     let row = match chain {
@@ -30,7 +33,7 @@ pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3
     let (own, cross, s) = match scatter {
         Scatter::Depolarize(_) => return None,
         Scatter::Fresnel { block, s } => (block.a, block.b, s),
-        // Particles are their own mirror images: they make no other polarization of unpolarized light.
+        // Particles are mirror-symmetric, so they give unpolarized light no U or V.
         Scatter::Full {
             mueller, frame_out, ..
         } => (mueller.m[0][0], mueller.m[1][0], frame_out),
@@ -48,7 +51,7 @@ pub(super) fn factor(chain: &Chain, scatter: &Scatter, d_out: Vec3A, frame: Vec3
     )
 }
 
-/// The direction `d` turned by 90° about the unit vector `axis`.
+/// Returns the direction `d` rotated by 90° about the unit vector `axis`.
 #[inline]
 pub(super) fn quarter_turn(d: Vec3A, axis: Vec3A) -> Vec3A {
     (axis * axis.dot(d) + axis.cross(d)).normalize()
@@ -81,7 +84,7 @@ mod tests {
         media
     }
 
-    /// The factor is what the product gains, and at right angles to it 2 less that.
+    /// The factor equals the gain of the product; at right angles it is 2 minus that.
     #[test]
     fn factors_are_gains() {
         let depolarizing = HenyeyGreenstein::new(Spectral::splat(0.3), 0.9, 0.8);
@@ -114,7 +117,7 @@ mod tests {
                         let want = gain[lane] / before[lane];
                         assert!((factor.to_array()[lane] - want).abs() < 1e-5, "{wi}: {want}");
                     }
-                    // No light, no preference.
+                    // Without light, the factor is 1.
                     assert_eq!(factor.to_array()[3], 1.0);
                     factor.to_array()[0]
                 };

@@ -1,14 +1,16 @@
 //! Next-event estimation through rough interfaces, from inside a medium.
 //!
-//! Light that leaves a stone toward a pinhole comes, inside, from a narrow cone: a rough interface of index n bends light
-//! that goes out by n times as much as light that comes in, so that facets which lie within α of the normal take light from
-//! within some α/3 alone, a hundredth of all directions and less. A walk that comes to the surface from a particle by the phase
-//! function's choice meets that cone rarely, and then brings a hundred times the mean. So from a particle near the surface
-//! a direction is drawn as the interface would refract light of the emitter: where the straight line to the emitter leaves the
-//! medium, facets are drawn as the emitter sees them. The light then takes what surface there is along that direction,
-//! and goes on by a straight line from there. The two ways of making a path are weighed by the balance heuristic (Veach
-//! 1997, sect. 9.2): of densities per steradian at the particle, p of the walk (the phase function times what the medium
-//! lets through) and q of this estimate,
+//! Light that leaves a solid medium toward a pinhole comes, inside, from a narrow cone. A rough interface of
+//! index n deflects outgoing light n times as much as incoming light. Facets within α of the normal therefore
+//! take light only from within about α/3, a hundredth of all directions or less. A subpath from a particle,
+//! sampled by the phase function, hits that cone rarely, and then contributes a hundred times the mean.
+//!
+//! So from a particle near the surface, a direction is sampled as the interface would refract light of the
+//! emitter. Facets are sampled, as seen from the emitter, at the point where the straight line to the emitter
+//! leaves the medium. The path then continues to the surface along that direction, and from there on a
+//! straight line. The balance heuristic (Veach 1997, sect. 9.2) combines the two estimates of a path. With
+//! densities per steradian at the particle, p of the subpath (phase function times transmittance) and q of
+//! this estimate, they are
 //!
 //! > f/p · p/(p + q) and f/q · q/(p + q).
 //!
@@ -27,10 +29,10 @@ use glam::Vec3A;
 use optics::spectrum::Spectral;
 use tensor::label;
 
-/// Optical depth up to which a surface is looked for. Beyond, walks find what little is left.
+/// Maximum optical depth to the surface. Beyond it, subpaths find the little remaining light.
 const REACH: f32 = 5.0;
 
-/// Where the straight line from a particle to an emitter leaves the medium.
+/// The point where the straight line from a particle to an emitter leaves the medium.
 struct Exit {
     surface: Surface,
     /// Direction to the emitter from there.
@@ -38,7 +40,7 @@ struct Exit {
 }
 
 impl Exit {
-    /// From a particle in medium `id`; `None` where no rough interface is near.
+    /// Finds the exit for a particle in medium `id`; `None` if no rough interface is near.
     fn find(scene: &Scene, id: u32, z: &Point, to: Vec3A) -> Option<Self> {
         let p = z.surface.p;
         let dir = (to - p).try_normalize()?;
@@ -46,17 +48,17 @@ impl Exit {
         let ray = Ray { origin: p, dir };
         let hit = scene.geometry.intersect(&ray, REACH / clearest)?;
         let surface = scene.geometry.surface(&ray, &hit);
-        // Light does not notice what an object of higher priority hides.
+        // Surfaces hidden by an object of higher priority have no effect.
         let noticed = !unnoticed(scene, &z.nest, surface.material);
         if !(noticed && scene.materials.is_rough_interface(surface.material)) {
             return None;
         }
         let out = (to - surface.p).try_normalize()?;
-        // Only out of what is closed.
+        // Only from the inside to the outside.
         (surface.ng.dot(out) > 0.0).then_some(Self { surface, out })
     }
 
-    /// Density per steradian with which the direction `wi` into the medium is drawn.
+    /// Returns the density per steradian with which the direction `wi` into the medium is sampled.
     fn density(&self, scene: &Scene, wi: Vec3A) -> f32 {
         if self.surface.ng.dot(wi) >= 0.0 {
             return 0.0;
@@ -66,12 +68,12 @@ impl Exit {
     }
 }
 
-/// True if light comes from `to` to what is inside by a point of a rough interface.
+/// Returns true if light from `to` enters through a point of a rough interface.
 fn leaves(y: &Point, to: Vec3A) -> bool {
     y.surface.ng.dot(to - y.surface.p) > 0.0 && y.surface.ng.dot(y.back) < 0.0
 }
 
-/// Density per steradian with which a walk goes on from a particle of medium `id` toward `y`, and comes so far.
+/// Returns the density per steradian with which a subpath from a particle of medium `id` reaches `y`.
 fn walks(joiner: &Joiner, z: &Point, id: u32, y: &Point) -> f32 {
     let scene = joiner.scene;
     let to = y.surface.p - z.surface.p;
@@ -85,7 +87,7 @@ fn walks(joiner: &Joiner, z: &Point, id: u32, y: &Point) -> f32 {
 }
 
 impl Joiner<'_> {
-    /// The share that the walk has of a path on which light of an emitter comes in by the surface point `y`, the next after `z`.
+    /// Returns the subpath's MIS weight if an emitter's light enters at the vertex `y` after `z`.
     pub fn share_of_walk(&mut self, z: &Point, y: &Point, to: Vec3A) -> f32 {
         let (Site::Volume(id), Site::Surface) = (z.site, y.site) else {
             return 1.0;
@@ -102,8 +104,8 @@ impl Joiner<'_> {
         own / (own + drawn)
     }
 
-    /// Connects a particle at the end of a walk from the camera to all emitters through the rough interface near it, and appends
-    /// what that brings; true if such an interface is between it and every one.
+    /// Connects a particle at the end of a camera subpath to all emitters through the rough interface near it
+    /// and appends the contributions. Returns true if such an interface lies between it and every emitter.
     pub fn join_through_rough(&mut self, camera: &[Point], out: &mut Contributions) -> bool {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let Some(z) = camera.last() else {
@@ -124,7 +126,7 @@ impl Joiner<'_> {
         all
     }
 
-    /// Connects a particle of medium `id` to an emitter.
+    /// Connects a particle of medium `id` to one emitter.
     fn join_by(&mut self, exit: &Exit, z: &Point, id: u32, source: usize, out: &mut Contributions) {
         let (scene, emission) = (self.scene, &self.setup.emission);
         let (s, mut lanes) = (&exit.surface, scene.lanes());
@@ -156,7 +158,7 @@ impl Joiner<'_> {
         self.join(&[y], &[emitter], Sender { source, pixel }, None, out);
     }
 
-    /// Flies from a particle straight on to the next surface that light notices.
+    /// Traces a straight line from a particle to the next surface that affects light.
     fn fly(&mut self, z: &Point, id: u32, dir: Vec3A) -> Option<Point> {
         let scene = self.scene;
         let came = Ray {

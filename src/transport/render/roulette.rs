@@ -1,25 +1,26 @@
-//! Russian roulette (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2): paths that carry little end early, and connections that
-//! bring little are made rarely; those that are left count for more.
+//! Russian roulette (Arvo & Kirk 1990; Veach 1997, sect. 10.4.2): paths with low throughput and connections
+//! with low contribution are often skipped, and the remaining ones are weighted up.
 //!
-//! In a medium nearly all of what a pixel gets comes from few of the connections of its walks. One that is expected to
-//! bring x is made with probability x/τ below a threshold τ, which adds at most τ x to the variance. The threshold keeps
-//! that small beside the variance that samples have anyway.
+//! In a medium, few connections of the subpaths contribute nearly all light of a pixel. A connection with
+//! expected contribution x is made with probability x/τ below a threshold τ, which adds at most τ x to the
+//! variance. The threshold keeps this small compared with the existing variance of the samples.
 
 use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// How likely a path is to go on.
+/// Parameters for the survival probability of a path.
 pub(super) struct Odds {
-    /// Roulette has set in; before, only paths without light end.
+    /// True if roulette has started; before, only paths without light end.
     pub plays: bool,
-    /// Throughput of a path that has lost nothing, which survives for certain but for `most`.
+    /// Throughput of a path without losses, which survives with probability `most`.
     pub full: f32,
-    /// Most likely survival: every path must end.
+    /// Maximum survival probability; below 1, so that every path ends.
     pub most: f32,
 }
 
-/// Decides whether a path goes on, with a probability of its throughput in the brightest lane; then it counts for more.
+/// Decides at random whether a path continues, with a probability proportional to its throughput in the
+/// brightest lane, and scales the throughput accordingly.
 #[inline(always)]
 pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bool {
     if !odds.plays {
@@ -33,21 +34,21 @@ pub(super) fn survives(chain: &mut Chain, odds: Odds, stream: &mut Stream) -> bo
     true
 }
 
-/// Variance that roulette may add, as a share of what samples have. In media walks are long, and every connection may take one again.
+/// Variance that roulette may add, as a fraction of the samples' variance. It is larger in media, where each
+/// connection costs more.
 const SHARE: f32 = 0.1;
 const SHARE_IN_MEDIA: f32 = 0.2;
 
-/// Least and most of τ, as shares of what is typical. Between surfaces a few bright pixels have most of the variance, and
-/// dim ones must not pay for them; in media all have.
+/// Bounds of τ, as fractions of the typical contribution. Between surfaces, a few bright pixels have most of
+/// the variance, and dim pixels must not suffer for them. In media all pixels have high variance.
 const LEAST: f32 = 0.1;
 const MOST: f32 = 0.2;
 const MOST_IN_MEDIA: f32 = 4.0;
 
-/// Expectations may be wrong by this factor where a connection follows light through interfaces: directions are not yet known
-/// when it is decided.
+/// Error factor of expectations for connections through interfaces, whose directions are not yet known.
 const UNSURE: f32 = 2.0;
 
-/// Probability that is kept where only a guess says that nothing comes.
+/// Minimum probability where only a guess predicts no contribution.
 const FLOOR: f32 = 0.05;
 const ROUGH_FLOOR: f32 = 0.01;
 
@@ -56,13 +57,13 @@ const ROUGH_FLOOR: f32 = 0.01;
 pub(super) struct Roulette(f32);
 
 impl Roulette {
-    /// From what some camera samples bring, in a scene with media or without.
+    /// Derives the threshold from the contributions of some camera samples, in a scene with or without media.
     pub fn new(samples: &[f32], media: bool) -> Self {
         let count = samples.len().max(1) as f32;
-        // Samples that are not finite are discarded, here too.
+        // Samples that are not finite are discarded, as in the render.
         let sound = |x: &&f32| x.is_finite() && **x >= 0.0;
         let mean = |f: &dyn Fn(f32) -> f32| samples.iter().filter(sound).map(|x| f(*x)).sum::<f32>() / count;
-        // Not moved by the few that bring most.
+        // Robust against the few largest samples.
         let typical = mean(&f32::sqrt).powi(2);
         let (first, second) = (mean(&|x| x), mean(&|x| x * x));
         if first <= 0.0 {
@@ -76,29 +77,27 @@ impl Roulette {
         Self((share * second / first).clamp(LEAST * typical, most * typical))
     }
 
-    /// Of a threshold τ.
     pub fn of(threshold: f32) -> Self {
         Self(threshold)
     }
 
-    /// τ.
     pub fn threshold(self) -> f32 {
         self.0
     }
 
-    /// The factor for a connection that brings at most about `expected`; `None` if it is not made.
+    /// Returns the weight of a connection with contribution up to about `expected`; `None` to skip it.
     #[inline]
     pub fn spin(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide(expected, self.0, stream)
     }
 
-    /// The same where `expected` is a guess.
+    /// Like [`Self::spin`], where `expected` is a guess.
     #[inline]
     pub fn spin_unsure(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * FLOOR), self.0, stream)
     }
 
-    /// The same where `expected` is the vaguest guess, and the search is long.
+    /// Like [`Self::spin`], where `expected` is a very rough guess and the search is expensive.
     #[inline]
     pub fn spin_rough(self, expected: f32, stream: &mut Stream) -> Option<f32> {
         Self::decide((expected * UNSURE).max(self.0 * ROUGH_FLOOR), self.0, stream)
@@ -119,11 +118,11 @@ impl Roulette {
 mod tests {
     use super::*;
 
-    /// What is typical is a mean over samples; connections below it count for as much, over many, as if all were made
-    /// (5 sigma), and their second moment stays below τ x.
+    /// The typical contribution is a robust mean over samples. On average, connections below it contribute as
+    /// if all were made (5 sigma), and their second moment stays below τ x.
     #[test]
     fn roulette_keeps_means() {
-        // Mean 3, mean square 12; and one that is out of the way.
+        // Mean 3, mean square 12. The second set of samples has an outlier.
         let roulette = Roulette::new(&[4.0, 4.0, 0.0, 4.0], true);
         let threshold = SHARE_IN_MEDIA * 4.0;
         assert_eq!(roulette.0, threshold);
@@ -155,7 +154,7 @@ mod tests {
                     (mean - x).abs() <= 5.0 * error + 1e-6 * x,
                     "{x}: {mean} +- {error}"
                 );
-                // As many as come through, within 5 sigma of their number.
+                // Tolerance: 5 sigma of the number of connections made.
                 let most = x * f64::from(threshold);
                 let unsure = 5.0 / (n * x / f64::from(threshold)).sqrt();
                 assert!(square <= most * (1.0 + unsure), "{x}: {square} above {most}");
@@ -163,7 +162,7 @@ mod tests {
         }
     }
 
-    /// Without a threshold everything is made.
+    /// Without a threshold all connections are made.
     #[test]
     fn all_is_made_without_threshold() {
         let mut stream = Stream::new(5, 1, 2);

@@ -1,4 +1,4 @@
-//! What a way to a pinhole is bent by ([`super::manifold`]): so many interfaces, a mirror, so many interfaces, …
+//! Routes of specular paths to a pinhole ([`super::manifold`]): interfaces, a mirror, interfaces, …
 
 use super::bridge::{Start, unnoticed};
 use super::flight::mean_transmittance;
@@ -11,39 +11,39 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use optics::spectrum::{Spectral, max_lane};
 
-/// Most interfaces on the way.
+/// Maximum number of interfaces and mirrors on a route.
 pub(super) const INTERFACES: usize = 8;
 
-/// A straight line to a mirror is looked along up to this near it, relative to its length.
+/// Distance before a mirror, relative to the length of the line, at which a line to the mirror ends.
 const BEFORE: f32 = 1e-4;
 
-/// Surfaces that a line or a shot may meet, sheets and null boundaries included: one that grazes forever must end.
+/// Maximum number of surfaces, including sheets and null boundaries, of a line or ray that might graze
+/// forever.
 pub(super) const MOST_SURFACES: usize = 64;
 
-/// Numbers of interfaces before each mirror, and after the last.
+/// Number of interfaces before each mirror and after the last one.
 pub(super) type Legs = ArrayVec<usize, { INTERFACES + 1 }>;
 
-/// What bends a way: interfaces and mirrors, in the order in which it comes to them.
+/// The specular interactions of a path, interfaces and mirrors, in order.
 pub(super) struct Route<'a> {
-    /// Interfaces before each mirror, and after the last.
+    /// Number of interfaces before each mirror and after the last one.
     pub through: Legs,
     pub over: &'a [Seed],
     mirrors: Option<&'a Mirrors>,
-    /// What media and mirrors let through of light that takes it as if it were straight in between, about.
+    /// Approximate transmittance of media and mirrors, as if straight between mirrors.
     pub passes: f32,
 }
 
-/// What a straight line through interfaces meets.
+/// The interfaces on a straight line.
 struct Met {
     count: usize,
-    /// What surrounds its end, and where the last of them is left.
+    /// The nested media at its end, and the origin of the ray behind the last interface.
     nest: Nest,
     left: Vec3A,
-    /// Optical depth.
     depth: Spectral,
 }
 
-/// True where light goes straight on.
+/// Returns true if light passes the surface without refraction.
 #[inline]
 pub(super) fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) -> bool {
     let id = surface.material;
@@ -51,7 +51,7 @@ pub(super) fn passes(scene: &Scene, nest: &Nest, surface: &Surface, dir: Vec3A) 
 }
 
 impl<'a> Route<'a> {
-    /// True if a hit is on the mirror that ends a leg.
+    /// Returns true if a hit is on the mirror that ends a leg.
     #[inline]
     pub fn is_mirror(&self, leg: usize, hit: &Hit) -> bool {
         match (self.mirrors, self.over.get(leg)) {
@@ -60,7 +60,7 @@ impl<'a> Route<'a> {
         }
     }
 
-    /// Through so many interfaces.
+    /// Returns a route through `count` interfaces.
     #[inline]
     pub fn through(count: usize) -> Self {
         Self {
@@ -71,7 +71,7 @@ impl<'a> Route<'a> {
         }
     }
 
-    /// Over points of mirrors, and through interfaces in between.
+    /// Returns a route over mirror points, through `through` interfaces between them.
     #[inline]
     pub fn known(mirrors: &'a Mirrors, through: Legs, over: &'a [Seed]) -> Self {
         Self {
@@ -82,7 +82,7 @@ impl<'a> Route<'a> {
         }
     }
 
-    /// Through the interfaces on the straight line to `to`; `None` if there are none, or something else stands in it.
+    /// Returns the route of the straight line to `to`; `None` if it is blocked or passes no interfaces.
     #[inline]
     pub fn straight(scene: &Scene, start: &Start, to: Vec3A) -> Option<Self> {
         let met = interfaces(scene, start.ray, start.nest, to)?;
@@ -92,8 +92,8 @@ impl<'a> Route<'a> {
         })
     }
 
-    /// The route from the start of a line to the points `over` of mirrors and on to `to`, as if all of it were straight in
-    /// between; `None` if something else stands in it.
+    /// Returns the route from the start of a line over the mirror points `over` to `to`, as if it were
+    /// straight between them. Returns `None` if another surface blocks it.
     pub fn over(
         scene: &Scene,
         mirrors: &'a Mirrors,
@@ -138,7 +138,7 @@ impl<'a> Route<'a> {
     }
 }
 
-/// The interfaces on a straight line; `None` if anything else stands in it.
+/// Returns the interfaces on a straight line, or `None` if another surface blocks it.
 fn interfaces(scene: &Scene, mut ray: Ray, mut nest: Nest, to: Vec3A) -> Option<Met> {
     let mut count = 0;
     let mut depth = Spectral::ZERO;

@@ -1,4 +1,4 @@
-//! The work: tiles of camera pixels, each finished completely and handed to the sink before it counts as done.
+//! Schedules the work: a tile of camera pixels is done once it is complete and in the sink.
 
 use super::backend::{Cpu, TileBackend};
 use super::job::{job, plans};
@@ -16,32 +16,29 @@ pub use tensor::sink::Summary;
 use tensor::sink::{Sink, TileRecord};
 use tensor::target::TILE_SAMPLES;
 
-/// Why a render stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError<E: std::error::Error + 'static> {
-    /// The scene has no slices.
     #[error("the scene keeps nothing of T; add at least one [[slices]] to it")]
     NoSlices,
-    /// The image has no such part.
+    /// The image has no such part, or the part's settings are inconsistent.
     #[error("{0}")]
     Part(String),
-    /// No threads to render on.
+    /// No threads are available for rendering.
     #[error("cannot start threads: {0}")]
     Threads(String),
-    /// The sink does not take the render.
     #[error(transparent)]
     Sink(E),
 }
 
-/// How a render reports and is stopped; called from worker threads, once a tile.
+/// Reports progress of a render and can stop it; called from worker threads, once per tile.
 pub trait Watch: Sync {
-    /// A tile is finished; `summary` holds the totals so far.
+    /// Called after each tile; `summary` contains the totals so far.
     fn tile_done(&self, summary: &Summary);
-    /// True if no new tile shall be begun.
+    /// Returns true if no further tile shall start.
     fn interrupted(&self) -> bool;
 }
 
-/// Watches nothing.
+/// Reports nothing and never stops the render.
 pub struct Unwatched;
 
 impl Watch for Unwatched {
@@ -51,19 +48,19 @@ impl Watch for Unwatched {
     }
 }
 
-/// What one machine of many renders.
+/// The share of a render that one machine computes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Share<'a> {
-    /// Which tiles; all without.
+    /// The tiles to render; all if `None`.
     pub part: Option<Part>,
-    /// Folder in which shares of one number make the walks from the light together; alone without.
+    /// Folder through which the parts of one render exchange light subpaths; not exchanged if `None`.
     pub light: Option<&'a Path>,
-    /// Samples of each tile's pixels, in place of one number for all; tiles of none are left out. The settings' `spp` is the largest.
+    /// Samples per pixel of each tile, at most the settings' `spp`. Tiles with 0 samples are skipped.
     pub samples: Option<&'a [u32]>,
 }
 
 impl Share<'_> {
-    /// The tiles of so many.
+    /// Returns the tiles to render of an image with `tiles` tiles.
     fn tiles(self, tiles: u32) -> Result<Vec<u32>, String> {
         if let Some(counts) = self.samples
             && counts.len() != tiles as usize
@@ -81,7 +78,7 @@ impl Share<'_> {
         Ok(part.tiles(tiles).filter(any).collect())
     }
 
-    /// Of the render that the attributes describe.
+    /// Returns the exchange of light subpaths for the render that `attributes` describe.
     fn light(self, attributes: &Map<String, Value>, labelled: bool) -> Result<Option<SharedLight>, String> {
         let Some(folder) = self.light else {
             return Ok(None);
@@ -89,7 +86,7 @@ impl Share<'_> {
         let Some(Part::Share { number, of }) = self.part else {
             return Err("walks from the light are shared by parts of one number: give part K of N".into());
         };
-        // Never read by another program: its own hash will do.
+        // No other program reads the key, so the standard library's hash suffices.
         let mut hash = DefaultHasher::new();
         (Value::Object(attributes.clone()).to_string(), labelled).hash(&mut hash);
         let key = format!("{:016x}", hash.finish());
@@ -97,12 +94,12 @@ impl Share<'_> {
     }
 }
 
-/// Renders all slices of a scene into a sink, on the current rayon thread pool: all tiles, or those of a part, the same bits.
+/// Renders all slices of a scene into a sink, on the current rayon pool. Parts do not change any bit.
 ///
-/// `extra` attributes stand beside the provenance that the scene has itself.
+/// `extra` attributes are stored next to the scene's provenance.
 ///
 /// # Errors
-/// [`RenderError`]; what the sink took by then is whole.
+/// [`RenderError`]. Tiles that the sink stored before the error are complete.
 pub fn render<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],
@@ -113,7 +110,7 @@ pub fn render<S: Sink>(
     render_in_parts(scene, extra, share, sink, watch, WALKS_AT_ONCE)
 }
 
-/// As [`render`], with the points of so many walks from the light in memory at once.
+/// Renders like [`render`], with the vertices of `walks_at_once` light subpaths in memory.
 pub(super) fn render_in_parts<S: Sink>(
     scene: &Scene,
     extra: &[(&str, Value)],
@@ -149,7 +146,7 @@ pub(super) fn render_in_parts<S: Sink>(
     Ok(summary)
 }
 
-/// Renders those of `tiles` that no record calls finished.
+/// Renders those of `tiles` that have no record of completion.
 fn run<S: Sink>(
     backend: &impl TileBackend,
     tiles: &[u32],
@@ -159,7 +156,7 @@ fn run<S: Sink>(
 ) -> Result<Summary, S::Error> {
     let begun = Instant::now();
     let mut todo: BTreeSet<u32> = tiles.iter().copied().collect();
-    // What earlier runs finished, and what this one does.
+    // Totals of tiles from earlier runs and from this run.
     let (before, totals) = (Totals::default(), Totals::default());
     for r in records {
         if todo.remove(&r.tile) {
@@ -199,7 +196,7 @@ fn run<S: Sink>(
     Ok(summary())
 }
 
-/// Running totals, added to by all threads.
+/// Running totals that all threads add to.
 #[derive(Default)]
 struct Totals {
     tiles: AtomicU64,

@@ -1,15 +1,17 @@
-//! Paths for slices that keep few projector pixels s' for a camera pixel, as coaxial ones (s' = s): by chance alone, hardly any
-//! indirect light has such an s'.
+//! Paths for slices that keep few projector pixels s' per camera pixel, such as coaxial slices (s' = s).
+//! Ordinary paths find little indirect light with such an s'.
 //!
-//! A pixel s' of those is drawn, and where its ray meets the first surface, y, is lit by it. Every point z of the camera's path is
-//! connected to y: there light goes on as if the path had been scattered toward it, with the density per steradian at z
+//! One of these pixels s' is drawn, and its ray illuminates the first surface it meets at y. Every vertex z
+//! of the camera path is connected to y. The path continues as if scattered toward y, with density per
+//! steradian at z
 //!
 //! > p = c · ρ · (cos θ'/d'²) · r²/cos θ,
 //!
-//! c being the chance of s', ρ the projector's pixels per steradian, d' and θ' distance and angle at which y gets its light, r
-//! and θ those of z as y sees it. A path that comes from z to y by scattering, with density q, is the same path: the two share
-//! it by the balance heuristic (Veach & Guibas 1995), q/(q + p) and p/(q + p), for such a slice alone. All other slices, and
-//! paths that only chance can make (over mirrors, through sheets), are as without.
+//! where c is the probability of s', ρ the projector's pixels per steradian, d' and θ' the distance and angle
+//! at which y is illuminated, and r and θ those of z as seen from y. A path that reaches y from z by
+//! scattering, with density q, is the same path. For such a slice, the balance heuristic (Veach & Guibas
+//! 1995) weights the two by q/(q + p) and p/(q + p). All other slices are unchanged, as are paths that only
+//! scattering can sample (over mirrors, through sheets).
 
 use super::connect::{Vertex, connect_known};
 use super::sheets::Connection;
@@ -26,44 +28,42 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 use std::ops::Range;
 
-/// Tells the streams of drawn s' from those of paths.
+/// Separates the random streams of drawn s' from those of paths.
 const SEED: u64 = 0x9e6c_63d0_876a_3f6b;
 
 /// A slice that keeps few projector pixels for the current camera pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Aim<'a> {
-    /// Its number.
     pub slice: u32,
     pub selected: &'a Selected,
-    /// Its band about the camera pixel's epipolar line, where it has one.
+    /// Its band around the camera pixel's epipolar line, if it has one.
     pub band: &'a [u32],
 }
 
-/// A surface point that a drawn projector pixel lights.
+/// A surface point that a drawn projector pixel illuminates.
 pub(super) struct LitPoint {
-    /// Number of the slice.
     slice: u32,
     pixel: u32,
     hit: Hit,
     surface: Surface,
-    /// Where it truly is.
+    /// Exact position.
     at: DVec3,
-    /// Direction to the projector, and how far it is.
+    /// Direction and distance to the projector.
     wi: Vec3A,
     distance: f32,
     irradiance: Spectral,
-    /// Chance of the pixel, and the density per area for a chance of 1.
+    /// Probability of the pixel, and the density per area if that probability were 1.
     chance: f32,
     per_area: f32,
 }
 
-/// Density per area at a point with normal `ng` that a pixel drawn for sure lights along -`wi` from so far away.
+/// Returns the density per area at a point with normal `ng`, `distance` along -`wi`, for a given pixel.
 #[inline]
 fn per_area(projector: &Projector, ng: Vec3A, wi: Vec3A, distance: f32) -> f32 {
     projector.pinhole.pixels_per_steradian(-wi) * ng.dot(wi).abs() / (distance * distance)
 }
 
-/// Draws for each of some samples of a camera pixel; returns the rays traced.
+/// Draws the points of each of some samples of a camera pixel. Returns the number of rays traced.
 pub(super) fn draw_all(
     scene: &Scene,
     aims: &[Aim],
@@ -83,18 +83,18 @@ pub(super) fn draw_all(
         .sum()
 }
 
-/// How a path came to a surface point z, and what the projector's own pinhole has made of it.
+/// How a path reached a surface vertex z, and its connections to the projector.
 pub(super) struct Came {
-    /// Density of its last direction per steradian, 0 if there was no other.
+    /// Density of its last direction per steradian; 0 for a single possible direction.
     pub density: f32,
-    /// Direction to the projector, and how far it is.
+    /// Direction and distance to the projector.
     pub lit: Option<(Vec3A, f32)>,
-    /// Contributions before.
+    /// Number of contributions before z.
     pub before: usize,
 }
 
 impl Came {
-    /// Notes on what was made of `z` how much denser the same would be made from an s' that is drawn for sure: p/(c q).
+    /// Records in each contribution of `z` the density ratio of sampling it for a given s': p/(c q).
     fn note_rivals(&self, scene: &Scene, z: &Vertex, out: &mut Contributions) {
         let (Some(projector), Some((wi, far))) = (&scene.projector, self.lit) else {
             return;
@@ -103,7 +103,7 @@ impl Came {
             let ng = z.surface.ng;
             let density = per_area(projector, ng, wi, far) * z.hit.t * z.hit.t / ng.dot(z.wo).abs();
             for made in &mut out.list[self.before..] {
-                // Those through sheets have more interactions.
+                // Contributions through sheets have more interactions.
                 if made.pixel != NO_PIXEL && made.bounces == z.bounces {
                     made.rival = density / self.density;
                 }
@@ -112,7 +112,7 @@ impl Came {
     }
 }
 
-/// Connects a point of the camera's path, which is at `state`, to what drawn s' light; returns the rays traced.
+/// Connects a camera vertex at `state` to the points that drawn s' illuminate. Returns the number of rays.
 #[inline(never)]
 pub(super) fn connect(
     scene: &Scene,
@@ -130,8 +130,8 @@ pub(super) fn connect(
     points.iter().map(|y| y.connect(scene, state, z, out)).sum()
 }
 
-/// Draws an s' of each slice for a sample of a camera pixel, and appends what it lights, where that scatters light into more than
-/// one direction; returns the rays traced.
+/// Draws an s' of each slice for a sample of a camera pixel. Appends the point that it illuminates, if the
+/// surface there scatters light into more than one direction. Returns the number of rays traced.
 fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &mut Vec<LitPoint>) -> u32 {
     let Some(projector) = &scene.projector else {
         return 0;
@@ -157,7 +157,7 @@ fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &
         }
         let (at, length) = met(pinhole.origin.as_dvec3(), ray.dir, &surface);
         let distance = length as f32;
-        // 1/(z² cos θ), as `Projector::arrivals` has it.
+        // 1/(z² cos θ), as in `Projector::arrivals`.
         let cos = ray.dir.dot(pinhole.axes.z_axis);
         let factor = 1.0 / (distance * distance * cos * cos * cos);
         points.push(LitPoint {
@@ -177,7 +177,7 @@ fn draw(scene: &Scene, aims: &[Aim], [camera_pixel, sample]: [u32; 2], points: &
 }
 
 impl LitPoint {
-    /// Connects a point of the camera's path, which is at `state`, to this one; returns the rays traced.
+    /// Connects a camera vertex at `state` to this point. Returns the number of rays.
     fn connect(&self, scene: &Scene, state: &State, z: &Vertex, out: &mut Contributions) -> u32 {
         let Some(projector) = &scene.projector else {
             return 0;
@@ -188,7 +188,7 @@ impl LitPoint {
         let dir = way * length.recip();
         let origin = scene.geometry.leave(z.surface, dir);
         let line = scene.geometry.reach(y, -dir, length) - origin;
-        // Of one plane, as far as rounding knows (or of one point, and no number).
+        // Zero, negative or NaN if both points lie in one plane or coincide, within rounding.
         let apart = |ng: Vec3A| ng.dot(line) * ng.dot(dir) > 0.0;
         if !(apart(z.surface.ng) && apart(y.ng)) {
             return 0;

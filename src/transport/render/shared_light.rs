@@ -1,10 +1,13 @@
-//! Walks from the light, made once for all parts of a render on many machines, by files in a folder that these share.
+//! Shares light subpaths between all parts of a render on many machines, through files in a common folder.
 //!
-//! Tiles are shared out, but light falls where it will: the points that any part sees are of all walks. So each part makes its
-//! share of the *walks*, sorts the points by the part that sees them, and reads its own from everybody's files. What nobody has
-//! made yet, or began and did not finish, any part makes: a file is a pure function of scene, seed and share, and appears whole
-//! or not at all, so who dies, comes late or makes a share twice changes nothing. There is nothing to schedule and nobody waits
-//! for one that is no more. What all parts work out beforehand from the scene alone is kept there in the same way.
+//! The parts own tiles, but the vertices that a part's pixels see come from all light subpaths. Each part
+//! therefore traces its share of the *subpaths*, sorts the visible vertices by the part that sees them, and
+//! reads its own vertices from the files of all parts. Any part traces the shares that no other part has
+//! started, or that were started but not finished.
+//!
+//! A file is a pure function of scene, seed and share, and is written atomically. A part that stops, starts
+//! late or computes a share twice therefore does not change the result. No scheduler is needed, and no part
+//! waits indefinitely for a stopped one. Values that all parts derive from the scene are shared too.
 
 use super::spill::{self, Extent, Parts};
 use super::splats::{Counts, Splat, Splats, WalkNumber};
@@ -15,24 +18,24 @@ use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How long a share that another part has begun is waited for, in times of the longest that was made here.
+/// Waiting time for a share that another part has started, relative to the longest share here.
 const PATIENCE: u32 = 2;
-/// How often it is looked for.
+/// Interval between checks for the file.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// The folder, and which part this is.
+/// The common folder, and the number of this part.
 #[derive(Clone, Debug)]
 pub struct SharedLight {
     folder: PathBuf,
-    /// Begins the names of files: what all that is in them depends on.
+    /// Prefix of file names: a key of everything that the contents depend on.
     key: String,
-    /// From 0.
+    /// Counted from 0.
     part: u32,
     of: u32,
 }
 
 impl SharedLight {
-    /// For part `number` of `of`, counted from 1, of the render that `key` names.
+    /// Creates the exchange for part `number` of `of`, counted from 1, of the render with key `key`.
     #[must_use]
     pub fn new(folder: &Path, key: String, number: u32, of: u32) -> Self {
         Self {
@@ -55,7 +58,7 @@ impl SharedLight {
         );
     }
 
-    /// A number that follows from scene and seed: as another part has made it, or made here and kept for others.
+    /// Returns a number that depends only on scene and seed: from the folder, or computed and stored.
     pub(super) fn number(&self, name: &str, make: impl FnOnce() -> f32) -> f32 {
         let path = self.folder.join(format!("{}.{name}", self.key));
         let kept = fs::read(&path).ok().and_then(|bytes| {
@@ -64,7 +67,7 @@ impl SharedLight {
         });
         kept.unwrap_or_else(|| {
             let made = make();
-            // Where it cannot be kept, others make it too.
+            // If storing fails, other parts compute it again.
             let _ = self.keep(&path, made.to_le_bytes());
             made
         })
@@ -79,7 +82,7 @@ impl SharedLight {
         Ok(())
     }
 
-    /// Sees to it that all shares are there, beginning with this part's own. `None` once `stop` says so.
+    /// Ensures that the files of all shares exist. Returns `None` once `stop` returns true.
     pub(super) fn make<T: Send>(
         &self,
         scene: &Scene,
@@ -105,7 +108,7 @@ impl SharedLight {
         };
         let shares = || (0..self.of).map(|n| (self.part + n) % self.of);
         let mut patience = Duration::ZERO;
-        // First what nobody has begun.
+        // First the shares that no part has started.
         for share in shares().filter(|share| !self.file(*share).is_file()) {
             let claim = self.file(share).with_extension("begun");
             if OpenOptions::new()
@@ -130,7 +133,7 @@ impl SharedLight {
                     std::thread::sleep(LOOK);
                     continue;
                 }
-                // Who began it is slow, or dead.
+                // The part that started it is slow or has stopped.
                 match write(share)? {
                     Some(longest) => patience = longest * PATIENCE,
                     None => return Ok(None),
@@ -140,13 +143,13 @@ impl SharedLight {
         Ok(Some(()))
     }
 
-    /// Writes the file of a share: points, then extents of each part, then where these begin.
+    /// Writes the file of a share: the vertices, the extents of each part, and the position of the extents.
     fn write(
         &self,
         share: u32,
         points: impl FnOnce(&mut BufWriter<File>) -> io::Result<Option<spill::Extents>>,
     ) -> io::Result<Option<()>> {
-        // A name that no other machine gives.
+        // A name that no other machine uses.
         let temporary = tempfile::NamedTempFile::new_in(&self.folder)?;
         let mut file = BufWriter::new(temporary.reopen()?);
         let Some(extents) = points(&mut file)? else {
@@ -167,7 +170,7 @@ impl SharedLight {
         Ok(Some(()))
     }
 
-    /// The points that this part's pixels see, of those that are `wanted`.
+    /// Reads the vertices that this part's pixels see, restricted to `wanted` pixels.
     pub(super) fn splats(&self, pixels: u32, wanted: impl Fn(u32) -> bool) -> io::Result<Splats> {
         let mut found = vec![];
         for share in 0..self.of {
@@ -182,7 +185,7 @@ impl SharedLight {
     }
 }
 
-/// Where in the file of a share the points of a part are.
+/// Reads where the file of a share stores the vertices of a part.
 fn extents(file: &mut File, part: u32) -> io::Result<Vec<Extent>> {
     const END: u64 = 12;
     let wrong = || io::Error::from(ErrorKind::InvalidData);
@@ -233,7 +236,7 @@ mod tests {
             fs::write(&file, spoilt).expect("writes");
             assert_eq!(of(2).number("threshold", || 0.5).to_bits(), 0.5_f32.to_bits());
         }
-        // Another render's are not taken.
+        // Values of another render are not used.
         let other = SharedLight::new(&folder.path().join("light"), "other".into(), 1, 2);
         assert_eq!(other.number("threshold", || 1.0).to_bits(), 1.0_f32.to_bits());
     }

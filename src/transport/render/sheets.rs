@@ -1,6 +1,6 @@
-//! Connections through sheets that let light straight through: polarizers, retarders and thin plates between a surface
-//! and an emitter. The straight line from a surface to the pinhole is then a path of its own that is found by no other
-//! sampling ([`super::bridge`]).
+//! Connections through sheets that transmit light straight: polarizers, retarders and thin plates between a
+//! surface and an emitter. The straight line from a surface to the pinhole is then a path that no other
+//! strategy samples ([`super::bridge`]).
 
 use super::bridge::{Allowed, End, Start, bridge};
 use super::state::State;
@@ -18,20 +18,19 @@ use optics::spectrum::Spectral;
 
 /// A connection to a point emitter or the projector.
 pub(super) struct Connection {
-    /// Direction to it, its position and distance.
+    /// Direction to the emitter, its position and distance.
     pub wi: Vec3A,
     pub position: Vec3A,
     pub distance: f32,
     /// Irradiance at normal incidence.
     pub irradiance: Spectral,
-    /// Frame and filter of the light it sends here.
+    /// Frame and filter of the emitted light.
     pub polarized: Polarized,
     pub pixel: u32,
-    /// Optical length before `position`, metres.
+    /// Optical length before `position`, in metres.
     pub start_m: f64,
 }
 
-/// A connection that something stands in the way of.
 pub(super) struct Blocked<'a> {
     pub to: &'a Connection,
     /// The interaction at the connected surface, and its direction `wo`.
@@ -40,17 +39,17 @@ pub(super) struct Blocked<'a> {
     /// As in [`Start`].
     pub from: Vec3A,
     pub at: DVec3,
-    /// The ray from there, and what it runs through.
+    /// The ray from there, and the material it runs through.
     pub shadow: Ray,
     pub filling: Filling,
-    /// Interactions without the sheets, and what they did.
+    /// Number of interactions without the sheets, and their label.
     pub bounces: u32,
     pub label: u8,
 }
 
-/// Makes a connection that something stands in the way of: follows its ray through one sheet after the other, and appends
-/// what it brings unless something else blocks it or it has more interactions than `max_depth` allows. Returns the number
-/// of rays traced.
+/// Makes a blocked connection if only sheets block it: traces its ray through one sheet after the other and
+/// appends the contribution. Appends nothing if another surface blocks it or it has more interactions than
+/// `max_depth` allows. Returns the number of rays traced.
 #[inline(never)]
 pub(super) fn connect(
     scene: &Scene,
@@ -62,7 +61,7 @@ pub(super) fn connect(
         to, bounces, label, ..
     } = *connection;
     let mut chain = state.chain;
-    // Behind an interaction that depolarizes any frame is right.
+    // After a depolarizing interaction any frame is valid.
     let mut frame = chain
         .push(connection.scatter, connection.wo, state.frame)
         .unwrap_or_else(|| perpendicular(to.wi));

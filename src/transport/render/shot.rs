@@ -1,8 +1,9 @@
-//! Rays shot at an emitter through interfaces, and how to turn one so that it meets it (Newton's method; Igehy 1999, "Tracing ray
-//! differentials").
+//! Rays traced toward an emitter through interfaces, and the Newton step that turns a ray so that it hits the
+//! emitter (Igehy 1999, "Tracing ray differentials").
 //!
-//! Through flat panes the first shot says all: where the planes are and what they do to directions. The turn is then worked out on
-//! planes, without looking for surfaces again; a shot along the direction that is found says whether light meets those panes there.
+//! Through flat panes the first ray determines everything: the positions of the planes and how they change
+//! directions. The direction is then solved on the planes without further intersection tests. A final ray
+//! along that direction verifies that light meets the same panes.
 
 use super::route::INTERFACES;
 use crate::geometry::ray::Surface;
@@ -11,16 +12,17 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use optics::polarization::frame::basis;
 
-/// A ray is at the emitter when it passes it this near, relative to its length.
+/// A ray hits the emitter if it passes within this distance of it, relative to the path length.
 const NEAR: f32 = 5e-6;
 
-/// Steps between planes: Newton's method takes three or four.
+/// Maximum number of Newton steps between planes; three or four suffice.
 const STEPS: usize = 8;
 
-/// A ray shot toward an emitter: where it passes by, and the derivatives of that.
+/// A ray traced toward an emitter: the vector by which it misses, and its derivatives.
 #[derive(Clone, Copy)]
 pub(super) struct Shot {
-    /// Unit direction at the end; the end minus the emitter, across it; derivatives by the two angles.
+    /// Unit direction at the end; `miss` is the closest point minus the emitter, perpendicular to it;
+    /// `slopes` are its derivatives by the two angles.
     pub dir: Vec3A,
     pub miss: Vec3A,
     slopes: [Vec3A; 2],
@@ -28,7 +30,8 @@ pub(super) struct Shot {
 }
 
 impl Shot {
-    /// From `from` on past `to`, after so much length; with derivatives of place and direction. `None` if it leads away.
+    /// Extends a ray from `from` past `to`, after path length `length`, with derivatives of position and
+    /// direction. Returns `None` if the ray points away from `to`.
     #[inline]
     pub fn past(to: Vec3A, from: Vec3A, dir: Vec3A, [p, d]: [[Vec3A; 2]; 2], length: f32) -> Option<Self> {
         let way = (to - from).dot(dir);
@@ -48,21 +51,22 @@ impl Shot {
         })
     }
 
-    /// True if it meets the emitter.
+    /// Returns true if it hits the emitter.
     #[inline]
     pub fn is_near(&self) -> bool {
         self.miss.length() < NEAR * self.length
     }
 }
 
-/// The step of Newton's method that brings a shot along `dir` nearer, and J.
+/// Returns the Newton step that brings a ray along `dir` nearer to the emitter, and the Jacobian determinant
+/// |J|.
 #[inline]
 pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     let q = basis(shot.dir);
     let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
     let ([a, c], [b, d], [x, y]) = (at(shot.slopes[0]), at(shot.slopes[1]), at(shot.miss));
     let det = a * d - b * c;
-    // Also where something is not a number.
+    // Also rejects NaN.
     if det.abs().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
         return None;
     }
@@ -71,23 +75,21 @@ pub(super) fn newton(dir: Vec3A, shot: &Shot) -> Option<(Vec3A, f32)> {
     Some((step, det.abs()))
 }
 
-/// The interfaces that a shot met.
 #[derive(Default)]
 pub(super) struct Panes {
     met: ArrayVec<Surface, INTERFACES>,
-    /// One of them is no flat interface, or there are too many.
+    /// True if one of them is not a flat interface, or there are too many.
     others: bool,
 }
 
 impl Panes {
-    /// Takes the next one.
     #[inline]
     pub fn add(&mut self, surface: &Surface, flat: bool) {
         self.others |= !flat || self.met.try_push(*surface).is_err();
     }
 
-    /// The direction from a point, and near another one, in which rays of wavelength `lane` would meet `to` through the planes of
-    /// all panes; `None` if there is none, or not all are flat.
+    /// Returns the direction from a point, near a given direction, in which a ray of wavelength `lane`
+    /// reaches `to` through the planes of all panes. Returns `None` if there is none or a pane is curved.
     pub fn aim(
         &self,
         materials: &Materials,
@@ -108,7 +110,7 @@ impl Panes {
             } else if !near {
                 return None;
             }
-            // One step after it is near is as near as rounding allows.
+            // After it is near, one further step reaches rounding precision.
             if near {
                 return Some(dir);
             }
@@ -116,7 +118,7 @@ impl Panes {
         None
     }
 
-    /// A shot through the planes.
+    /// Traces a ray through the planes.
     #[inline]
     fn shoot(
         &self,
@@ -159,10 +161,10 @@ mod tests {
     use crate::material::dielectric::Dielectric;
     use optics::spectrum::Spectral;
 
-    /// Indices of air, glass and water.
+    /// Refractive indices of air, glass and water.
     const INDICES: [f64; 3] = [1.0, 1.52, 1.333];
 
-    /// Glass in air and water in glass, of slightly other indices at the second wavelength.
+    /// Glass in air and water in glass, with slightly different indices at the second wavelength.
     fn materials() -> Materials {
         let interface = |interior: f64, exterior: f64| {
             let of = |n: f64| Spectral::new([n as f32, n as f32 + 0.02, 1.0, 1.0]);
@@ -195,7 +197,7 @@ mod tests {
         }
     }
 
-    /// Out of water through a pane: the direction is that by which Snell's law, solved in double precision, leads to the emitter.
+    /// Out of water through a pane: the direction agrees with Snell's law, solved in double precision.
     #[test]
     fn panes_are_aimed_through_as_snell_says() {
         let materials = materials();
@@ -208,7 +210,7 @@ mod tests {
             for to in [[0.02, -0.01, 0.4], [0.3, -0.2, 0.5], [-0.22, 0.05, 0.3]].map(Vec3A::from_array) {
                 let way = [to.x - from.x, to.y - from.y].map(f64::from);
                 let across = way[0].hypot(way[1]);
-                // How far a ray of n sin θ = k comes to the side.
+                // Lateral offset of a ray with n sin θ = k.
                 let side = |k: f64| {
                     let layers = [(0.03, water), (0.005, glass), (f64::from(to.z) - 0.005, air)];
                     layers
@@ -234,7 +236,7 @@ mod tests {
         }
     }
 
-    /// What is not flat is not aimed through, nor what light is reflected from wholly.
+    /// Returns no direction through curved panes or at total internal reflection.
     #[test]
     fn others_are_left_to_shots() {
         let materials = materials();

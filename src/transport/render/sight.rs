@@ -1,4 +1,4 @@
-//! What one ray of the camera meets first, or first behind what lets it through: ground truth, without any light.
+//! Ground truth without light: traces a camera ray to the first surface, or the first opaque one.
 
 use super::bridge::{pass, surrounding, unnoticed};
 use super::emission::surroundings;
@@ -8,41 +8,38 @@ use crate::medium::nesting::Nest;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Vec3A};
 
-/// Surfaces that a ray passes at most.
+/// Maximum number of surfaces that a ray passes.
 const MOST: u32 = 256;
 
-/// What a ray meets.
+/// The surface that a ray hits.
 pub struct Sight {
-    /// Number of the object.
     pub object: u32,
-    /// The copy of a group that it is in.
+    /// The copy of a group that contains the object.
     pub copy: Owner,
-    /// Number of the material of the whole surface: that of the blend, not of its parts.
+    /// Number of the material of the whole surface: the blend, not its components.
     pub material: u32,
-    /// Where the ray meets it, metres.
+    /// Hit point in metres.
     pub at: DVec3,
-    /// Length of the ray up to there, bends included, metres.
+    /// Length of the ray to the hit point in metres, along refraction.
     pub length: f64,
-    /// The same with every part times the refractive index there, metres.
+    /// Optical length of the ray to the hit point in metres.
     pub optical: f64,
-    /// The surface there.
     pub surface: Surface,
     /// Direction back along the ray.
     pub wo: Vec3A,
 }
 
-/// A scene's camera; of one with a lens the middle of the lens sees.
+/// A scene's camera; with a lens, the centre of the lens is used.
 #[derive(Clone, Copy)]
 pub struct Viewer<'a> {
     scene: &'a Scene,
-    /// The filled objects around it.
+    /// The filled objects around the camera.
     nest: Nest,
-    /// The middle one of the wavelengths.
+    /// The middle wavelength.
     lane: usize,
 }
 
 impl<'a> Viewer<'a> {
-    /// Of a scene.
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
         Self {
@@ -52,9 +49,9 @@ impl<'a> Viewer<'a> {
         }
     }
 
-    /// What is seen at a point of the image, pixels: the first surface that light notices; `through`: the first that does not let it
-    /// through by a smooth interface or a sheet. The ray is bent as geometry says; where all light is reflected, that surface is what is
-    /// met. `None` where there is nothing.
+    /// Returns the first surface seen at an image position in pixels, ignoring surfaces without effect on
+    /// light. With `through`, refracts the ray at smooth interfaces and passes sheets until a surface does
+    /// not transmit it. Returns `None` if there is no surface.
     #[must_use]
     pub fn look(&self, at: DVec2, through: bool) -> Option<Sight> {
         let camera = self.scene.camera.at(at);
@@ -68,7 +65,7 @@ impl<'a> Viewer<'a> {
     }
 }
 
-/// Follows a ray from a place within the filled objects of `nest`, for the wavelength of `lane`.
+/// Traces a ray from a point inside the filled objects of `nest`, for wavelength `lane`.
 fn follow(scene: &Scene, mut ray: Ray, mut nest: Nest, through: bool, lane: usize) -> Option<Sight> {
     let mut filling = surrounding(scene, &nest, lane);
     let mut start = ray.origin.as_dvec3();

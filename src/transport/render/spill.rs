@@ -1,9 +1,9 @@
-//! Points that the camera sees, of all walks from the light, kept in a file: for renders whose points do not fit the memory.
+//! Splats of all light subpaths, kept in a file for renders that exceed the available memory.
 //!
-//! The image is rendered part by part, and the points of one part are in memory. All walks are made once, batch by batch, and
-//! each batch's points are appended to a nameless temporary file, part by part; a part reads back what is its own. So the cost
-//! of a sample does not grow with their number, and every part gets the very points, in the very order, that walks made for
-//! it alone would give.
+//! The image is rendered in parts, with the splats of one part in memory. All subpaths are traced once, in
+//! batches. The splats of each batch are appended to an unnamed temporary file, sorted by part, and each part
+//! reads its own. The cost per sample is therefore independent of the number of parts. Each part gets the
+//! same splats in the same order as if subpaths were traced for it alone.
 
 use super::splats::{Counts, Splat, Splats, WalkNumber, chunk};
 use bytemuck::{Pod, Zeroable};
@@ -12,19 +12,19 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 
-/// Walks that are made before their points are written.
+/// Number of subpaths that are traced before their splats are written.
 const BATCH: u64 = 1 << 20;
-/// No part asks for a pixel.
+/// Marks a pixel that no part renders.
 pub(super) const NO_PART: u32 = u32::MAX;
 
-/// Points on disk, by part.
+/// Splats on disk, sorted by part.
 pub(super) struct Spill {
     file: File,
     extents: Extents,
     pixels: u32,
 }
 
-/// A point in the file; where its way is bent, [`Bent`] follows.
+/// A splat in the file; [`Bent`] follows if its connection is refracted.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Straight {
@@ -63,7 +63,7 @@ fn append(out: &mut Vec<u8>, pixel: u32, s: &Splat) {
     }
 }
 
-/// The points of a piece of the file.
+/// Parses the splats in a section of the file.
 fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
     const STRAIGHT: usize = size_of::<Straight>();
     const BENT: usize = size_of::<Bent>();
@@ -100,7 +100,7 @@ fn parse(mut bytes: &[u8], found: &mut Vec<(u32, Splat)>) -> io::Result<()> {
     }
 }
 
-/// Where a batch's points of a part are in a file.
+/// The position in a file of one batch's splats of a part.
 #[derive(Clone, Copy, Debug, Pod, PartialEq, Zeroable)]
 #[repr(C)]
 pub(super) struct Extent {
@@ -110,18 +110,16 @@ pub(super) struct Extent {
     pub check: u64,
 }
 
-/// Extents batch by batch, of each part.
+/// Extents of each part, in order of batches.
 pub(super) type Extents = Vec<Vec<Extent>>;
 
-/// The parts of an image.
 pub(super) struct Parts<F> {
-    /// How many.
     pub count: usize,
-    /// The part of a pixel, or [`NO_PART`].
+    /// Returns the part of a pixel, or [`NO_PART`].
     pub of: F,
 }
 
-/// Makes walks as [`Splats::new`] does, and writes the points of pixels that have a part. `None` once `stop` says so.
+/// Traces subpaths like [`Splats::new`] and writes the splats of all parts. `None` once `stop` returns true.
 pub(super) fn write<T: Send>(
     file: &mut impl Write,
     (counts, walks): (Counts, Range<u64>),
@@ -144,7 +142,7 @@ pub(super) fn write<T: Send>(
             );
         }
         let end = (first + BATCH).min(walks.end);
-        // Bytes of each part, in order whatever the number of threads.
+        // Bytes of each part, in an order that does not depend on the number of threads.
         let found: Vec<Vec<(u32, Vec<u8>)>> = chunk::of(first..end)
             .map_init(&make, |state, walks| {
                 let mut points: Vec<(u32, u32, Splat)> = vec![];
@@ -191,7 +189,6 @@ pub(super) fn write<T: Send>(
     Ok(Some(extents))
 }
 
-/// Reads points back.
 pub(super) fn read(
     file: &mut (impl Read + Seek),
     extents: &[Extent],
@@ -211,11 +208,11 @@ pub(super) fn read(
 }
 
 impl Spill {
-    /// Makes all walks of all samples as [`Splats::new`] does, and keeps the points of pixels that `part_of` gives one of
-    /// `parts` parts. `None` once `stop` says so.
+    /// Traces all subpaths of all samples as [`Splats::new`] does. Stores the splats of pixels to which
+    /// `part_of` assigns one of `parts` parts. Returns `None` once `stop` returns true.
     ///
     /// # Errors
-    /// Of the temporary file.
+    /// The temporary file cannot be created or written.
     pub fn new<T: Send>(
         counts: Counts,
         parts: usize,
@@ -237,10 +234,10 @@ impl Spill {
         }))
     }
 
-    /// The points of a part.
+    /// Returns the splats of a part.
     ///
     /// # Errors
-    /// If they cannot be read back.
+    /// They cannot be read, or are damaged.
     pub fn part(&mut self, part: usize) -> io::Result<Splats> {
         let mut found = vec![];
         if let Some(extents) = self.extents.get(part) {
@@ -254,7 +251,7 @@ impl Spill {
 mod tests {
     use super::*;
 
-    /// Parts read from the file are those that walks made for them alone give, bent ways among them.
+    /// Parts read from the file equal those traced for them alone, including refracted connections.
     #[test]
     fn parts_come_back() {
         let counts = Counts {
@@ -282,7 +279,7 @@ mod tests {
                 found((n.walk * 7 + n.sample + point) % 60, splat);
             }
         };
-        // Part 2 has pixels that nobody asks for.
+        // Part 2 has pixels that no part renders.
         let part_of = |pixel: u32| if pixel >= 55 { NO_PART } else { pixel / 20 };
         let spill = Spill::new(counts, 3, part_of, || false, || (), trace);
         let mut spill = spill.expect("a file").expect("all walks");

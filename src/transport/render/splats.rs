@@ -1,71 +1,69 @@
-//! Which points of walks from the light the camera sees, and in which pixel.
+//! Vertices of light subpaths that the camera sees, by pixel.
 //!
-//! Tiles own camera pixels, but light falls where it will. So all walks from the light are made once beforehand, and of
-//! each point that the camera sees only its number is kept, under the pixel, with the way there. A pixel then makes its
-//! walks again, up to these points: they depend on their numbers alone. That costs a walk more than once, and keeps what
-//! is live small and every tile independent of the others.
+//! Tiles own camera pixels, but light subpaths reach arbitrary pixels. All light subpaths are therefore
+//! traced once in advance. For each vertex that the camera sees, only its number and the connection are kept,
+//! in the list of the pixel. The pixel then traces these subpaths again up to the vertices; they depend only
+//! on their numbers. A subpath is traced more than once, but memory stays small and tiles are independent.
 
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The points that each pixel sees.
 #[derive(Default)]
 pub(super) struct Splats {
-    /// Where each pixel's points begin; one more than there are pixels.
+    /// Index of each pixel's first vertex; one more than there are pixels.
     first: Vec<u32>,
     points: Vec<Splat>,
 }
 
-/// A point of a walk from the light that the camera sees.
+/// A vertex of a light subpath that the camera sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Splat {
     pub walk: WalkNumber,
-    /// Density with which light comes through interfaces that the walk begins with, if the way would be found from behind
-    /// them (see [`super::join::Seen`]); not a number if not.
+    /// Density with which light passes the interfaces at the start of the subpath, if the path would be found
+    /// from behind them (see [`super::join::Seen`]); otherwise NaN.
     pub seen: f32,
-    /// What it counts, after [`super::roulette`].
+    /// Weight after [`super::roulette`].
     pub factor: f32,
-    /// Direction in which the way to the camera leaves the point, where it is bent.
+    /// Direction in which a refracted connection to the camera leaves the vertex.
     pub dir: [f32; 3],
-    /// Number of the point in its walk.
+    /// Index of the vertex in its subpath.
     pub point: u16,
-    /// The branch of the walk that it is on ([`super::parting`]).
+    /// The branch of the subpath that contains it ([`super::parting`]).
     pub lineage: u8,
-    /// Interfaces on the way.
+    /// Number of interfaces on the connection.
     pub interfaces: u8,
-    /// Bits of the wavelengths that take this way.
+    /// Bit mask of the wavelengths that use the connection.
     pub lanes: u8,
 }
 
-/// A walk from the light: the sample that it belongs to, and its number in it.
+/// A light subpath: its sample and its index in the sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct WalkNumber {
     pub sample: u32,
     pub walk: u32,
 }
 
-/// How many there are.
+/// The numbers of samples, subpaths and pixels.
 #[derive(Clone, Copy)]
 pub(super) struct Counts {
     pub samples: u32,
-    /// Walks per sample.
     pub walks: u32,
     pub pixels: u32,
 }
 
 impl Counts {
-    /// Number of walks.
+    /// Returns the total number of subpaths.
     pub fn all(self) -> u64 {
         u64::from(self.samples) * u64::from(self.walks)
     }
 
-    /// The walks of one of so many shares, counted from 0.
+    /// Returns the subpaths of one of `of` shares, counted from 0.
     pub fn share(self, share: u32, of: u32) -> Range<u64> {
         let upto = |n: u32| (u128::from(self.all()) * u128::from(n) / u128::from(of)) as u64;
         upto(share)..upto(share + 1)
     }
 
-    /// The i-th walk.
+    /// Returns the number of the i-th subpath.
     pub fn number(self, i: u64) -> WalkNumber {
         WalkNumber {
             sample: (i / u64::from(self.walks)) as u32,
@@ -74,14 +72,13 @@ impl Counts {
     }
 }
 
-/// Walks that one piece of work makes.
+/// Chunks of subpaths, the unit of parallel work.
 pub(super) mod chunk {
     use rayon::prelude::*;
     use std::ops::Range;
 
     const CHUNK: u64 = 1 << 12;
 
-    /// Walks in pieces.
     pub fn of(walks: Range<u64>) -> impl IndexedParallelIterator<Item = Range<u64>> {
         let count = (walks.end - walks.start).div_ceil(CHUNK);
         (0..count as usize).into_par_iter().map(move |k| {
@@ -92,15 +89,15 @@ pub(super) mod chunk {
 }
 
 impl Splats {
-    /// Makes all walks of all samples by `trace`, which calls back with every point that is seen and its pixel; points are
-    /// kept of the pixels that are `wanted`.
+    /// Traces all subpaths of all samples with `trace`, which calls back with every visible vertex and its
+    /// pixel. Keeps the vertices of `wanted` pixels.
     pub fn new<T: Send>(
         counts: Counts,
         wanted: impl Fn(u32) -> bool + Sync,
         make: impl Fn() -> T + Sync,
         trace: impl Fn(&mut T, WalkNumber, &mut dyn FnMut(u32, Splat)) + Sync,
     ) -> Self {
-        // In order whatever the number of threads.
+        // In an order that does not depend on the number of threads.
         let found: Vec<Vec<(u32, Splat)>> = chunk::of(0..counts.all())
             .map_init(&make, |state, walks| {
                 let mut found = vec![];
@@ -117,7 +114,6 @@ impl Splats {
         Self::by_pixel(counts.pixels, &found)
     }
 
-    /// Points with their pixels, put in order by these.
     pub fn by_pixel(pixels: u32, found: &[Vec<(u32, Splat)>]) -> Self {
         let mut first = vec![0_u32; pixels as usize + 1];
         for (pixel, _) in found.iter().flatten() {
@@ -139,7 +135,7 @@ impl Splats {
         Self { first, points }
     }
 
-    /// The points of a sample that a pixel sees, in order.
+    /// Returns the vertices of a sample that a pixel sees, in order.
     #[inline]
     pub fn of(&self, pixel: u32, sample: u32) -> &[Splat] {
         let Some(&[begin, end]) = self.first.get(pixel as usize..pixel as usize + 2) else {
@@ -148,7 +144,7 @@ impl Splats {
         let points = &self.points[begin as usize..end as usize];
         let from = points.partition_point(|p| p.walk.sample < sample);
         let to = points.partition_point(|p| p.walk.sample <= sample);
-        // Those of a file of another make may be in no order.
+        // Vertices from a damaged file may be unordered.
         points.get(from..to).unwrap_or_default()
     }
 }
@@ -157,7 +153,7 @@ impl Splats {
 mod tests {
     use super::*;
 
-    /// Every point is found under its pixel, in order.
+    /// Every vertex is found under its pixel, in order.
     #[test]
     fn points_are_found_by_pixel_and_sample() {
         let (samples, walks, pixels) = (7, 3000, 40);

@@ -1,7 +1,7 @@
-//! Ways through crystals with double images to a pinhole: looked for like [`super::manifold`]'s, from the straight line, for
-//! every choice of the wave that each crystal is passed on.
+//! Specular paths to a pinhole through birefringent crystals with double images. As in [`super::manifold`],
+//! the search starts from the straight line, for each combination of ordinary and extraordinary waves.
 //!
-//! How ordinary and extraordinary rays turn with the direction they come from is left to differences of rays near by.
+//! Derivatives of the rays by direction are approximated by differences.
 
 use super::bridge::Start;
 use super::manifold::{Bend, Way};
@@ -14,39 +14,39 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use optics::polarization::frame::basis;
 
-/// Most crystals on a way: each has two waves.
+/// Maximum number of crystals on a path; each has two waves.
 const CRYSTALS: u32 = 4;
 
-/// Steps of Newton's method; crystals shift light and bend it little, so that few are needed.
+/// Maximum number of Newton steps. Crystals shift light and refract it little, so few are needed.
 const STEPS: usize = 12;
 
-/// A ray is at the emitter when it passes it this near, relative to its length.
+/// A ray hits the emitter if it passes within this distance of it, relative to the path length.
 const NEAR: f32 = 5e-6;
 
-/// By how much directions differ for differences, radians: much more than rounding, and so little that ways stay straight.
+/// Angular step for differences in radians: far above rounding, but small enough for linearity.
 const STEP: f32 = 1e-3;
 
-/// Longest step, radians.
+/// Maximum Newton step in radians.
 const LEAP: f32 = 0.3;
 
-/// What a way is looked for by.
+/// The parameters of a search for a path.
 pub(super) struct SplitSearch<'a> {
     scene: &'a Scene,
     start: Start,
     to: Vec3A,
-    /// Surfaces that bend it, and crystals among them.
+    /// Number of surfaces that refract it, and number of crystals among them.
     bends: usize,
     crystals: u32,
 }
 
-/// The wavelength of a way, and the waves on which it passes crystals, the next one in the lowest bit: 1 for the extraordinary one.
+/// The wavelength of a path, and its wave in each crystal (1: extraordinary; next crystal in the lowest bit).
 #[derive(Clone, Copy)]
 pub(super) struct Choice {
     pub lane: usize,
     pub waves: u32,
 }
 
-/// A ray's end.
+/// The end of a traced ray.
 struct Shot {
     miss: Vec3A,
     dir: Vec3A,
@@ -54,7 +54,8 @@ struct Shot {
 }
 
 impl<'a> SplitSearch<'a> {
-    /// Along the straight line from a start to a goal; `None` if it passes no crystal with double images, or something stands in it.
+    /// Prepares a search along a straight line; `None` if it is blocked or passes no crystal with double
+    /// images.
     pub fn straight(scene: &'a Scene, start: Start, to: Vec3A) -> Option<Self> {
         let (mut bends, mut crystals, mut inside) = (0, 0, false);
         let (mut ray, mut nest) = (start.ray, start.nest);
@@ -74,7 +75,7 @@ impl<'a> SplitSearch<'a> {
             let id = surface.material;
             let enters = surface.ng.dot(ray.dir) < 0.0;
             if scene.materials.splits(id) {
-                // Only whole crystals, one after the other.
+                // Only complete crystals, one after the other.
                 if inside == enters {
                     return None;
                 }
@@ -93,12 +94,12 @@ impl<'a> SplitSearch<'a> {
         None
     }
 
-    /// All choices of waves.
+    /// Returns all combinations of waves.
     pub fn waves(&self) -> std::ops::Range<u32> {
         0..1 << self.crystals
     }
 
-    /// The delta lobe that a way takes from a surface on.
+    /// Returns the delta lobe along which a path leaves a surface.
     fn lobe(&self, surface: &Surface, dir: Vec3A, Choice { lane, waves }: Choice) -> Option<Specular> {
         let materials = &self.scene.materials;
         if materials.splits(surface.material) {
@@ -109,7 +110,7 @@ impl<'a> SplitSearch<'a> {
             .then(|| materials.specular(surface.material, surface, -dir, Lobe::Transmitted, lane))?
     }
 
-    /// Shoots a ray through all that bends it and on to where it passes the goal; calls back with each bend.
+    /// Traces a ray through all refracting surfaces and past the goal; calls `bent` for each interaction.
     fn shoot(&self, mut dir: Vec3A, mut choice: Choice, mut bent: impl FnMut(Bend)) -> Option<Shot> {
         let scene = self.scene;
         let (mut nest, mut from): (Nest, Vec3A) = (self.start.nest, self.start.from);
@@ -143,7 +144,7 @@ impl<'a> SplitSearch<'a> {
                 });
                 dir = lobe.wi;
                 left -= 1;
-                // A crystal's wave ends where it is left.
+                // A wave ends where the ray leaves the crystal.
                 choice.waves >>= u32::from(splits && !enters);
             }
             nest.cross(&scene.boundaries, id, enters);
@@ -153,7 +154,7 @@ impl<'a> SplitSearch<'a> {
         None
     }
 
-    /// The step of Newton's method from a direction, and J.
+    /// Returns the Newton step from a direction, and J.
     fn newton(&self, dir: Vec3A, choice: Choice, shot: &Shot) -> Option<(Vec3A, f32)> {
         let (across, q) = (basis(dir), basis(shot.dir));
         let at = |v: Vec3A| [v.dot(q.x_axis), v.dot(q.y_axis)];
@@ -174,12 +175,12 @@ impl<'a> SplitSearch<'a> {
         Some((step, det.abs()))
     }
 
-    /// Where a ray crosses the plane through the goal that another one meets head-on, from the goal.
+    /// Returns where a ray crosses the plane through the goal with normal `n`, relative to the goal.
     fn crossing(&self, shot: &Shot, n: Vec3A) -> Vec3A {
         shot.miss - shot.dir * (shot.miss.dot(n) / shot.dir.dot(n))
     }
 
-    /// The way with a choice of waves.
+    /// Finds the path for a combination of waves.
     pub fn find(&self, choice: Choice) -> Option<Way> {
         let mut dir = self.start.ray.dir;
         let mut shot = self.shoot(dir, choice, |_| ())?;

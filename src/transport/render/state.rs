@@ -1,4 +1,4 @@
-//! What a path carries along its current ray, whichever way it is traced.
+//! The state of a path at its current ray, for all path strategies.
 
 use crate::geometry::ray::{Ray, Surface};
 use crate::material::{Filling, Lanes, NO_CRYSTAL};
@@ -8,7 +8,7 @@ use optics::polarization::chain::Chain;
 use optics::polarization::scatter::Scatter;
 use optics::spectrum::Spectral;
 
-/// Which end a walk starts from.
+/// The end from which a subpath starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum From {
     Camera,
@@ -16,7 +16,6 @@ pub(super) enum From {
 }
 
 impl From {
-    /// The other end.
     #[inline]
     pub fn other(self) -> Self {
         match self {
@@ -30,22 +29,23 @@ impl From {
 #[derive(Clone)]
 pub(super) struct State {
     pub ray: Ray,
-    /// Where the ray really starts (its origin is moved off the surface, and rounded); behind a hit, where it was met.
+    /// Origin of the ray before it is offset from the surface and rounded; behind a hit, the hit point.
     pub from: DVec3,
-    /// Product from the light along the ray to the path's end: to the camera frame, or from an emitter, transposed.
+    /// Matrix product from the light on the ray to the path's end: camera frame, or transposed from an
+    /// emitter.
     pub chain: Chain,
-    /// Frame of that light.
+    /// Stokes frame of the light along the ray.
     pub frame: Vec3A,
-    /// Optical path length so far, metres.
+    /// Optical path length so far, in metres.
     pub optical_m: f64,
-    /// What the ray runs through.
+    /// The material that the ray runs through.
     pub filling: Filling,
     pub lanes: Lanes,
-    /// What the path did before the ray, as [`tensor::label`] says; kept up by plain paths only where it is asked for.
+    /// Path label before the ray ([`tensor::label`]). Plain paths update it only on demand.
     pub label: u8,
 }
 
-/// A direction in which light travels, and the frame of its Stokes vectors.
+/// A direction of travel of light, and the frame of its Stokes vectors.
 #[derive(Clone, Copy)]
 pub(super) struct Beam {
     pub travel: Vec3A,
@@ -53,7 +53,7 @@ pub(super) struct Beam {
 }
 
 impl Default for State {
-    /// Of no path yet.
+    /// Returns a placeholder before any path has started.
     fn default() -> Self {
         Self {
             ray: Ray {
@@ -72,14 +72,14 @@ impl Default for State {
 }
 
 impl State {
-    /// What the filling does to light all along the current ray, to the surface that it hit; `None` where it does nothing.
+    /// Returns the effect of the filling on light on the ray to `surface`; `None` if there is none.
     #[inline(always)]
     pub fn crossed(&self, scene: &Scene, surface: &Surface) -> Option<Scatter> {
         if self.filling.crystal == NO_CRYSTAL {
             return None;
         }
-        // Distance to the plane of the surface from where the ray really started: a phase would notice the nudge off the
-        // surface, which shifts the hit point sideways.
+        // Distance from the true start of the ray to the plane of the surface. The offset from the surface
+        // shifts the hit point sideways, which would change the phase.
         let (dir, ng) = (self.ray.dir, surface.ng.as_dvec3());
         let length = (surface.p.as_dvec3() - self.from).dot(ng) / dir.as_dvec3().dot(ng);
         scene.materials.propagate(self.filling, dir, length)

@@ -1,15 +1,15 @@
-//! By which strategies a scene is rendered.
+//! Selects the strategies that render a scene.
 
 use super::glints::reflectance;
 use crate::scene::{Integrator, Scene};
 use crate::strategy::{Strategies, Strategy};
 
-/// Those of the scene's integrator for which there is something in the scene.
+/// Returns the strategies of the scene's integrator that can find light in the scene.
 #[must_use]
 pub fn strategies(scene: &Scene) -> Strategies {
     let (settings, materials) = (&scene.settings, &scene.materials);
     let both = settings.integrator.walks_from_light();
-    // Beside one that is asked for alone there are no others.
+    // A single strategy excludes all others.
     let alone = settings.strategy.is_some();
     let bent = settings.manifold && !alone;
     let mirrors = (0..materials.list.len() as u32).any(|id| reflectance(materials, id) > 0.0);

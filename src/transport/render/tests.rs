@@ -1,4 +1,4 @@
-//! Renders of a scene made in code.
+//! Renders of a scene built in code.
 
 use super::schedule::{Share, Unwatched, render_in_parts};
 use super::tracer::WALKS_AT_ONCE;
@@ -28,7 +28,7 @@ use tensor::field::Field;
 use tensor::memory::Arrays;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
-/// A room with a ball that mirrors, a rough one, and light of every kind.
+/// An open box with a specular and a rough conducting sphere, and every kind of light.
 pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
     let (n, k) = (
         Spectral::new([0.4, 1.5, 0.2, 2.0]),
@@ -139,7 +139,7 @@ pub(super) fn scene(integrator: Integrator, plain: bool) -> Scene {
     })
 }
 
-/// Bits of all means and errors, and their number that is not zero.
+/// Returns the bits of all means and errors, and the number of non-zero values.
 fn bits(scene: &Scene) -> (Vec<u32>, usize) {
     bits_in_parts(scene, WALKS_AT_ONCE)
 }
@@ -158,7 +158,7 @@ fn bits_in_parts(scene: &Scene, walks: u64) -> (Vec<u32>, usize) {
     (bits, lit)
 }
 
-/// The code for AVX2 and that for any processor render the same bits, by paths and by walks.
+/// The code for AVX2 and the portable code produce the same bits, for paths and for subpaths.
 #[test]
 fn every_processor_renders_the_same() {
     for integrator in [Integrator::Path, Integrator::Caustics, Integrator::Bidirectional] {
@@ -172,7 +172,7 @@ fn every_processor_renders_the_same() {
     }
 }
 
-/// Points are drawn on all copies, by their areas, and lie on them.
+/// Points are drawn on all copies, with probabilities proportional to area, and lie on them.
 #[test]
 fn mirrors_with_many_copies_are_drawn_in_two_steps() {
     use super::mirrors_copied::Copied;
@@ -198,7 +198,7 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
     let unit = 4.0 * std::f32::consts::PI;
     assert!((copied.area() / unit - 25.0).abs() < 1e-3);
     let (mut stream, mut counts) = (Stream::new(4, 0, 0), [0; 4]);
-    // Centre and radius of each ball in the world, and its share.
+    // Centre and radius of each ball in world space.
     let balls = [(100.0, 1.0), (103.0, 2.0), (200.0, 2.0), (194.0, 4.0)];
     for _ in 0..N {
         let at = stream.uniform() * copied.area();
@@ -216,8 +216,7 @@ fn mirrors_with_many_copies_are_drawn_in_two_steps() {
     }
 }
 
-/// An image that is rendered in parts, whose points of walks from the light lie in a file, has the same bits as one that is
-/// rendered at once, on any number of threads.
+/// Rendering in parts, with splats in a file, is bit-identical to a single part for any number of threads.
 #[test]
 fn parts_change_no_bit() {
     // 24 x 24 pixels of 9 samples: 3 and 9 parts of 9 tiles.

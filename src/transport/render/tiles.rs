@@ -1,4 +1,4 @@
-//! The camera's image in square tiles, which are rendered one by one.
+//! Divides the camera's image into square tiles, the units of rendering.
 
 use crate::scene::Scene;
 use std::ops::Range;
@@ -9,13 +9,13 @@ pub(super) struct TilePixels {
     pub y: Range<u32>,
 }
 
-/// Number of tiles.
+/// Returns the number of tiles.
 pub(super) fn count(scene: &Scene) -> u32 {
     let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
     w.div_ceil(n) * h.div_ceil(n)
 }
 
-/// The pixels of tile number `tile`.
+/// Returns the pixels of tile number `tile`.
 pub(super) fn pixels(scene: &Scene, tile: u32) -> TilePixels {
     let ([w, h], n) = (scene.camera.resolution, scene.settings.tile);
     let across = w.div_ceil(n);
@@ -26,7 +26,7 @@ pub(super) fn pixels(scene: &Scene, tile: u32) -> TilePixels {
     }
 }
 
-/// Number of the tile that holds a camera pixel, given by its row-major number.
+/// Returns the number of the tile that contains a camera pixel with a row-major number.
 pub(super) fn of(scene: &Scene, pixel: u32) -> u32 {
     let ([w, _], n) = (scene.camera.resolution, scene.settings.tile);
     let (x, y) = (pixel % w, pixel / w);

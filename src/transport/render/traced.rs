@@ -1,10 +1,11 @@
-//! Starts of ways over several mirrors and through curved glass: a ray that is followed.
+//! Initial guesses for specular paths over several mirrors and through curved glass, found by tracing a ray.
 //!
-//! Which surfaces light takes from a point to an end, and how often glass bends it, no straight line says. A ray that sets out
-//! toward a random point of the curved surfaces, and takes one of the ways on at each surface that it meets, does: on a leg
-//! that passes the end before the next surface, it has come by what the way may come by.
+//! A straight line does not reveal which surfaces light takes from a point to an end, nor how often glass
+//! refracts it. A traced ray does. It starts toward a random point of the curved surfaces and chooses one
+//! continuation at each surface. If a leg passes the end before the next surface, its surfaces are a
+//! candidate.
 //!
-//! Near a way every ray takes what the way takes with some probability, so that each way is found by a share of all starts.
+//! Near a specular path, each ray makes its choices with some probability, so some starts find each path.
 
 use super::bridge::Start;
 use super::manifold::Goal;
@@ -15,26 +16,25 @@ use crate::scene::Scene;
 use arrayvec::ArrayVec;
 use optics::sampling::stream::Stream;
 
-/// Share of rays that glass reflects, of those that could pass.
+/// Fraction of rays that glass reflects, among those that it could transmit.
 const REFLECTED: f32 = 0.125;
 
-/// Where a ray has been.
 #[derive(Clone, Default)]
 pub(super) struct Traced {
     through: Legs,
     pub over: ArrayVec<Seed, INTERFACES>,
-    /// True if something on its way is curved.
+    /// True if some surface on it is curved.
     curved: bool,
 }
 
 impl Traced {
-    /// Bends so far.
+    /// Returns the number of specular interactions so far.
     #[inline]
     fn bends(&self) -> usize {
         self.over.len() + self.through.iter().sum::<usize>()
     }
 
-    /// True if its way is not looked for otherwise as a whole: over one curved mirror, or over flat ones alone.
+    /// Returns true unless other strategies find the path: over one curved mirror, or only flat mirrors.
     #[inline]
     fn is_wanted(&self) -> bool {
         let curved = self.over.iter().any(|s| s.is_curved());
@@ -46,13 +46,12 @@ impl Traced {
         }
     }
 
-    /// Its route.
     #[inline]
     pub fn route<'a>(&'a self, mirrors: &'a Mirrors) -> Route<'a> {
         Route::known(mirrors, self.through.clone(), &self.over)
     }
 
-    /// Follows a ray from its start up to `most` bends, and chooses one of the legs on which it passes the goal.
+    /// Traces a ray for up to `most` specular interactions and chooses one of the legs that pass the goal.
     pub fn follow(
         scene: &Scene,
         mirrors: &Mirrors,
@@ -72,7 +71,7 @@ impl Traced {
             let way = (goal.to - ray.origin).dot(ray.dir);
             if way > 0.0 && hit.is_none_or(|h| way < h.t) && traced.is_wanted() {
                 legs += 1;
-                // Each of so many with the same probability.
+                // Each of the `legs` legs is chosen with equal probability.
                 if legs == 1 || stream.uniform() * (legs as f32) < 1.0 {
                     chosen = Some(traced.clone());
                 }

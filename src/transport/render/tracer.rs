@@ -1,5 +1,4 @@
-//! How the paths of a camera pixel are made: plain paths from the camera, walks where a scene needs more, or both, one after
-//! the other.
+//! Samples the paths of a camera pixel: from the camera, bidirectionally if needed, or both in turn.
 
 use super::bidirectional::{Plan, Walks, samples};
 use super::path::{Paths, Wants};
@@ -13,39 +12,37 @@ use optics::sampling::stream::Group;
 use optics::spectrum::Spectral;
 use std::ops::Range;
 
-/// How paths are made.
+/// How a pass samples paths.
 #[derive(Clone, Copy)]
 pub(super) enum PassKind {
     Paths,
     Walks,
 }
 
-/// A pass over each pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Pass {
     pub kind: PassKind,
-    /// Samples of a pixel, and how many of them are stratified together.
+    /// Samples per pixel, and their grouping for stratification.
     pub count: u32,
     pub group: Group,
 }
 
-/// Makes the paths of one thread.
 #[derive(Default)]
 pub(super) struct Tracer {
     paths: Paths,
     walks: Walks,
 }
 
-/// What a [`Tracer`] works out beforehand, for a part of the image.
+/// Precomputed data that a [`Tracer`] needs for one part of the image.
 pub(super) struct Prepared {
     paths: Option<Views>,
     walks: Option<Plan>,
 }
 
-/// Walks from the light of which a part of the image has as many points in memory; more than these and it is rendered in parts.
+/// Number of light subpaths whose vertices are kept in memory. An image that needs more is rendered in parts.
 pub(super) const WALKS_AT_ONCE: u64 = 1 << 22;
 
-/// True if all paths must be made by walks: with all that [`Paths`] cannot do, and slower.
+/// Returns true if all paths need subpaths, which support everything but are slower than [`Paths`].
 fn needs_walks(scene: &Scene) -> bool {
     scene.filled
         || scene.has_lenses()
@@ -57,7 +54,7 @@ fn needs_walks(scene: &Scene) -> bool {
         }
 }
 
-/// Independent groups of samples of each pixel: those of the paths, where there are any.
+/// Returns the number of independent groups of samples per pixel; those of the paths, if there are any.
 pub(super) fn replicates(scene: &Scene) -> u32 {
     let settings = &scene.settings;
     if needs_walks(scene) {
@@ -67,7 +64,7 @@ pub(super) fn replicates(scene: &Scene) -> u32 {
     }
 }
 
-/// How many tiles are rendered after one preparation.
+/// Returns the number of tiles that are rendered after one preparation.
 pub(super) fn tiles_at_once(scene: &Scene, walks_at_once: u64) -> usize {
     let all = tiles::count(scene) as usize;
     if !scene.settings.integrator.walks_from_light() {
@@ -78,14 +75,14 @@ pub(super) fn tiles_at_once(scene: &Scene, walks_at_once: u64) -> usize {
     all.div_ceil(walks.div_ceil(walks_at_once) as usize)
 }
 
-/// Which part of the image each tile is in.
+/// The part of the image that contains each tile.
 pub(super) struct TileParts {
     of: Vec<u32>,
     count: usize,
 }
 
 impl TileParts {
-    /// Of tiles that are rendered part by part.
+    /// Assigns each tile to the part that lists it.
     pub fn new(scene: &Scene, parts: &[&[u32]]) -> Self {
         let mut of = vec![NO_PART; tiles::count(scene) as usize];
         for (part, tiles) in (0..).zip(parts) {
@@ -106,8 +103,8 @@ impl TileParts {
 }
 
 impl Prepared {
-    /// For an image in parts, whose slices want to know what paths did if `labelled`, with walks from the light that other machines
-    /// make if there are such; `None` once `stop` says so.
+    /// Prepares an image in parts. `labelled` is true if slices need path labels; `light` provides light
+    /// subpaths shared with other machines. Returns `None` once `stop` returns true.
     pub fn new(
         scene: &Scene,
         parts: &TileParts,
@@ -127,21 +124,20 @@ impl Prepared {
         })
     }
 
-    /// Turns to a part.
     pub fn turn_to(&mut self, scene: &Scene, parts: &TileParts, part: usize) {
         if let Some(plan) = &mut self.walks {
             plan.turn_to(scene, &parts.parts(scene), part);
         }
     }
 
-    /// The passes over each pixel of so many samples, whose results are added.
+    /// Returns the passes over each pixel with `spp` samples; their results are added.
     pub fn passes(&self, scene: &Scene, spp: u32) -> impl Iterator<Item = Pass> + use<> {
         let paths = self.paths.is_some().then_some(Pass {
             kind: PassKind::Paths,
             count: spp,
             group: Group::of(spp, scene.settings.replicates),
         });
-        // Walks from the light come to pixels by chance, whatever their samples are.
+        // Light subpaths reach pixels at random, so stratifying the samples has no effect.
         let walks = self.walks.is_some().then_some(Pass {
             kind: PassKind::Walks,
             count: samples(scene, spp),
@@ -152,8 +148,7 @@ impl Prepared {
 }
 
 impl Tracer {
-    /// Traces samples of a camera pixel: the rays that it took, what each sample brings, and all of their elements;
-    /// with what slices want beside.
+    /// Traces samples of a pixel. Returns the number of rays, each sample's contributions and all elements.
     pub fn trace(
         &mut self,
         scene: &Scene,
@@ -172,7 +167,7 @@ impl Tracer {
                 let rays = self.walks.trace(scene, plan, pixel, samples);
                 (rays, &mut self.walks.lists, &self.walks.elements)
             }
-            // Passes are those that were prepared for.
+            // Every pass has been prepared for, so this case does not occur.
             _ => (0, &mut [], &[]),
         }
     }

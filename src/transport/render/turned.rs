@@ -1,28 +1,26 @@
-//! Where mirrors send light; and of those under normal maps the normal that it is reflected about, and how that turns along the
-//! surface.
+//! Reflection at mirrors; with normal maps, the normal and its derivative along the surface.
 //!
-//! No formula has its derivative: differences of the normal between points near by stand for it, a fraction of a texel apart.
+//! The derivative is approximated by differences of the normal between points a fraction of a texel apart.
 
 use crate::geometry::ray::{Hit, Ray, Surface};
 use crate::material::Lobe;
 use crate::scene::Scene;
 use glam::{Mat3A, Vec3A};
 
-/// A mirror's direction whose cosine with the geometric one is less than 1 minus this was turned by something whose
-/// derivatives are not known; rounding stays ten times below.
+/// A mirror direction is considered perturbed, with unknown derivatives, if its cosine with the geometric
+/// mirror direction is less than 1 minus this. Rounding errors are ten times smaller.
 const TURNED: f32 = 1e-6;
 
-/// How far to look to either side, as a share of a triangle, and as a sine along a quadric. Images have up to some thousands of
-/// texels to a side.
+/// Step as a fraction of a triangle, or a sine on a quadric; images have up to some thousand texels a side.
 const STEP: f32 = 1e-4;
 
-/// A mirror's normal at a point, toward where light comes from, and its derivative by the position.
+/// A mirror's normal at a point, on the side of the incoming light, and its derivative by position.
 pub(super) struct Turned {
     pub normal: Vec3A,
     pub bend: Mat3A,
 }
 
-/// The direction of light along `dir` after a mirror, in a delta lobe that geometry agrees on.
+/// Returns the direction of light along `dir` after a mirror, if the delta lobe agrees with the geometry.
 #[inline]
 pub(super) fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
     let materials = &scene.materials;
@@ -34,18 +32,18 @@ pub(super) fn reflected(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usiz
     (found.wi.dot(mirrored) > 1.0 - TURNED).then_some(mirrored.normalize())
 }
 
-/// The normal about which light along `dir` is reflected.
+/// Returns the normal about which light along `dir` is reflected.
 #[inline]
 fn normal(scene: &Scene, surface: &Surface, dir: Vec3A, lane: usize) -> Option<Vec3A> {
     (reflected(scene, surface, dir, lane)? - dir).try_normalize()
 }
 
 impl Turned {
-    /// Where a ray hits a mirror.
+    /// Evaluates the normal where a ray hits a mirror.
     pub fn at(scene: &Scene, ray: &Ray, hit: &Hit, surface: &Surface, lane: usize) -> Option<Self> {
         let own = normal(scene, surface, ray.dir, lane)?;
         let axes = surface.tangent_frame();
-        // Barycentric coordinates move points of triangles, and the ray moves those of quadrics.
+        // Barycentric coordinates move points of triangles; shifting the ray moves those of quadrics.
         let near = |k: usize, step: f32| {
             let along = [axes.x_axis, axes.y_axis][k] * (step * hit.t);
             let moved = Ray {
@@ -62,7 +60,7 @@ impl Turned {
             Some((p - q, n - m))
         };
         let ([u, du], [v, dv]) = (slope(0)?.into(), slope(1)?.into());
-        // The linear map that takes u to du, v to dv, and what is across the surface to nothing.
+        // The linear map that maps u to du, v to dv and the surface normal to zero.
         let across = u.cross(v);
         let area2 = across.length_squared();
         if area2 <= 0.0 {

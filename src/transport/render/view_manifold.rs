@@ -1,4 +1,4 @@
-//! Connections through smooth interfaces of a walk from the light to the camera ([`super::manifold`]).
+//! Connections of a light subpath to the camera through smooth interfaces ([`super::manifold`]).
 
 use super::bridge::Allowed;
 use super::emission::Sender;
@@ -16,8 +16,8 @@ use optics::polarization::frame::{perpendicular, turn};
 use optics::spectrum::Spectral;
 
 impl Joiner<'_> {
-    /// Looks for ways from the last point of a walk from the light to the camera through interfaces; calls back with the
-    /// pixel of each, the way and the wavelengths that take it.
+    /// Searches for specular paths through interfaces from the last vertex of a light subpath to the camera.
+    /// Calls `f` with each path, its pixel and its wavelengths.
     pub fn views_by_manifold(&mut self, light: &[Point], mut f: impl FnMut(&mut Self, u32, &Way, Takers)) {
         let Some(y) = light.last() else {
             return;
@@ -44,7 +44,7 @@ impl Joiner<'_> {
         );
     }
 
-    /// The way from a point to the camera that is known to leave it along `dir` and pass so many `interfaces`.
+    /// Returns the path along `dir` through `interfaces` interfaces from a vertex to the camera.
     #[inline]
     pub fn known_view(&self, y: &Point, dir: Vec3A, interfaces: usize, lane: usize) -> Option<Way> {
         let to = self.ends[0].camera.origin;
@@ -52,10 +52,10 @@ impl Joiner<'_> {
         manifold::along(self.scene, self.straight(y, to)?, &route, dir, Goal { to, lane })
     }
 
-    /// Appends what a way from a point of the light's walk to the camera brings to its takers.
+    /// Appends the contribution of a specular path from a light vertex to the camera.
     ///
-    /// The way was followed from the point, so it is that of light from the camera: K. Light to the camera takes
-    /// D Kᵀ D, its radiance scaled the other way.
+    /// The path was traced from the vertex, so its matrix K is that of light from the camera. Light to the
+    /// camera has the matrix D Kᵀ D, with its radiance scaled in the opposite sense.
     pub fn splat_way(
         &mut self,
         light: &[Point],
@@ -92,7 +92,7 @@ impl Joiner<'_> {
             return;
         };
         let mut end = self.setup.emission.camera_end(scene, camera, way.emitted);
-        // Lines end at the camera's pinhole from outside.
+        // The camera's pinhole is outside all media.
         let factor = takers.factor * end.density
             / (self.setup.walks as f32 * way.spread * way.squared_indices(&passed));
         end.chain.scale(takers.lanes.ones() * Spectral::splat(factor));

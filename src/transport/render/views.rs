@@ -1,10 +1,10 @@
-//! What the camera's and the projector's pinholes see of a scene, worked out once a render.
+//! Visibility from the camera's and the projector's pinholes, precomputed once per render.
 
 use crate::device::pinhole::Pinhole;
 use crate::geometry::view::View;
 use crate::scene::Scene;
 
-/// Views of the devices; `None` where there is no device, or none to be had.
+/// Views of the devices; `None` if there is no device or no view can be built.
 #[derive(Default)]
 pub struct Views {
     pub camera: Option<View>,
@@ -12,7 +12,6 @@ pub struct Views {
 }
 
 impl Views {
-    /// The views of a scene.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
         let view = |device: &Pinhole| {
@@ -27,7 +26,7 @@ impl Views {
         };
         Self {
             camera: view(&scene.camera),
-            // Light passes sheets, of which a view knows nothing.
+            // Light passes sheets, which a view treats as opaque.
             projector: scene
                 .projector
                 .as_ref()

@@ -1,5 +1,5 @@
-//! A random walk through surfaces and media, from the camera or from an emitter: points ([`super::point`]) with flights
-//! ([`super::flight`]) in between.
+//! Random walks through surfaces and media, from the camera or from an emitter: vertices ([`super::point`])
+//! joined by flights ([`super::flight`]).
 
 use super::environment::Chosen;
 use super::flight::{Flight, Landing, mean_transmittance};
@@ -15,82 +15,79 @@ use optics::polarization::chain::Chain;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Most likely survival of Russian roulette. Light that large particles scatter forward is found by few of all walks, after
-/// dozens of events; what roulette takes from the others they would have to make up for.
+/// Maximum survival probability of Russian roulette. Few subpaths find the light that large particles scatter
+/// forward, after dozens of events. These few would have to compensate for all that roulette terminates.
 const SURVIVAL: f32 = 0.99;
 
-/// A walk's points, its end first.
+/// The vertices of a subpath, its end first.
 #[derive(Default)]
 pub(super) struct Walk {
     pub points: Vec<Point>,
-    /// What is left of it where nothing was hit.
+    /// Its state when it leaves the scene.
     pub escape: Option<Escape>,
-    /// The shining surfaces that it came upon.
     pub glows: Vec<Glow>,
-    /// Rays traced.
     pub rays: u32,
-    /// Number of the first point that the present branch does not share with those before.
+    /// Index of the first vertex that the current branch does not share with previous branches.
     pub fresh: usize,
-    /// Which ways the present branch took where the walk parted, a bit each, the first lowest.
+    /// The branch taken at each split, one bit each, the first split in the lowest bit.
     pub lineage: u8,
-    /// Branches that are still to be walked.
+    /// Branches that have not been traced yet.
     pending: Vec<Branch>,
 }
 
-/// A walk that has left the scene.
+/// A subpath that has left the scene.
 pub(super) struct Escape {
     pub chain: Chain,
-    /// The light that its product takes in.
+    /// The light to which its product applies.
     pub beam: Beam,
-    /// Interactions before, and what they did.
+    /// Number of previous interactions, and their label.
     pub interactions: u32,
     pub label: u8,
     pub chosen: Chosen,
 }
 
-/// A shining surface that a walk came upon.
+/// An emitting surface that a subpath hit.
 pub(super) struct Glow {
     pub chain: Chain,
-    /// The light that its product takes in.
+    /// The light to which its product applies.
     pub beam: Beam,
     pub surface: Surface,
-    /// Number of the triangle in its mesh, where that is known.
+    /// Index of the triangle in its mesh, if known.
     pub facet: Option<u32>,
-    /// Optical length so far, metres.
+    /// Optical length so far, in metres.
     pub optical_m: f64,
-    /// Interactions before, and what they did.
+    /// Number of previous interactions, and their label.
     pub interactions: u32,
     pub label: u8,
     pub chosen: Chosen,
 }
 
-/// Where a walk may stop.
+/// Conditions under which a subpath stops.
 #[derive(Clone, Copy)]
 pub(super) struct Limits {
-    /// Most interactions.
     pub interactions: u32,
-    /// Number of the last point that is asked for.
+    /// Index of the last vertex that is needed.
     pub point: usize,
-    /// It goes on after the last interaction to see whether it leaves the scene.
+    /// True if it continues after the last interaction to test whether it leaves the scene.
     pub escapes: bool,
-    /// Someone asks what it did.
+    /// True if path labels are needed.
     pub labelled: bool,
     pub first: First,
     pub parting: Parting,
 }
 
-/// What a walk wants of its first point, lest it end.
+/// The condition on the first vertex under which the subpath continues.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum First {
     Anything,
-    /// That it sends the walk on along a single direction; others are dropped.
+    /// It must redirect the subpath into a single direction; other subpaths are discarded.
     Redirects,
-    /// Anything but a Lambert surface, where the walk stops.
+    /// Anything but a Lambert surface, where the subpath stops.
     NotLambert,
 }
 
 impl Walk {
-    /// Walks from an end; of a walk that parts, the first branch.
+    /// Traces a subpath from an end; if it is split, the first branch.
     pub fn run(
         &mut self,
         scene: &Scene,
@@ -133,7 +130,7 @@ impl Walk {
         }
     }
 
-    /// Walks the next branch; false if there is none. Points before [`Self::fresh`] were those of branches before.
+    /// Traces the next branch. Returns false if there is none. Vertices before [`Self::fresh`] are shared.
     pub fn next_branch(&mut self, scene: &Scene, guide: &Guide, limits: Limits) -> bool {
         let Some(Branch {
             points,
@@ -154,7 +151,7 @@ impl Walk {
         true
     }
 
-    /// Flies to the next point and draws where to go from there; false where the walk ends.
+    /// Moves to the next vertex and samples a continuation. Returns false if the subpath ends.
     fn step(
         &mut self,
         scene: &Scene,
@@ -173,7 +170,7 @@ impl Walk {
         self.depart(scene, guide, progress, stream, limits)
     }
 
-    /// Draws where to go from the last point; false where the walk ends.
+    /// Samples a continuation from the last vertex. Returns false if the subpath ends.
     fn depart(
         &mut self,
         scene: &Scene,
@@ -182,7 +179,7 @@ impl Walk {
         stream: &mut Stream,
         limits: Limits,
     ) -> bool {
-        // Points are large, and stay where they are made.
+        // Vertices are large, so they are modified in place.
         let [.., before, point] = &mut self.points[..] else {
             return false;
         };
@@ -223,7 +220,7 @@ impl Walk {
         true
     }
 
-    /// Flies to the next point, and appends it with the density with which the walk came; false where it ends before.
+    /// Moves to the next vertex and appends it with its density. Returns false if the subpath ends before.
     fn land(&mut self, scene: &Scene, progress: &mut Progress, stream: &mut Stream, limits: Limits) -> bool {
         let Progress {
             flight, interactions, ..
@@ -296,10 +293,10 @@ mod tests {
 
     const G: f32 = 0.9;
 
-    /// Particles that walks come to.
+    /// Number of particles per subpath.
     const LAST: usize = 36;
 
-    /// A milk without end, to a walk that never gets far, and walks in it that turn and lean toward a place beside their way.
+    /// An unbounded milky medium with guided turns and leaning toward a target off the initial direction.
     fn milk() -> (Scene, Guide, End) {
         let mut scene = scene(Integrator::Bidirectional, true);
         scene.media = Media::default();
@@ -354,7 +351,7 @@ mod tests {
         }
     }
 
-    /// What a walk's branches count for at a particle, and that times the cosine to the walk's first direction.
+    /// Returns a branch's weight at a particle, and the weight times the cosine to the first direction.
     fn counts(walk: &Walk, at: usize) -> [f64; 2] {
         let Some(point) = walk.points.get(at).filter(|_| walk.fresh <= at) else {
             return [0.0; 2];
@@ -363,7 +360,7 @@ mod tests {
         [weight, weight * f64::from(-point.back.z)]
     }
 
-    /// Mean and standard error of both over walks to a particle, and the variance of the first.
+    /// Returns mean and standard error of both over subpaths to a particle, and the variance of the first.
     fn means(walks: u32, at: usize, parting: Parting, guide: &Guide) -> ([(f64, f64); 2], f64) {
         let (scene, _, end) = milk();
         let (mut walk, limits) = (Walk::default(), limits_to(at, parting));
@@ -389,8 +386,8 @@ mod tests {
         ([of(0), of(1)], of(0).1.powi(2) * n)
     }
 
-    /// Without absorption walks count for one on average after any number of particles, and their mean cosine is gⁿ (n particles
-    /// turn them), whether they turn, lean and part or not; and parting lowers the variance of what they count for by more than half.
+    /// Without absorption, the mean weight is one after any number of particles, and the mean cosine is gⁿ
+    /// after n particles, for all guiding and splitting. Splitting more than halves the variance.
     #[test]
     fn walks_count_for_one_however_they_part() {
         let (_, guide, _) = milk();
@@ -410,18 +407,18 @@ mod tests {
         assert!(variances[1] < 0.5 * variances[0], "{variances:?}");
     }
 
-    /// After hundreds of particles they still do, which few walks show where all events are guided.
+    /// The mean weight is one after hundreds of particles, which guiding in all events fails to show.
     #[test]
     fn long_walks_count_for_one() {
         let (_, guide, _) = milk();
         let ([(mean, error), _], _) = means(4000, 200, Parting::All, &guide);
         println!("{mean} +- {error}");
-        // Guided all the way: 0.50 +- 0.13.
+        // With guiding in all events: 0.50 +- 0.13.
         assert!(error < 0.08, "{mean} +- {error}");
         assert!((mean - 1.0).abs() < 5.0 * error, "{mean} +- {error}");
     }
 
-    /// A lineage that is followed leads over the same points.
+    /// Following a lineage leads over the same vertices.
     #[test]
     fn lineages_are_found_again() {
         let (scene, guide, end) = milk();

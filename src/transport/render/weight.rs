@@ -1,45 +1,46 @@
-//! Weights of multiple importance sampling among the strategies that can make a path (Veach 1997, sect. 10.2).
+//! Multiple importance sampling weights of the strategies for a path (Veach 1997, sect. 10.2).
 //!
-//! A path of k points besides its two ends can be made by a walk of s points from the light and one of t from the camera,
-//! s + t = k + 2 (both ends counted), whose last points are connected. With p the density of a strategy and n the number
-//! of times that it is tried, the power heuristic weighs it by (n p)² / Σ (n' p')². Ratios of densities are products along
-//! the path: where the camera takes point i over from the light, p changes by its density from the camera over that from
-//! the light.
+//! A path with k inner vertices can be sampled by connecting the last vertices of a light subpath with s
+//! vertices and a camera subpath with t vertices. Both ends are counted, so s + t = k + 2. With density p of
+//! a strategy and number of samples n, the power heuristic gives it the weight (n p)² / Σ (n' p')². Ratios of
+//! densities are products along the path: if the camera subpath samples vertex i instead of the light
+//! subpath, p changes by the ratio of the vertex's densities from the camera and from the light.
 //!
-//! That heuristic takes strategies for independent of each other. Connections inside a medium are not: two walks of hundreds of particles
-//! come near each other or they do not, and if they do all of their many connections bring something at once. On a path with m
-//! particles each connection of two walks thus counts as a try in m (Grittmann, Georgiev & Slusallek 2021, "Correlation-aware
-//! multiple importance sampling for bidirectional rendering algorithms", in its simplest form): all together they weigh as much as one.
+//! The heuristic assumes independent strategies, but connections inside a medium are correlated: two subpaths
+//! with hundreds of particles either come near each other or do not, and if they do, many of their
+//! connections contribute. On a path with m particles, each connection of two subpaths therefore counts as
+//! 1/m of a sample, so that together they weigh as much as one. This is the simplest form of Grittmann,
+//! Georgiev & Slusallek 2021, "Correlation-aware multiple importance sampling for bidirectional rendering
+//! algorithms".
 
 use crate::strategy::{Strategies, Strategy};
 
-/// A point of a path, from one of its ends.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Densities {
-    /// With which the walk from this end makes it, and with which the other walk would.
+    /// Densities with which the subpath from this end and the other subpath sample the vertex.
     pub own: f32,
     pub other: f32,
-    /// False if it scatters light into a single direction, so that lines cannot end there.
+    /// False if it scatters light into a single direction, so that no connection can end at it.
     pub connects: bool,
-    /// In a medium.
+    /// True for a scattering event in a medium.
     pub particle: bool,
 }
 
-/// How often strategies are tried.
+/// Number of samples that each strategy takes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tries {
-    /// Walks from the light per connection: the chance that one starts at the emitter in question.
+    /// Light subpaths per connection: the probability that one starts at the emitter in question.
     pub light: f32,
-    /// Walks from the light per camera pixel and sample, all of which are connected to the camera's pinhole.
+    /// Light subpaths per camera pixel and sample, all of which are connected to the camera's pinhole.
     pub splats: f32,
-    /// The share of samples in which walks from both ends are connected.
+    /// Fraction of samples in which subpaths from both ends are connected.
     pub connections: f32,
     pub strategies: Strategies,
 }
 
 impl Tries {
-    /// Of the strategy with `s` points from the light and `t` from the camera, on a path with so many particles. An emitter alone is
-    /// connected to always.
+    /// Returns the number of samples of the strategy with `s` light vertices and `t` camera vertices on a
+    /// path with `particles` particles. Next-event estimation is always done.
     #[inline]
     fn of(self, s: usize, t: usize, particles: usize) -> f64 {
         let strategy = match (s, t) {
@@ -60,8 +61,7 @@ impl Tries {
     }
 }
 
-/// Weight of the strategy that makes `light` from the light and `camera` from the camera, both from their ends on, which
-/// are included.
+/// Returns the weight of the strategy with subpaths `light` and `camera`, which start with their ends.
 #[inline]
 pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: Tries) -> f32 {
     let (s, t) = (light.len(), camera.len());
@@ -71,7 +71,7 @@ pub(super) fn power_heuristic(light: &[Densities], camera: &[Densities], tries: 
     for (walk, is_light) in [(camera, false), (light, true)] {
         let mut ratio = 1.0;
         for i in (1..walk.len()).rev() {
-            // Point i and all beyond go over to the other walk.
+            // The other subpath samples vertex i and all vertices after it.
             ratio *= f64::from(walk[i].other) / f64::from(walk[i].own);
             if walk[i].connects && walk[i - 1].connects {
                 let (s, t) = if is_light { (i, s + t - i) } else { (s + t - i, i) };
@@ -88,14 +88,14 @@ mod tests {
     use super::*;
     use optics::sampling::stream::Stream;
 
-    /// Over all strategies that can make a path, weights sum to one.
+    /// Over all strategies that can sample a path, weights sum to one.
     #[test]
     fn weights_sum_to_one() {
         let mut stream = Stream::new(3, 0, 0);
         for _ in 0..2000 {
             let inner = 1 + (stream.uniform() * 7.0) as usize;
             let draw = |stream: &mut Stream| (6.0 * (stream.uniform() - 0.5)).exp();
-            // Densities from the light and from the camera; both ends connect, and none of them is a particle.
+            // Densities from the light and from the camera. Both ends connect, and neither is a particle.
             let points: Vec<(f32, f32, bool, bool)> = (0..inner + 2)
                 .map(|i| {
                     let ends = i == 0 || i == inner + 1;

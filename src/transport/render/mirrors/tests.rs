@@ -1,4 +1,4 @@
-//! Where ways over mirrors are looked for.
+//! Tests of the initial guesses for paths over mirrors.
 
 use super::*;
 use crate::geometry::builder::GeometryBuilder;
@@ -18,7 +18,6 @@ const WHITE: u32 = 0;
 const GOLD: u32 = 1;
 const MATT: u32 = 2;
 
-/// Things to put into a scene.
 enum Shape {
     Rectangle(u32, [[f32; 3]; 3]),
     Ball(f32, f32),
@@ -76,7 +75,7 @@ fn mirrors(shapes: &[Shape]) -> Mirrors {
     Mirrors::new(&geometry.build(), &materials)
 }
 
-/// Pieces of one plane are one mirror, whichever side they face; what scatters or is rough is none.
+/// Parts of one plane form one mirror, whichever side they face; diffuse and rough surfaces are not mirrors.
 #[test]
 fn a_plane_is_one_mirror() {
     let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
@@ -93,7 +92,7 @@ fn a_plane_is_one_mirror() {
     assert_eq!(wide, 1);
 }
 
-/// The way over a flat mirror has equal angles; there is none to the other side, or beside the mirror.
+/// The path over a flat mirror has equal angles. There is none to the other side, nor outside the mirror.
 #[test]
 fn flat_ways_are_images() {
     let all = [rectangle(
@@ -117,7 +116,7 @@ fn flat_ways_are_images() {
     assert!(ways([-0.3, 0.2, 1.0], [9.0, 0.2, 1.0]).is_empty());
 }
 
-/// Two mirrors at a right angle: the light may take both, in one order from most places.
+/// Two mirrors at a right angle: light may take both, in one order from most points.
 #[test]
 fn pairs_are_images_of_images() {
     let all = [
@@ -131,7 +130,7 @@ fn pairs_are_images_of_images() {
         if let [p, q] = seeds {
             pairs += 1;
             let [p, q] = [p.point, q.point];
-            // Each reflection turns about its mirror's normal.
+            // Each reflection mirrors the direction about the normal.
             for (before, after, at) in [((p - a), (q - p), p), ((q - p), (b - q), q)] {
                 let n = if at.z.abs() < 1e-6 { Vec3A::Z } else { Vec3A::X };
                 let (before, after) = (before.normalize(), after.normalize());
@@ -142,7 +141,7 @@ fn pairs_are_images_of_images() {
     assert_eq!(pairs, 1);
 }
 
-/// Random points lie on curved mirrors, each surface by its area.
+/// Random points lie on curved mirrors, with probabilities proportional to area.
 #[test]
 fn seeds_cover_curved_mirrors() {
     let mirrors = mirrors(&[Shape::Ball(0.0, 1.0), Shape::Ball(4.0, 0.5)]);

@@ -1,4 +1,4 @@
-//! How the paths of a camera pixel begin.
+//! Starts the paths of a camera pixel.
 
 use super::{BATCH, Path, Paths};
 use crate::geometry::many;
@@ -13,7 +13,7 @@ use optics::sampling::stream::{Group, Stream};
 use std::ops::Range;
 
 impl Paths {
-    /// Begins a path for each of the samples; returns the numbers of their pyramids in the camera's view.
+    /// Starts a path for each sample. Returns the index of each path's cell in the camera's view.
     #[inline(always)]
     pub(super) fn start(
         &mut self,
@@ -35,7 +35,7 @@ impl Paths {
         }
         let dirs = camera.directions(&at);
         let (ones, lanes) = (scene.wavelengths.ones(), scene.lanes());
-        // Written in place, since paths are large.
+        // Written in place because paths are large.
         self.paths.resize_with(BATCH, Path::default);
         for (n, (path, stream)) in self.paths.iter_mut().zip(streams).enumerate() {
             let (state, dir) = (&mut path.state, many::get(&dirs, n));
