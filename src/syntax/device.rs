@@ -28,7 +28,7 @@ pub struct PinholeFile {
     /// Focal length in pixels along y. Default: fx.
     pub fy: Option<Located<f64>>,
     /// Principal point along x in continuous pixels: the first pixel covers 0..1, so this is OpenCV's value
-    /// plus 0.5.
+    /// plus 0.5. Default: the image centre.
     pub cx: Option<f64>,
     /// Principal point along y in continuous pixels, as cx.
     pub cy: Option<f64>,
