@@ -31,7 +31,6 @@ pub(super) struct Data<'a> {
     elements: BTreeMap<usize, Elements>,
 }
 
-/// Decodes one number of an accessor.
 type Decode<T> = fn(ComponentType, bool, &[u8]) -> T;
 
 impl<'a> Data<'a> {
@@ -235,7 +234,6 @@ impl<'a> Data<'a> {
     }
 }
 
-/// Returns the compression extension of a view.
 fn compression(view: &View) -> Option<(&'static str, &Value)> {
     let extensions = &view.extensions.as_ref()?.others;
     MESHOPT

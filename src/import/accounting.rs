@@ -7,10 +7,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde_json::{Value, json};
 
-/// Number of files per format.
 const FILES: u64 = 250;
 
-/// Returns a word that no format uses.
 fn word(rng: &mut Pcg64Mcg) -> String {
     let letters: String = (0..6)
         .map(|_| char::from(rng.random_range(b'a'..=b'z')))

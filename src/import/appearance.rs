@@ -6,15 +6,11 @@ use transport::material::texture::{Filter, Wrap};
 /// A material of a mesh file; colours are linear.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Appearance {
-    /// Name by which parts refer to it.
     pub name: String,
-    /// Model that defines the parameters.
     pub model: Model,
     /// Albedo of the base, or reflectance of a metal at normal incidence: red, green, blue.
     pub base: [f64; 3],
-    /// An image that multiplies `base`.
     pub image: Option<Picture>,
-    /// A dielectric coat over the base.
     pub coat: Option<Coat>,
     /// Share of metal, 0..1.
     pub metallic: f64,
@@ -25,7 +21,6 @@ pub struct Appearance {
     pub metallic_roughness: Option<Picture>,
     /// Reflectance of a mirror blended with the base: red, green, blue.
     pub mirror: [f64; 3],
-    /// Refractive index of glass.
     pub ior: f64,
     /// Share of light that is transmitted instead of reaching the base, 0..1.
     pub transmission: f64,
@@ -35,7 +30,6 @@ pub struct Appearance {
     pub opacity: f64,
     /// An image that multiplies `opacity`.
     pub opacity_image: Option<(Picture, Opacity)>,
-    /// A normal map and its strength.
     pub normals: Option<(Picture, f64)>,
     /// Keys that are not used, by their names in the file's format.
     pub unused: Vec<String>,
@@ -52,7 +46,6 @@ pub enum Model {
     Mtl,
 }
 
-/// A dielectric coat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coat {
     pub ior: f64,
@@ -63,27 +56,21 @@ pub struct Coat {
 /// Part of an image that is opacity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Opacity {
-    /// First channel.
     First,
-    /// Alpha channel.
     Alpha,
     /// 1 where the alpha channel (times the factor) is at least this value, otherwise 0.
     Cut(f64),
 }
 
-/// An image of a mesh file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     pub source: Source,
     /// Map from Sunstone's texture coordinates to the image.
     pub uv: Option<UvRows>,
-    /// Continuation beyond the image's edges.
     pub wrap: Wrap,
-    /// Interpolation between texels.
     pub filter: Filter,
 }
 
-/// Location of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Source {
     /// A file, relative to the mesh file.
@@ -112,7 +99,6 @@ impl Appearance {
         plain == *self && values && self.unused.iter().all(|u| u == "Ka")
     }
 
-    /// Returns all images of the material.
     pub fn pictures(&mut self) -> impl Iterator<Item = &mut Picture> {
         [
             self.image.as_mut(),

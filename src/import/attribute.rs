@@ -17,7 +17,6 @@ pub struct Corners {
     pub coloured: bool,
 }
 
-/// The requested attribute.
 #[derive(Clone, Copy)]
 pub(super) enum Wanted<'a> {
     Vertex(&'a str),

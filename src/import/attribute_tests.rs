@@ -44,7 +44,6 @@ fn values_stay_with_their_triangles() {
     assert!(vertices.coloured && vertices.values[0][0][1..] == [0.1, 0.2]);
 }
 
-/// Mitsuba's column names.
 #[test]
 fn columns_are_found_by_their_names() {
     let of = |[a, b, c]: [&str; 3]| format!("property float {a}\nproperty float {b}\nproperty float {c}\n");

@@ -1,4 +1,4 @@
-//! Tests of closed meshes: whether they are closed, their orientation, and whether points are inside.
+//! Checks of closed meshes: whether they are closed, their orientation, and whether points are inside.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -26,7 +26,6 @@ impl Inside {
         Self { triangles, low, high }
     }
 
-    /// Returns the lowest and the highest coordinates.
     #[must_use]
     pub fn bounds(&self) -> (DVec3, DVec3) {
         (self.low, self.high)

@@ -18,7 +18,6 @@ pub enum Kind {
     Linear,
 }
 
-/// The mesh of the curves of a file.
 #[derive(Clone, Debug)]
 pub struct Tubes {
     /// Triangles that face outward, with normals and Mitsuba's texture coordinates.
@@ -29,11 +28,9 @@ pub struct Tubes {
     pub deviation: f64,
 }
 
-/// Maximum number of triangles.
 const MOST: usize = 4_000_000;
 /// Corners of a cross-section; the first value that satisfies [`MOST`] is used.
 const SIDES: [u32; 3] = [24, 12, 6];
-/// Maximum number of pieces per segment.
 const PIECES: f64 = 64.0;
 /// Tolerances for another piece: chord distance relative to the radius, and rotation of the tangent in
 /// radians.
@@ -128,7 +125,6 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
 #[derive(Clone, Copy)]
 struct Ring {
     center: DVec3,
-    /// Unit vector.
     tangent: DVec3,
     radius: f64,
     v: f64,

@@ -85,7 +85,6 @@ pub(super) fn decode<'a>(
     Ok(out)
 }
 
-/// Returns the Draco extension of a primitive.
 fn extension(primitive: &Primitive) -> Option<&Value> {
     primitive.extensions.as_ref()?.others.get(DRACO)
 }

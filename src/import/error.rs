@@ -6,52 +6,33 @@ use transport::geometry::mesh::MeshError;
 /// An import error. It prints as one line: `file:line: problem; fix`.
 #[derive(Debug)]
 pub struct ImportError {
-    /// The file, if known.
     pub file: Option<PathBuf>,
     /// Line number from 1 in text formats, if known.
     pub line: Option<usize>,
     pub problem: ImportProblem,
 }
 
-/// Kind of import error.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportProblem {
     /// The file, or a file that it refers to, cannot be read.
     #[error("{what} cannot be read ({cause}); check that it exists and may be read")]
-    Read {
-        /// Description of the file.
-        what: String,
-        cause: std::io::Error,
-    },
+    Read { what: String, cause: std::io::Error },
     /// The extension is not a known mesh format.
     #[error("the extension {0:?} is not a known mesh format; use .obj, .ply, .gltf, .glb or .serialized")]
     Extension(String),
-    /// The file is empty.
     #[error("the file is empty; export it again")]
     EmptyFile,
-    /// The file is invalid.
     #[error("{what}; {fix}")]
-    Malformed {
-        /// Description of the error.
-        what: String,
-        /// How to fix it.
-        fix: &'static str,
-    },
+    Malformed { what: String, fix: &'static str },
     /// The file is valid but uses an unsupported feature.
     #[error("{what}; {fix}")]
-    Unsupported {
-        /// Description of the feature.
-        what: String,
-        /// How to fix it.
-        fix: &'static str,
-    },
+    Unsupported { what: String, fix: &'static str },
     /// The file is valid but has no triangle with an area.
     #[error("there are no triangles in it{notes}; {fix}")]
     NoArea {
         /// Contents that were omitted, each after a semicolon.
         notes: String,
-        /// How to fix it.
         fix: &'static str,
     },
     /// A mesh in the file is invalid.
@@ -111,7 +92,6 @@ impl ImportError {
 
 const FIX: &str = "export the file again, with an exporter that passes the glTF validator";
 
-/// Returns the error for an invalid glTF file.
 pub(super) fn broken(what: impl Into<String>) -> ImportError {
     ImportError::malformed(what, FIX)
 }

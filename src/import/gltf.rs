@@ -236,7 +236,6 @@ impl Importer<'_> {
         self.place(mesh, name, &local, &maps)
     }
 
-    /// Returns the primitives of a mesh.
     fn read(&mut self, mesh: usize, pose: &Pose) -> Result<Vec<Local>, ImportError> {
         let is_default = pose.weights.is_none() && pose.joints.is_none();
         if let Some(Some(known)) = self.primitives.get(mesh).filter(|_| is_default) {

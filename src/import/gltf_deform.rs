@@ -51,7 +51,6 @@ fn affine(m: &[f32; 16]) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(4), column(8)), column(12))
 }
 
-/// Adds the weighted displacements of morph targets.
 pub(super) fn morph(data: &Data, p: &Primitive, weights: &[f32], mesh: &mut Mesh) -> Result<(), ImportError> {
     for (target, &weight) in p.targets.iter().flatten().zip(weights) {
         if weight == 0.0 {

@@ -59,7 +59,6 @@ const METALLIC_ROUGHNESS: &[&str] = &[
     "metallicRoughnessTexture",
 ];
 
-/// Supported extensions of materials.
 const EXTENSIONS: &[&str] = &[
     "KHR_materials_ior",
     "KHR_materials_transmission",
@@ -68,7 +67,6 @@ const EXTENSIONS: &[&str] = &[
     "KHR_materials_unlit",
 ];
 
-/// Returns three factors.
 fn colour(value: &Value, missing: f64) -> [f64; 3] {
     [0, 1, 2].map(|i| number(&value[i], missing).clamp(0.0, 1.0))
 }
@@ -191,7 +189,6 @@ impl File<'_> {
         out
     }
 
-    /// Returns the image of a texture reference.
     fn picture(&self, info: &Value, what: &str, unused: &mut Vec<String>) -> Option<Picture> {
         let texture = &self.root["textures"][usize::try_from(info["index"].as_u64()?).ok()?];
         let transform = &info["extensions"]["KHR_texture_transform"];

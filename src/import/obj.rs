@@ -199,7 +199,6 @@ struct Reader<'a> {
     object: Object,
     /// For each position the latest vertex of the object there, or [`NONE`].
     newest: Vec<u32>,
-    /// Whether a smoothing group is active.
     smooth: bool,
     lacking: Lacking,
     /// Unused keywords: number of lines, and the first line.

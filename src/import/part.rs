@@ -20,7 +20,6 @@ pub struct MeshPart {
     pub corners: Corners,
 }
 
-/// The contents of a mesh file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     pub parts: Vec<MeshPart>,

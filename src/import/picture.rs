@@ -24,7 +24,6 @@ pub enum Channels {
     Colours,
     /// Linear red, green and blue.
     LinearColours,
-    /// Numbers.
     Numbers,
     /// The luminance of colours, for numbers.
     Luminance,
@@ -72,7 +71,6 @@ pub fn decode(name: &str, bytes: &[u8], layer: Option<&str>) -> Result<Pixels, P
     whole_numbers(name, bytes)
 }
 
-/// Decodes the formats of the `image` crate.
 fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     const FORMATS: &str = "use a PNG, JPEG, OpenEXR, Radiance HDR, PFM, BMP, TGA, PNM or GIF file";
     let is_tga = || {

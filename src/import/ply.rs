@@ -129,7 +129,6 @@ fn located(what: String, header: &Header, body: &Body, bytes: &[u8]) -> ImportEr
     }
 }
 
-/// Polygons in sequence.
 #[derive(Default)]
 struct Polygons {
     corners: Vec<u32>,
@@ -144,7 +143,6 @@ struct File<'a> {
     wanted: Option<Wanted<'a>>,
     /// Attribute value of each vertex or face.
     attribute: Vec<[f32; 3]>,
-    /// Whether the attribute has three columns.
     coloured: bool,
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,

@@ -99,7 +99,6 @@ impl<'a> Body<'a> {
         Ok(float(self.take(kind.size())?, kind, big))
     }
 
-    /// Reads an integer.
     pub fn integer(&mut self, kind: Kind) -> Result<i64, String> {
         let value = if self.format == Format::Ascii {
             let word = self.word()?;
@@ -143,7 +142,6 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
-    /// Reads the length of a list.
     pub fn count(&mut self, kind: Kind) -> Result<usize, String> {
         let count = self.integer(kind)?;
         usize::try_from(count).map_err(|_| format!("a list has the length {count}"))
@@ -243,7 +241,6 @@ pub(super) fn index(corner: i64) -> Result<u32, String> {
     u32::try_from(corner).map_err(|_| format!("a face uses vertex {corner}"))
 }
 
-/// Decodes a number of the given type.
 #[inline]
 fn float(bytes: &[u8], kind: Kind, big: bool) -> f32 {
     match kind {

@@ -3,7 +3,6 @@
 use super::error::ImportError;
 use super::notes::Notes;
 
-/// Encoding of the rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
     Ascii,
@@ -38,7 +37,6 @@ impl Kind {
         })
     }
 
-    /// Returns the size of a number in bytes.
     pub fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -68,7 +66,6 @@ pub(super) struct Element {
 pub(super) struct Header {
     pub format: Format,
     pub elements: Vec<Element>,
-    /// Offset of the first row.
     pub body: usize,
 }
 

@@ -13,7 +13,6 @@ const MOST_CORNERS: usize = 1 << 14;
 /// Area relative to the square of the polygon's extent below which it is considered rounding error.
 const FLAT: f64 = 1e-12;
 
-/// Result of a triangulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cut {
     /// The triangles cover the polygon exactly.
@@ -25,10 +24,8 @@ pub(super) enum Cut {
     TooLarge,
 }
 
-/// The note for [`Cut::Crossing`].
 pub(super) const CROSSING: &str = "a polygon's outline crosses itself: its triangles cover it only roughly";
 
-/// The error for [`Cut::TooLarge`].
 pub(super) fn too_large(corners: usize) -> ImportError {
     ImportError::unsupported(
         format!("a concave polygon has {corners} corners"),
@@ -136,7 +133,6 @@ mod tests {
             .sum()
     }
 
-    /// Returns the sum of unsigned areas.
     fn covered(points: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
         triangles.iter().map(|t| area_of(points, &[*t]).length()).sum()
     }

@@ -19,7 +19,6 @@ pub enum Normals {
     Smooth,
 }
 
-/// The surface of a grid.
 #[derive(Clone, Debug)]
 pub struct Surface {
     /// Triangles in the cube [0, 1]³ that face toward increasing distance. Texture coordinates are constant,
@@ -32,7 +31,6 @@ pub struct Surface {
 /// Constant texture coordinate. Mitsuba's is 0, where squares of a checkerboard meet; this one is inside of
 /// Mitsuba's square.
 const UV: Vec2 = Vec2::splat(1e-6);
-/// Maximum number of triangles.
 const MOST: usize = 4_000_000;
 /// Sufficient deviation in cell sizes, and maximum number of subdivisions per axis.
 const NEAR: f64 = 0.02;
@@ -181,7 +179,6 @@ impl Grid<'_> {
         Some(out)
     }
 
-    /// Adds the triangles of a cell.
     fn cell(
         &self,
         cell: [usize; 3],

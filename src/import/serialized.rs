@@ -85,7 +85,6 @@ fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> 
         .ok_or_else(|| ImportError::malformed(format!("mesh {number} begins behind the file's end"), FIX))
 }
 
-/// The decompressed bytes of a mesh.
 struct Stream<'a>(ZlibDecoder<&'a [u8]>);
 
 impl Stream<'_> {
@@ -142,7 +141,6 @@ impl Stream<'_> {
             .collect())
     }
 
-    /// Reads a string of this many bytes.
     fn text(&mut self, count: u32) -> Result<String, ImportError> {
         Ok(String::from_utf8_lossy(&self.bytes(count.into())?).into_owned())
     }

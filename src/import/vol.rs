@@ -3,14 +3,12 @@
 use super::error::{ImportError, ImportProblem};
 
 const FIX: &str = "write the grid again, as Mitsuba's VolumeGrid does";
-/// Size of the header in bytes.
 const HEAD: usize = 48;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vol {
     /// Number of points along x, y and z.
     pub size: [usize; 3],
-    /// Numbers per point.
     pub channels: usize,
     /// Bounding box: lowest and highest x, y, z.
     pub bbox: [[f32; 3]; 2],

@@ -234,7 +234,6 @@ impl SceneBuilder {
         self
     }
 
-    /// Sets the number of samples per camera pixel.
     #[must_use]
     pub fn spp(mut self, spp: u32) -> Self {
         self.file.render.spp = spp.into();
@@ -248,7 +247,6 @@ impl SceneBuilder {
         self
     }
 
-    /// Sets the kind of paths to trace.
     #[must_use]
     pub fn integrator(mut self, integrator: Integrator) -> Self {
         self.file.render.integrator = integrator;

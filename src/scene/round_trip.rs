@@ -21,7 +21,6 @@ use transport::material::polarizer::Passes;
 use transport::material::texture::{Filter, Wrap};
 use transport::scene::{Integrator, Scene};
 
-/// Finds scene files below a folder.
 fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).expect("a folder") {
         let path = entry.expect("an entry").path();
@@ -36,7 +35,6 @@ fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Returns the debug text of a scene's tables.
 fn tables(s: &Scene) -> String {
     let materials = (&s.materials.list, &s.materials.textures.images, &s.boundaries);
     let light = (&s.points, &s.environment, &s.lights);

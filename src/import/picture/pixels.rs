@@ -1,6 +1,5 @@
 //! A decoded image file, and decoding errors.
 
-/// Maximum number of pixels of an image.
 const MOST_PIXELS: usize = 1 << 28;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -9,7 +8,6 @@ pub struct Pixels {
     pub height: usize,
     /// Three channels, top row first; integers as 0..1. A single channel is repeated; alpha is dropped.
     pub values: Vec<[f32; 3]>,
-    /// Whether colours are sRGB-encoded.
     pub encoded: bool,
     /// Rows of the matrix from the channels to linear ITU-R BT.709 red, green and blue; `None` if they are
     /// these already.
@@ -18,11 +16,9 @@ pub struct Pixels {
     pub notes: Vec<String>,
 }
 
-/// Decoding error.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PictureError {
     pub message: String,
-    /// How to fix it.
     pub help: String,
 }
 

@@ -7,7 +7,6 @@ use glam::{DMat3, DVec3};
 /// Chromaticities (x, y) of red, green, blue and white.
 pub(super) type Primaries = [[f64; 2]; 4];
 
-/// ITU-R BT.709, white D65.
 pub(super) const BT709: Primaries = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06], [0.3127, 0.329]];
 
 /// Returns the matrix from red, green and blue to XYZ, where white has Y = 1; `None` if the primaries span no
@@ -42,7 +41,6 @@ pub(super) fn conversion(is_xyz: bool, given: Option<Primaries>) -> Result<Optio
 /// Error: the primaries are collinear.
 pub(super) struct NoGamut;
 
-/// Returns whether the primaries are those of BT.709.
 fn is_bt709(primaries: &Primaries) -> bool {
     let pairs = primaries.iter().flatten().zip(BT709.iter().flatten());
     pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() < 1e-6

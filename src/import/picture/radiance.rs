@@ -126,7 +126,6 @@ fn header(rest: &mut &[u8]) -> Result<Header, PictureError> {
     }
 }
 
-/// Order of the pixels.
 struct Layout {
     width: usize,
     height: usize,

@@ -18,7 +18,6 @@ use syntax::material::{
 use syntax::texture::{AlbedoFile, ImageAlbedo, ScalarFile};
 use syntax::values::SpectrumFile;
 
-/// Smallest roughness α.
 const SMOOTH: f64 = 0.001;
 
 /// Materials created for one material of a file.
@@ -33,7 +32,6 @@ pub(super) struct Table<'a> {
 /// A linear colour, or three numbers.
 type Texel = [f32; 3];
 
-/// A decoded image.
 struct Texels {
     size: [u32; 2],
     values: Vec<Texel>,
@@ -258,7 +256,6 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// Returns the share of metal.
     fn metallic(&mut self, a: &Appearance) -> ScalarFile {
         let factor = a.metallic as f32;
         match &a.metallic_roughness {
@@ -352,7 +349,6 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// Returns the maximum of each channel.
     fn brightest(&mut self, picture: &Picture) -> [f32; 3] {
         let Some(texels) = self.texels(picture, true) else {
             return [1.0; 3];

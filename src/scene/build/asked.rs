@@ -3,7 +3,6 @@
 use base::locate::Located;
 use std::collections::BTreeMap;
 
-/// A mesh attribute that a material uses.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Asked {
     pub name: Located<String>,
@@ -17,9 +16,7 @@ pub(crate) struct Asked {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Uses {
     pub asked: Option<Asked>,
-    /// Whether it uses images or checkerboards.
     pub images: bool,
-    /// Whether it uses a bump map.
     pub heights: bool,
 }
 
@@ -35,22 +32,18 @@ pub(crate) struct Attributes {
 }
 
 impl Attributes {
-    /// Returns the attribute that a material uses.
     pub fn of(&self, material: u32) -> Option<&Asked> {
         self.of_material.get(&material)?.asked.as_ref()
     }
 
-    /// Records an image or a checkerboard of the material being built.
     pub fn has_image(&mut self) {
         self.open.images = true;
     }
 
-    /// Records a bump map of the material being built.
     pub fn has_heights(&mut self) {
         self.open.heights = true;
     }
 
-    /// Returns whether a material has a bump map.
     pub fn heights(&self, material: u32) -> bool {
         self.of_material.get(&material).is_some_and(|uses| uses.heights)
     }

@@ -83,7 +83,6 @@ pub fn from_file(path: &Path, text: &str, file: &SceneFile) -> Result<Scene, Inp
     build(&mut ctx, file)
 }
 
-/// Builds a scene from a parsed file.
 pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     match with_gaps(ctx, file)? {
         (_, Some(fault)) if file.render.gaps == GapsFile::Refuse => Err(fault),

@@ -15,7 +15,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntax::values::SpectrumFile;
 
-/// State while a file is built.
 pub(crate) struct Context {
     pub file: PathBuf,
     pub text: Arc<str>,
@@ -25,7 +24,6 @@ pub(crate) struct Context {
     pub memory: BTreeMap<String, Vec<u8>>,
     /// Names of in-memory files derived from other files; they are not files of the scene.
     pub made: BTreeSet<String>,
-    /// Wavelengths to build for.
     pub wavelengths: Wavelengths,
     /// Wavelengths to which lists in the file refer. They differ from `wavelengths` only if a material file
     /// is built for others.
@@ -33,7 +31,6 @@ pub(crate) struct Context {
     pub hash: Sha256,
     /// Sentences about contents that are not used and about corrections.
     pub notes: Vec<String>,
-    /// Mesh attributes that materials use.
     pub attributes: Attributes,
     /// Names of files that were read.
     pub files: RefCell<BTreeSet<String>>,
@@ -79,7 +76,6 @@ impl Context {
         Self { memory, ..self }
     }
 
-    /// Returns an error at a location, with its fix.
     pub fn error(
         &self,
         span: Range<usize>,
@@ -111,7 +107,6 @@ impl Context {
         }
     }
 
-    /// Returns the path of a file that the scene names.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }

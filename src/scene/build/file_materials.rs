@@ -67,7 +67,6 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
     Ok(out)
 }
 
-/// Materials of a mesh file.
 struct Found {
     list: Vec<Appearance>,
     /// Names of materials that parts use.

@@ -112,7 +112,6 @@ pub(crate) struct Lens {
     pub(crate) fix: &'static str,
 }
 
-/// Returns the distortion of a device.
 pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputError> {
     let spans = [
         p.distortion.as_ref().map(Located::span),

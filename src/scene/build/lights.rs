@@ -90,7 +90,6 @@ pub(crate) fn slides(
     Ok(())
 }
 
-/// Returns the image of a spot.
 fn spot_slide(
     ctx: &mut Context,
     images: &mut Images,
@@ -148,7 +147,6 @@ fn slide(
     })
 }
 
-/// Reads a projected image.
 fn projected(
     ctx: &mut Context,
     images: &mut Images,
@@ -159,7 +157,6 @@ fn projected(
     textures::radiances(ctx, images, textures, image)
 }
 
-/// Returns a unit vector.
 fn direction(ctx: &Context, v: [f64; 3], at: Range<usize>, what: &str) -> Result<Vec3A, InputError> {
     vector(ctx, v, at.clone(), what)?.try_normalize().ok_or_else(|| {
         ctx.error(

@@ -30,11 +30,9 @@ use transport::material::{
     plastic, rough_conductor, rough_crystal, rough_dielectric, thin_dielectric, two_sided, varies,
 };
 
-/// A built material file.
 pub struct MaterialSet {
     /// Wavelengths for which it was built.
     pub wavelengths: Wavelengths,
-    /// All materials with their images and tables.
     pub materials: Materials,
     /// Index of each material by name.
     pub names: BTreeMap<String, u32>,
@@ -108,12 +106,9 @@ struct Builder<'c, 'a> {
     open: Vec<&'a str>,
 }
 
-/// All materials of a file.
 pub(crate) struct Built<'a> {
     pub table: Materials,
-    /// Material indices by name.
     pub names: BTreeMap<&'a str, u32>,
-    /// Images that have been read.
     pub images: Images,
 }
 

@@ -21,11 +21,9 @@ use transport::medium::rayleigh::{LARGEST_DEPOLARIZATION, Rayleigh};
 use transport::medium::size_distribution::SizeDistribution;
 use transport::medium::{Media, presets, water};
 
-/// A built media file.
 pub struct MediumSet {
     /// Wavelengths for which it was built.
     pub wavelengths: Wavelengths,
-    /// All media with their tables.
     pub media: Media,
     /// Index of each medium by name.
     pub names: BTreeMap<String, u32>,
@@ -108,7 +106,6 @@ const LARGEST_COEFFICIENT: f64 = 1e9;
 /// Media, the index of each by name, and bulk properties per medium and wavelength.
 type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
 
-/// Builds all media.
 pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>, InputError> {
     let (mut media, mut names, mut bulk) = (Media::default(), BTreeMap::new(), vec![]);
     for (name, file) in files {
@@ -150,7 +147,6 @@ fn optics(ctx: &Context, m: &Located<MediumFile>) -> Result<Optics, InputError> 
     }
 }
 
-/// Valid range of a mean cosine.
 const COSINES: RangeInclusive<f64> = -LARGEST_G..=LARGEST_G;
 
 fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, InputError> {

@@ -248,7 +248,6 @@ fn sheet_axis(
     }
 }
 
-/// Returns a unit vector.
 fn direction(ctx: &Context, axis: &Located<[f64; 3]>) -> Result<Vec3A, InputError> {
     DVec3::from_array(**axis)
         .try_normalize()

@@ -22,7 +22,6 @@ use transport::geometry::quadric::{Quadric, QuadricKind};
 #[derive(Clone)]
 pub(crate) struct Placed {
     pub form: Form,
-    /// Index of its material.
     pub material: u32,
     /// Whether front and back are exchanged.
     pub flipped: bool,
@@ -32,11 +31,8 @@ pub(crate) struct Placed {
 #[derive(Clone)]
 pub(crate) enum Form {
     Quadric(QuadricKind, DAffine3),
-    /// [`Mesh::rectangle`].
     Rectangle(DAffine3),
-    /// [`Mesh::cube`].
     Cube(DAffine3),
-    /// A mesh in world space.
     Mesh(Mesh),
 }
 
@@ -47,7 +43,6 @@ pub(crate) enum Solid {
 }
 
 impl Placed {
-    /// Converts the shape to a renderer primitive.
     pub(crate) fn solid(self, ctx: &Context, object: &Located<ObjectFile>) -> Result<Solid, InputError> {
         let mut mesh = match self.form {
             Form::Quadric(kind, map) => {
@@ -70,7 +65,6 @@ impl Placed {
 }
 
 impl Solid {
-    /// Adds the primitive to the geometry.
     pub(crate) fn add(self, material: u32, geometry: &mut GeometryBuilder) {
         match self {
             Self::Quadric(quadric) => geometry.quadric(quadric),
@@ -79,7 +73,6 @@ impl Solid {
     }
 }
 
-/// Returns the shapes of an object.
 pub(crate) fn place(
     ctx: &mut Context,
     object: &Located<ObjectFile>,
@@ -335,7 +328,6 @@ fn load(
     Ok(model.parts)
 }
 
-/// Transforms a mesh to world space.
 pub(crate) fn moved(
     ctx: &Context,
     mut mesh: Mesh,
@@ -360,7 +352,6 @@ pub(crate) fn moved(
     Ok(mesh)
 }
 
-/// Checks a radius.
 fn sized(ctx: &Context, radius: f64, span: Range<usize>) -> Result<(), InputError> {
     // 0 and infinity are reported later, for any shape.
     if radius >= 0.0 {
@@ -394,7 +385,6 @@ fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     )
 }
 
-/// Returns the affine map of a transform.
 pub(crate) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, InputError> {
     if let Some(m) = t.matrix {
         if t.scale.is_some()

@@ -13,7 +13,6 @@ use tensor::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorS
 use transport::device::pinhole::Pinhole;
 use transport::device::projector::Projector;
 
-/// Names that the store reserves.
 const RESERVED: [&str; 2] = ["samples", "zarr.json"];
 
 /// Maximum number of elements of a slice: 2^40 keeps every index exact and is 4 TiB of f32.
@@ -28,7 +27,6 @@ const LEAST_BIN: f64 = 1e-12;
 /// Maximum projector size with epipolar slices, which need 24 bytes per pixel: 2^24 pixels is 4096 × 4096.
 const MAX_EPIPOLAR_PIXELS: u64 = 1 << 24;
 
-/// Builds all slices of the file.
 pub(crate) fn build(
     ctx: &mut Context,
     file: &SceneFile,

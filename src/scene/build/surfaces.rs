@@ -21,7 +21,6 @@ use transport::names::Names;
 /// Maximum number of copies; more are assumed to be a mistake.
 const MOST_COPIES: usize = 1 << 26;
 
-/// The geometry built so far.
 pub(crate) struct Surfaces<'a> {
     pub geometry: GeometryBuilder,
     pub materials: &'a mut Materials,
@@ -114,7 +113,6 @@ impl<'a> Surfaces<'a> {
         volumes::overlaps(ctx, &volumes)
     }
 
-    /// Adds groups and their instances.
     pub fn instances(
         &mut self,
         ctx: &mut Context,
@@ -161,7 +159,6 @@ impl<'a> Surfaces<'a> {
     }
 }
 
-/// Returns the index of a group by name.
 pub(crate) fn group_number<T: Copy>(
     ctx: &Context,
     name: &Located<String>,

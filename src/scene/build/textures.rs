@@ -104,7 +104,6 @@ pub(super) fn spectrum(
     })
 }
 
-/// Adds a note about texels with a reflectance above 1.
 fn note_reflectance_above_one(
     ctx: &mut Context,
     textures: &Textures,
@@ -193,7 +192,6 @@ pub(super) fn sky(
     Ok((size, textures.texels))
 }
 
-/// Reads the image of a bump map.
 pub(super) fn heights(
     ctx: &mut Context,
     images: &mut Images,
@@ -220,7 +218,6 @@ fn numbers(file: &ImageAlbedo) -> Channels {
     }
 }
 
-/// Reads the image of a normal map.
 pub(super) fn normals(
     ctx: &mut Context,
     images: &mut Images,
@@ -241,7 +238,6 @@ pub(super) fn normals(
     image(ctx, images, textures, &file, Channels::Numbers)
 }
 
-/// Returns the map of texture coordinates.
 fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMap, InputError> {
     let Some(rows) = uv else {
         return Ok(SAME);

@@ -18,11 +18,9 @@ pub(crate) struct Volume<'a> {
     inside: Inside,
     low: DVec3,
     high: DVec3,
-    /// Points on its surface.
     points: Vec<DVec3>,
 }
 
-/// Inside test.
 enum Inside {
     /// Sphere, or cylinder with caps.
     Quadric(Box<Quadric>),

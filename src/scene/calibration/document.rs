@@ -12,7 +12,6 @@ const LARGEST: u64 = 64 << 20;
 
 const FIX: &str = "give a calibration as .yaml, .yml, .json or .npz";
 
-/// A parsed file.
 pub(super) struct Document {
     pub(super) file: PathBuf,
     /// The text, or empty for binary files.
@@ -40,7 +39,6 @@ impl Document {
         Self::parse(path, bytes)
     }
 
-    /// Parses a file's bytes.
     pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, InputError> {
         let extension = path
             .extension()

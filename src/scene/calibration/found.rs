@@ -32,7 +32,6 @@ impl Default for Options {
     }
 }
 
-/// Result of a reader.
 pub(super) struct Found {
     /// OpenCV's camera matrix, with OpenCV's pixel centres.
     pub(super) matrix: [[f64; 3]; 3],

@@ -142,7 +142,6 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
     Ok(Calibration { device, notes })
 }
 
-/// Checks that the device is valid in a scene.
 fn check(document: &Document, device: &PinholeFile) -> Result<(), InputError> {
     let wavelengths = Located::nowhere(vec![550.0]);
     let ctx = Context::new(&document.file, "", &wavelengths)?;
@@ -151,7 +150,6 @@ fn check(document: &Document, device: &PinholeFile) -> Result<(), InputError> {
         .map_err(|e| InputError { span: None, ..e })
 }
 
-/// A table of a scene file.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Table<'a> {

@@ -25,7 +25,6 @@ fn plain(name: &str) -> String {
 }
 
 impl<'a> Node<'a> {
-    /// Returns the root of a document.
     pub(super) fn root(document: &'a Document) -> Self {
         Self {
             document,
@@ -34,7 +33,6 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// Returns an error located at this value.
     pub(super) fn error(&self, message: &str, help: &str) -> InputError {
         self.document.error(&self.keys, message, help)
     }
@@ -144,7 +142,6 @@ impl<'a> Node<'a> {
         })
     }
 
-    /// Returns a matrix as rows.
     pub(super) fn matrix<const N: usize>(&self) -> Result<[[f64; N]; N], InputError> {
         let array = self.array()?;
         let square = array.shape == [N, N] || array.values.len() == N * N && array.shape.len() <= 1;

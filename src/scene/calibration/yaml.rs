@@ -3,7 +3,6 @@
 use saphyr_parser::{Event, Parser, ScalarStyle};
 use serde_json::{Map, Number, Value};
 
-/// Maximum nesting depth of lists and tables.
 const DEEPEST: usize = 32;
 
 /// A list or table that is being parsed.

@@ -14,7 +14,6 @@ use std::path::Path;
 /// Parameters that Sunstone uses even if the file does not.
 const RESERVED: [&str; 2] = [WAVELENGTHS, PROJECTOR_RESOLUTION];
 
-/// A parsed scene.
 pub(super) struct Document {
     pub source: Source,
     pub scene: Node,
@@ -22,9 +21,7 @@ pub(super) struct Document {
     pub parameters: BTreeMap<String, String>,
     /// Additional names of ids.
     pub aliases: Vec<Alias>,
-    /// Search folders for files.
     pub folders: Folders,
-    /// Notes about how the text was read.
     pub notes: Vec<String>,
 }
 

@@ -46,7 +46,6 @@ use transport::scene::Settings;
 /// A scene in Mitsuba's format.
 #[derive(Clone, Debug)]
 pub struct Export {
-    /// The text of `scene.xml`.
     pub xml: String,
     /// Names and contents of the files that it refers to.
     pub files: Vec<(String, Contents)>,
@@ -214,7 +213,6 @@ struct Shape<'a> {
     light: Option<AreaLight>,
 }
 
-/// Returns the shapes of objects.
 fn all_placed<'a>(
     ctx: &mut Context,
     objects: &'a [Located<ObjectFile>],

@@ -25,7 +25,6 @@ use transport::light::profile::Profile;
 use transport::light::sky::{Rows, Sky};
 use transport::material::texture::{Image, Textures};
 
-/// Converts emitters.
 pub(super) struct EmitterWriter<'a> {
     pub ctx: &'a Context,
     pub out: &'a mut Output,
@@ -176,7 +175,6 @@ impl EmitterWriter<'_> {
             .transform("to_world", &place))
     }
 
-    /// Converts the emission of a shape.
     pub fn area(
         &mut self,
         light: &AreaLight,

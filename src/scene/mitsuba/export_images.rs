@@ -51,7 +51,6 @@ impl Images<'_> {
         self.grey("heights", texture, true, |t| t[0])
     }
 
-    /// Writes the bitmap of a normal map.
     pub fn normals(self, texture: u32) -> Result<Element, InputError> {
         let ((w, h), texels) = texels(self.textures, texture);
         let pixels = texels
@@ -77,7 +76,6 @@ impl Images<'_> {
     }
 }
 
-/// Returns size and texels of an image.
 pub(super) fn texels(textures: &Textures, texture: u32) -> ((u32, u32), &[[f32; 4]]) {
     let image = &textures.images[texture as usize];
     let (first, count) = (image.first as usize, (image.width * image.height) as usize);

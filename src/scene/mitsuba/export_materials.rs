@@ -501,7 +501,6 @@ impl<'a> MaterialWriter<'a> {
             .grey(name, texture, false, |texel| encode(texel[0] * scale))
     }
 
-    /// Returns the image writer of a material.
     fn images(&mut self, id: u32) -> Images<'_> {
         Images {
             ctx: self.ctx,

@@ -20,7 +20,6 @@ pub(super) struct Output {
 }
 
 impl Output {
-    /// Adds a note, unless it exists already.
     pub fn note(&mut self, text: impl Into<String>) {
         let text = text.into();
         if !self.notes.contains(&text) {
@@ -115,7 +114,6 @@ pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Elemen
     out.child(upward)
 }
 
-/// Encodes a PNG file.
 pub(super) fn png(
     ctx: &Context,
     span: Range<usize>,

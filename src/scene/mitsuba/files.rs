@@ -12,16 +12,12 @@ pub enum Contents {
     CopyOf(PathBuf),
 }
 
-/// Error when writing a scene.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The folder is not empty.
     #[error("{0} exists and is not an empty folder; give another one, or --force to write into it")]
     Occupied(PathBuf),
-    /// The file exists.
     #[error("{0} exists; give another name, or --force to replace it")]
     Exists(PathBuf),
-    /// The file system reported an error.
     #[error("cannot write {0}: {1}")]
     Io(PathBuf, io::Error),
 }

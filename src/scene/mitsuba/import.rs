@@ -25,12 +25,10 @@ use syntax::values::{TimeBins, TimeFile};
 use transport::geometry::ray::Ray;
 use transport::scene::Scene;
 
-/// A converted scene.
 #[derive(Clone, Debug)]
 pub struct Import {
     /// The scene, which has been built once as a check. Its values are located in the XML.
     pub scene: SceneFile,
-    /// The text of the scene file.
     pub toml: String,
     /// Files required next to the scene file, for shapes that scene files do not have, by name.
     pub files: BTreeMap<String, Vec<u8>>,

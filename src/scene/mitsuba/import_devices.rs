@@ -19,7 +19,6 @@ const METRES_PER_PS: f64 = 299_792_458e-12;
 const FILTERED: &str = "pixels are means over their area (box filter): Mitsuba's reconstruction filter here reaches over \
     neighbouring pixels";
 
-/// A converted sensor.
 pub(super) struct Sensor {
     pub camera: PinholeFile,
     pub spp: Located<u32>,
@@ -319,7 +318,6 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     Ok(Film { size, window, time })
 }
 
-/// Path length limits.
 pub(super) struct Depth {
     pub max_depth: Located<u32>,
     pub rr_depth: u32,
@@ -452,7 +450,6 @@ pub(super) fn integrator<'a>(
     })
 }
 
-/// Reads the time-related properties of mitransient's integrators.
 fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     let source = importer.source;
     if node.boolean(source, "camera_unwarp")?.unwrap_or(false) {

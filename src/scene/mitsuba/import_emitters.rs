@@ -15,7 +15,6 @@ use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, Rows, Spot
 use syntax::texture::ImageAlbedo;
 use syntax::values::SpectrumFile;
 
-/// The emitters of a scene.
 #[derive(Default)]
 pub(super) struct Emitters {
     pub emitters: Vec<Located<EmitterFile>>,
@@ -29,7 +28,6 @@ impl Emitters {
     }
 }
 
-/// Adds an emitter or the projector.
 pub(super) fn add<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -305,7 +303,6 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
     Ok(Projected::Patterns(Box::new(projector)))
 }
 
-/// Returns a spectrum multiplied by a factor.
 fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
     // Irradiances are f32 in the scene; rounding here removes the rounding error of the factor.
     let times = |v: &f64| f64::from((v * factor) as f32);

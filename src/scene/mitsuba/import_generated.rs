@@ -11,7 +11,6 @@ use import::write_ply;
 use syntax::shape::MeshFile;
 use transport::geometry::mesh::Mesh;
 
-/// The supported shapes.
 pub(super) const KINDS: [&str; 3] = ["bsplinecurve", "linearcurve", "sdfgrid"];
 
 /// Returns name and bytes of a shape's file. The shape must not emit light or have `flip_normals`.

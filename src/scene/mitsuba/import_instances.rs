@@ -10,7 +10,6 @@ use glam::DAffine3;
 use std::collections::BTreeMap;
 use syntax::instance::{GroupFile, InstanceFile};
 
-/// The groups and instances so far.
 #[derive(Default)]
 pub(super) struct Groups<'a> {
     pub groups: BTreeMap<String, Located<GroupFile>>,
@@ -73,7 +72,6 @@ impl<'a> Groups<'a> {
         name
     }
 
-    /// Adds an `instance`.
     pub fn instance(
         &mut self,
         importer: &mut Importer<'a>,

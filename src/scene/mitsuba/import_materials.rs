@@ -23,7 +23,6 @@ use syntax::texture::{AlbedoFile, ImageAlbedo};
 use syntax::values::IndexFile;
 use transport::material::polarizer::Passes;
 
-/// All supported BSDFs.
 pub(super) const KNOWN: [&str; 19] = [
     "diffuse",
     "conductor",
@@ -60,7 +59,6 @@ const OPAQUE: [&str; 7] = [
 /// Converts BSDFs, each of them once.
 #[derive(Default)]
 pub(super) struct MaterialReader {
-    /// The materials so far.
     pub table: Table,
     /// Name of the material of a BSDF.
     done: BTreeMap<Key, String>,
@@ -79,10 +77,8 @@ struct Key {
     turned: bool,
 }
 
-/// A material by name.
 pub(super) struct Made {
     pub name: String,
-    /// Whether it uses an image.
     pub images: bool,
 }
 
@@ -164,7 +160,6 @@ impl MaterialReader {
         Ok(made)
     }
 
-    /// Creates the material of a BSDF.
     fn own<'a>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -503,7 +498,6 @@ fn one_way(importer: &Importer, node: &Node) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Locates a value at a plugin.
 fn at<T>(node: &Node, value: T) -> Located<T> {
     Located::at(node.span.clone(), value)
 }

@@ -23,7 +23,6 @@ pub(super) struct MediumReader {
 }
 
 impl MediumReader {
-    /// Returns the name of a medium.
     pub fn named<'a>(
         &mut self,
         importer: &mut Importer<'a>,

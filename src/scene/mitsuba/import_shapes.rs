@@ -245,7 +245,6 @@ fn round(map: &DAffine3, center: DVec3) -> DAffine3 {
     DAffine3::from_mat3_translation(even, map.transform_point3(center) - even * center)
 }
 
-/// Returns whether a mesh file has vertex normals.
 fn has_normals(importer: &Importer, node: &Node) -> Result<bool, InputError> {
     let model = model(importer, node)?.and_then(Result::ok);
     Ok(model.is_some_and(|model| model.parts.iter().any(|p| !p.mesh.normals.is_empty())))

@@ -17,7 +17,6 @@ pub(super) const SMOOTH: f64 = 0.001;
 pub(super) struct Coordinates {
     /// Whether Mitsuba's v is 1 minus Sunstone's. It flips v of OBJ files when it reads them.
     pub turned: bool,
-    /// Whether an image was found.
     pub images: bool,
 }
 
@@ -51,7 +50,6 @@ pub(super) struct Metal {
     pub metal: Option<Located<String>>,
     pub n: Option<Located<SpectrumFile>>,
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor of the reflected light.
     pub reflectance: Located<AlbedoFile>,
 }
 
@@ -371,7 +369,6 @@ fn checkerboard<'a>(
     })
 }
 
-/// Returns a number or an image.
 pub(super) fn scalar<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -403,7 +400,6 @@ pub(super) fn scalar<'a>(
     }
 }
 
-/// Returns a spectrum or a colour image.
 pub(super) fn albedo<'a>(
     importer: &Importer<'a>,
     node: &'a Node,

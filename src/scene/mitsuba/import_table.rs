@@ -6,7 +6,6 @@ use base::locate::Located;
 use std::collections::{BTreeMap, BTreeSet};
 use syntax::material::{MaterialFile, NullFile, TwoSidedFile};
 
-/// Materials by name.
 #[derive(Default)]
 pub(super) struct Table {
     pub materials: BTreeMap<String, Located<MaterialFile>>,

@@ -12,7 +12,6 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use syntax::values::{SpectrumFile, SpectrumTable};
 
-/// State shared by all parts of the import.
 pub(super) struct Importer<'a> {
     pub source: &'a Source,
     pub document: &'a Document,
@@ -25,7 +24,6 @@ pub(super) struct Importer<'a> {
     pub files: &'a BTreeMap<String, Vec<u8>>,
     /// Files that the import creates, by their names in the scene file.
     pub made: BTreeMap<String, Vec<u8>>,
-    /// Folder of the scene file.
     to: PathBuf,
     /// Name of the scene file without its extension.
     stem: String,
@@ -91,7 +89,6 @@ impl<'a> Importer<'a> {
         })
     }
 
-    /// Adds a note, unless it exists already.
     pub fn note(&mut self, text: impl Into<String>) {
         let text = text.into();
         if !self.notes.contains(&text) {
@@ -120,7 +117,6 @@ impl<'a> Importer<'a> {
             .into_owned()
     }
 
-    /// Reads the file that a node names.
     pub fn read(&self, node: &Node, name: &str) -> Result<Vec<u8>, InputError> {
         let from_disk = || base::input::read(&self.path(name));
         let bytes = self

@@ -13,7 +13,6 @@ use jsonc_parser::ast::{self, Value as Json};
 use jsonc_parser::common::Ranged;
 use std::ops::Range;
 
-/// Maximum nesting depth.
 const DEEPEST: usize = 32;
 
 /// Returns the `scene` plugin of a text.

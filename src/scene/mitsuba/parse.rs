@@ -3,7 +3,6 @@
 use super::source::Source;
 use base::locate::InputError;
 
-/// Maximum number of elements, attributes and texts of a file.
 const MOST_NODES: u32 = 4_000_000;
 
 /// Parses the elements of a file whose first byte has the offset `start`.

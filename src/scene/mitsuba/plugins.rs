@@ -1,6 +1,5 @@
 //! Categories of Mitsuba's plugins, which Python dictionaries omit.
 
-/// Returns the XML tag of a plugin.
 pub(super) fn tag(plugin: &str) -> Option<&'static str> {
     let found = PLUGINS.iter().find(|(_, names)| names.contains(&plugin));
     found.map(|(tag, _)| *tag)

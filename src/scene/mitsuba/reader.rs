@@ -13,7 +13,6 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Maximum nesting depth of elements.
 const DEEPEST: usize = 32;
 
 /// Maximum nesting depth of included files, as in Mitsuba.
@@ -122,11 +121,9 @@ pub(super) struct Reader<'s> {
     pub used: Vec<String>,
     /// Additional names of ids.
     pub aliases: Vec<Alias>,
-    /// Search folders for files.
     pub folders: Folders,
     /// Notes about contents that are read in an unexpected way.
     pub notes: Vec<String>,
-    /// Folder of the current file.
     folder: PathBuf,
     /// Whether the current file is of Mitsuba 0.x and is upgraded.
     old: bool,
@@ -149,7 +146,6 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Adds a note, unless it exists already.
     fn note(&mut self, text: &str) {
         if !self.notes.iter().any(|n| n == text) {
             self.notes.push(text.to_owned());
@@ -194,7 +190,6 @@ impl<'s> Reader<'s> {
         self.moved(range.start..end)
     }
 
-    /// Reads a plugin and its contents.
     pub fn plugin(&mut self, xml: &roxmltree::Node, depth: usize) -> Result<Node, InputError> {
         let span = self.start_tag(xml);
         if depth > DEEPEST {

@@ -26,7 +26,6 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// Creates a source with one file.
     pub fn new(file: &Path, text: &str) -> Self {
         let source = Self::default();
         source.add(file, text);
@@ -53,7 +52,6 @@ impl Source {
         )
     }
 
-    /// Returns an error at a location.
     pub fn error(&self, span: &Range<usize>, message: impl Into<String>, help: &str) -> InputError {
         let (file, text) = self.main();
         self.placed(InputError {
@@ -92,7 +90,6 @@ impl Source {
         }
     }
 
-    /// Returns whether an error was recorded.
     pub fn any_problem(&self) -> bool {
         !self.problems.borrow().is_empty()
     }

@@ -46,7 +46,6 @@ pub(super) struct Node {
     pub broken: bool,
 }
 
-/// A child of a plugin.
 #[derive(Debug)]
 pub(super) struct Child {
     pub what: Inside,
@@ -63,7 +62,6 @@ pub(super) enum Inside {
     },
 }
 
-/// Parses a finite number.
 pub(super) fn number(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|v: &f64| v.is_finite())
 }
@@ -85,7 +83,6 @@ pub(super) fn pairs(text: &str) -> Option<Vec<[f64; 2]>> {
 }
 
 impl Property {
-    /// Creates an unused property.
     pub fn new(name: String, value: Value, span: Range<usize>) -> Self {
         Self {
             name,
@@ -218,7 +215,6 @@ impl Node {
 }
 
 impl Child {
-    /// Creates an unused child.
     pub fn new(what: Inside) -> Self {
         Self {
             what,
@@ -226,13 +222,11 @@ impl Child {
         }
     }
 
-    /// Marks the child as used.
     pub fn take(&self) -> &Inside {
         self.used.set(true);
         &self.what
     }
 
-    /// Returns the name of the child in its parent.
     pub fn name(&self) -> Option<&str> {
         match &self.what {
             Inside::Node(node) => node.name.as_deref(),

@@ -31,7 +31,6 @@ impl Element {
         Self::new(tag).with("type", kind)
     }
 
-    /// Sets an attribute.
     pub fn with(mut self, key: &'static str, value: impl Into<String>) -> Self {
         let value = value.into();
         match self.attributes.iter_mut().find(|(known, _)| *known == key) {
@@ -90,7 +89,6 @@ impl Element {
         self.child(Self::new("transform").with("name", name).child(matrix))
     }
 
-    /// Returns the text of the document.
     pub fn document(&self) -> String {
         let mut out = String::from("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
         self.write(0, &mut out);
