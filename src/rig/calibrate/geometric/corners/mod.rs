@@ -1,4 +1,5 @@
-//! Corners of chessboards in images: saddles, refined by a model of what a corner looks like, joined to a grid.
+//! Detects chessboard corners in images: finds saddle points, refines them with a corner model, and joins
+//! them to a grid.
 
 pub mod grid;
 pub mod saddle;
