@@ -1,6 +1,6 @@
-//! Why frames do not calibrate a camera.
+//! Errors of a radiometric calibration.
 
-/// Why there is no calibration.
+/// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RadiometricError {
     /// No dark frames.
@@ -11,27 +11,26 @@ pub enum RadiometricError {
         "the stack of {exposure_s} s has {frames} frames; noise is told from two on, and well from sixteen"
     )]
     Frames {
-        /// Exposure of the stack.
+        /// Exposure of the stack in s.
         exposure_s: f64,
-        /// Its frames.
+        /// Number of frames in the stack.
         frames: u32,
     },
-    /// Frames are not of one sensor.
+    /// Frames differ in size.
     #[error("a frame has {found} pixels, the others {want}; give frames of the same region")]
     Size {
-        /// Pixels of the frame.
+        /// Number of pixels in the frame.
         found: usize,
-        /// Pixels of the others.
+        /// Number of pixels in the other frames.
         want: usize,
     },
-    /// A setting that no frame has.
+    /// An invalid setting.
     #[error("{what} is {value}; give {need}")]
     Setting {
-        /// What.
+        /// Name of the setting.
         what: &'static str,
-        /// Its value.
         value: f64,
-        /// What it should be.
+        /// Valid values.
         need: &'static str,
     },
     /// Frames without noise.
@@ -39,17 +38,17 @@ pub enum RadiometricError {
         "the frames at {exposure_s} s do not differ from one another: the noise is below a digital number (raise the gain), or one frame came several times"
     )]
     Constant {
-        /// Exposure of the stack.
+        /// Exposure of the stack in s.
         exposure_s: f64,
     },
-    /// No pixel is left.
+    /// All pixels are unusable.
     #[error("no pixel is left: {hot} are hot, {noisy} noisy, {stuck} stuck")]
     NoPixel {
-        /// Pixels with much dark signal.
+        /// Number of pixels with an outlying dark signal.
         hot: usize,
-        /// Pixels with much noise.
+        /// Number of pixels with outlying noise.
         noisy: usize,
-        /// Pixels that never change.
+        /// Number of pixels that never change.
         stuck: usize,
     },
 }
