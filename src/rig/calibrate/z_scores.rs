@@ -1,10 +1,9 @@
-//! Statistics of errors over stated standard errors from many repeats, to test whether a covariance is
-//! correct.
+//! Compares errors of many repeats with their stated standard errors, to test covariances.
 //!
 //! The mean square of n independent standard normals is χ²/n with n degrees of freedom, which has a standard
 //! deviation of √(2/n) around 1. Random fluctuation takes 64 values out of the range 0.8 to 1.25 once in six
 //! times, and 1024 values once in 100,000. The bounds are therefore those of χ² for the number of independent
-//! values (Wilson and Hilferty 1931), so that no test depends on a lucky seed.
+//! values (Wilson and Hilferty 1931). No test depends on its seeds.
 
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
@@ -16,8 +15,7 @@ const ENOUGH: f64 = 1000.0;
 /// Accepted fluctuation in standard deviations for fewer values: once in 100,000.
 const CHANCE: f64 = 4.4;
 
-/// Returns the number of repeats of a statistical test with seeds 0, 1, 2, …: `SUNSTONE_REPEATS`, or
-/// `default`.
+/// Returns the number of repeats (seeds 0, 1, 2, …) of a statistical test: `SUNSTONE_REPEATS` or `default`.
 pub fn repeats(default: u32) -> u32 {
     std::env::var("SUNSTONE_REPEATS").map_or(default, |n| n.parse().expect("SUNSTONE_REPEATS is a number"))
 }
@@ -54,8 +52,7 @@ impl ZScores {
         }
     }
 
-    /// Adds correlated errors of one repeat, whitened by their covariance to the same number of independent
-    /// values.
+    /// Adds correlated errors of one repeat, whitened by their covariance to independent values.
     pub fn add_whitened(&mut self, class: &str, errors: &DVector<f64>, covariance: &DMatrix<f64>) {
         let scale = covariance.diagonal().map(|v| v.sqrt().recip());
         let d = DMatrix::from_diagonal(&scale);
@@ -89,8 +86,7 @@ impl ZScores {
     }
 }
 
-/// Returns the deviation from 1 of a mean of squares of `n` independent standard normals, in standard
-/// deviations.
+/// Returns by how many standard deviations the mean square of `n` standard normals differs from 1.
 fn deviations(mean: f64, n: f64) -> f64 {
     (mean.cbrt() - 1.0 + 2.0 / (9.0 * n)) / (2.0 / (9.0 * n)).sqrt()
 }

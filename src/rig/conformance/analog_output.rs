@@ -1,4 +1,4 @@
-//! Checks of an analog output: it outputs only what was written, and it loses no buffer.
+//! Checks of an analog output: it outputs exactly the written buffers.
 
 use super::{LONG, Report, SHORT, common, fails, good, want};
 use crate::instrument::{AnalogOutput, AnalogSettings, Fault};

@@ -136,8 +136,8 @@ impl Header {
         }
     }
 
-    /// Returns a number of any type: integer, flags, float, or boolean (1 or 0). Programs disagree on the
-    /// types of tags.
+    /// Returns an integer, flags, float or boolean (1 or 0) as a number. Programs disagree on the types of
+    /// tags.
     #[must_use]
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.get(name)? {
@@ -158,8 +158,7 @@ impl Header {
         }
     }
 
-    /// Returns the duration of one count of `dtime` (T3) or of the time tag (T2) in seconds, if it is present
-    /// and positive.
+    /// Returns the duration of a count of `dtime` (T3) or of the time tag (T2) in seconds, if positive.
     #[must_use]
     pub fn resolution_s(&self, mode: Mode) -> Option<f64> {
         let name = match mode {
@@ -169,8 +168,7 @@ impl Header {
         self.number(name).filter(|s| s.is_finite() && *s > 0.0)
     }
 
-    /// Returns the duration of one count of the time tag in seconds, if it is present and positive. In T3 it
-    /// is the laser's period.
+    /// Returns the duration of a count of the time tag in seconds, if positive; in T3 the laser's period.
     #[must_use]
     pub fn global_resolution_s(&self) -> Option<f64> {
         self.resolution_s(Mode::T2)

@@ -104,8 +104,7 @@ impl LeftOut {
         self.channels + self.pixels + self.before_sync + self.later + self.torn_frame
     }
 
-    /// Returns a text with the number of each kind, or an empty text. `resolution_s` is the duration of a
-    /// count.
+    /// Returns a text with the nonzero counts by kind. `resolution_s` is the duration of a count.
     #[must_use]
     pub fn describe(&self, resolution_s: Option<f64>) -> String {
         let latest = match resolution_s {
@@ -139,8 +138,7 @@ pub struct Histograms {
     pub photons: u64,
     /// Photons outside the histogram.
     pub left_out: LeftOut,
-    /// Pixels (of a scan by pixels) or lines (of a scan by lines) that begin after the last one of their
-    /// frame.
+    /// Pixels (scan by pixels) or lines (scan by lines) that begin after the last one of their frame.
     pub beyond: u64,
     /// Pixels or lines that are missing in the last frame.
     pub missing: usize,

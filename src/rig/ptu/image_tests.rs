@@ -29,8 +29,8 @@ fn markers_make_pixels() {
             clock,
         }),
     };
-    // A frame; a photon before its pixels; pixels 0 and 1; a photon between them; a frame; pixels 0, 1, 2, 3
-    // and an excess one.
+    // A frame; a photon before its pixels; pixels 0, 1; a photon between; a frame; pixels 0 to 3 and an
+    // excess one.
     let events = [
         marker(0, 4),
         photon(1, 0),
@@ -109,8 +109,7 @@ fn marker(time: u64, bits: u8) -> Event {
     Event::Marker { time, bits }
 }
 
-/// Returns the header of an image of 3 columns and 4 rows, with 100 pulses of 100 ns per pixel. `other` tags
-/// replace the defaults.
+/// Returns the header of an image of 3 × 4 pixels of 100 pulses (100 ns each), modified by `other` tags.
 fn image_header(other: &[(&str, Value)]) -> Header {
     let own = [
         ("MeasDesc_GlobalResolution", Value::Float(1e-7)),
@@ -141,8 +140,7 @@ fn plan(bins: usize, scan: Option<Scan>) -> Plan {
     }
 }
 
-/// Rows that run backwards are reversed, both by line markers and by pixel markers. The tag may be a boolean
-/// or a number.
+/// Backward rows are reversed, by line markers and by pixel markers. The tag may be a boolean or number.
 #[test]
 fn rows_that_run_backwards_are_turned_around() {
     for (tag, back) in [

@@ -54,8 +54,8 @@ const IMAGE: [&str; 18] = [
     "ReqHdr_ScanningPattern",
 ];
 
-/// Returns one note for each header tag that may change the meaning of the records and that a histogram
-/// ignores or uses in one of two meanings.
+/// Returns a note for each header tag that may change the meaning of the records and that a histogram ignores
+/// or interprets ambiguously.
 #[must_use]
 pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
     let mut notes = vec![];

@@ -10,8 +10,7 @@ use std::path::{Path, PathBuf};
 /// Records per block.
 const BLOCK: usize = 1 << 16;
 
-/// The difference between the record count of the header and that of the file. The file was truncated or
-/// extended.
+/// Difference between the record counts of header and file, which was truncated or extended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
     /// Number of records in the header.
@@ -54,8 +53,7 @@ impl Reader<BufReader<File>> {
     /// Opens a regular file and reads its header.
     ///
     /// # Errors
-    /// [`PtuError`] if the file does not exist, is no `.ptu` file, has a damaged tag, or has records of an
-    /// unknown type.
+    /// [`PtuError`] if the file is missing, no `.ptu` file, damaged, or has records of an unknown type.
     pub fn open(path: &Path) -> Result<Self, PtuError> {
         let failed = |e| PtuError::io(path, 0, &e);
         let file = base::input::open(path).map_err(failed)?;

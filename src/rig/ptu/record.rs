@@ -300,8 +300,7 @@ macro_rules! with_layout {
 }
 pub(super) use with_layout;
 
-/// A decoded record. Times include overflows and count from the begin of the measurement: sync pulses in T3,
-/// clock counts in T2.
+/// A decoded record. Times since the begin, including overflows, count sync pulses (T3) or clock counts (T2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     Photon {

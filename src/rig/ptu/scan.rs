@@ -5,20 +5,17 @@ use super::header::Header;
 /// Motion of the beam along a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
-    /// Duration of a pixel in counts of the time tag (in T3: sync pulses). With [`Self::sine`] it is the mean
-    /// over a line.
+    /// Duration of a pixel in counts of the time tag (in T3: sync pulses); with [`Self::sine`], the mean.
     pub pixel_time: u64,
-    /// Fraction of a sine's amplitude that a line covers, in (0, 1], or `None` if all pixels have equal
-    /// durations.
+    /// Fraction of a sine's amplitude that a line covers, in (0, 1]; `None` for equal durations.
     ///
-    /// The beam position follows `ptufile`'s `sinusoidal_correction` (`ImgHdr_SinCorrection` as a percentage
-    /// of the amplitude).
+    /// The position follows `sinusoidal_correction` of `ptufile` (`ImgHdr_SinCorrection`: amplitude in
+    /// percent).
     pub sine: Option<f64>,
 }
 
 impl Sweep {
-    /// Returns the first time count, from the begin of the line, at which the beam is in column `x` of
-    /// `width`.
+    /// Returns the first time count since the begin of the line in column `x` of `width`.
     fn edge(&self, x: u64, width: u64) -> u64 {
         let line = self.pixel_time.saturating_mul(width);
         let Some(sine) = self.sine.filter(|_| x > 0 && x < width) else {
@@ -30,8 +27,7 @@ impl Sweep {
         (0.5 * line as f64 * (1.0 + phase) - 1e-6).ceil() as u64
     }
 
-    /// Returns the column at a time since the begin of the line, and its time range. Returns `None` after the
-    /// last pixel.
+    /// Returns the column at a time since the begin of the line, and its time range; `None` after the line.
     fn column(&self, since: u64, width: u64) -> Option<(u64, [u64; 2])> {
         let line = self.pixel_time.saturating_mul(width);
         if since >= line {

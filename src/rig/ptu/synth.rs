@@ -2,8 +2,8 @@
 //!
 //! A diode that is rearmed at each pulse detects at most one photon per pulse, and all pulses are equivalent.
 //! Given the counts of all bins, every assignment to distinct pulses is equally likely. A random assignment
-//! of the counts of [`Spad::count`] therefore has exactly the distribution of a loop over pulses, but its
-//! cost is proportional to the detections.
+//! of the counts of [`Spad::count`] therefore has exactly the distribution of a loop over pulses. Its cost is
+//! proportional to the detections.
 //!
 //! The dead time of a free-running diode correlates neighboring detections. Its counts are assigned to pulses
 //! independently, which preserves histograms but not this correlation.
@@ -62,8 +62,7 @@ pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Ve
     stamps
 }
 
-/// Returns `n` distinct numbers below `below` in ascending order. All sets are equally likely. `below` must
-/// be at least `n`.
+/// Returns `n` ≤ `below` distinct numbers below `below` in ascending order. All sets are equally likely.
 fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
     if n.saturating_mul(2) > below {
         // Selection sampling (Knuth, algorithm S).
@@ -86,8 +85,7 @@ fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
     numbers
 }
 
-/// Returns the time stamps of one dwell of a diode with the rates of [`Spad::rates`]. Bins are those of its
-/// period.
+/// Returns the time stamps of one dwell with the rates of [`Spad::rates`]. Bins are those of the period.
 ///
 /// # Errors
 /// Those of [`Spad::count`].

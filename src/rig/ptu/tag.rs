@@ -52,8 +52,7 @@ pub(super) fn is_long(kind: u32) -> bool {
     matches!(kind, code::FLOATS | code::TEXT | code::WIDE | code::BLOB)
 }
 
-/// Windows-1252 characters from 0x80 to 0x9f. Five bytes have no character and map to the code point of the
-/// same value.
+/// Windows-1252 characters from 0x80 to 0x9f. Five undefined bytes map to the equal code points.
 const ANSI: [char; 32] = [
     '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}',
     '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',

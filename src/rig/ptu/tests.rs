@@ -1,5 +1,4 @@
-//! Tests of `.ptu` files: round trips, published record layouts, damaged files, scans, time stamps of a
-//! diode, and speed.
+//! Tests of `.ptu` files: round trips, record layouts, damaged files, scans, time stamps, speed.
 
 use super::error::PtuError;
 use super::header::{Header, MAGIC};
@@ -467,8 +466,7 @@ fn speed() {
     }
 }
 
-/// Each of 10,000 damaged, truncated or random files is either read to its end or rejected with a message,
-/// quickly.
+/// 10,000 damaged, truncated or random files are read to the end or rejected with a message, quickly.
 #[test]
 fn damaged_files_end_in_words_or_numbers() {
     let mut state = 7;
@@ -563,8 +561,7 @@ fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     (sum - used.len() as f64) / (2.0 * used.len() as f64).sqrt()
 }
 
-/// Histograms of a simulated diode's files match the theory of first detections, and no pulse has two
-/// detections.
+/// Histograms of a simulated diode match the theory of first detections. No pulse has two detections.
 #[test]
 fn stamps_are_those_of_a_diode() {
     let spad = Spad {

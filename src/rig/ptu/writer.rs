@@ -163,8 +163,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes a photon. `dtime` is for T3 only.
     ///
     /// # Errors
-    /// Errors of the system; of kind `InvalidInput` for a channel or `dtime` beyond the record type, and for
-    /// times that decrease.
+    /// Errors of the system; `InvalidInput` for an invalid channel or `dtime`, and for decreasing times.
     pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
         let family = self.record.family();
         let first = u8::from(family == Family::PicoT2);

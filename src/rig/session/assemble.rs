@@ -326,8 +326,7 @@ fn analog_galvo(
     AnalogGalvo::new(Box::new(card), world.clock(), wiring).map_err(|e| AssembleError(e.to_string()))
 }
 
-/// Opens a USB camera. Its size must equal that of the rig file, since a plan's frames cover the whole
-/// sensor.
+/// Opens a USB camera. Its size must equal that of the rig file, as frames cover the whole sensor.
 #[cfg(feature = "usb3_vision")]
 fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
     let camera = crate::driver::genicam::usb::open("camera", serial, limits.row_time);

@@ -45,8 +45,8 @@ impl Believed {
     /// the rig file. `sizes` are the pixel counts of the rig's camera and projector, if present.
     ///
     /// # Errors
-    /// [`InputError`] if a file is no calibration or has nothing for a rig, if a detector parameter is
-    /// invalid, or if the size of camera or projector differs from the rig's.
+    /// [`InputError`] if a file is no calibration, has nothing for a rig or an invalid detector parameter, or
+    /// if the size of a device differs from the rig's.
     pub(super) fn calibrated(
         self,
         rig: &Path,

@@ -39,7 +39,6 @@ pub struct Intensities {
     pub values: Vec<f32>,
     /// Variances of the intensities; infinite for unknown intensities.
     pub variances: Vec<f32>,
-    /// Rows, columns, time bins.
     pub layout: Layout,
     /// Start and width of the time bins, in ps.
     pub time: Option<(f64, f64)>,
@@ -263,8 +262,8 @@ impl Run {
         read.ok_or_else(|| self.damaged("`pulses`"))
     }
 
-    /// Returns the diode of a scan with the counter's bins and the mean number of pulses, or `None` for a
-    /// camera run.
+    /// Returns the diode of a scan with the counter's bins and mean number of pulses; `None` for a camera
+    /// run.
     ///
     /// # Errors
     /// [`ImageError`] if its stored parameters are damaged.
@@ -310,8 +309,7 @@ impl Run {
             for (x, counts) in counts.chunks_exact(bins).enumerate() {
                 let mut diode = spad.clone();
                 diode.pulses = pulses[n * width + x].max(1.0) as u64;
-                // Bins beyond the counter's window were not read. They do not affect the estimates of earlier
-                // bins.
+                // Bins beyond the counter's window were not read, and do not affect earlier bins.
                 let mut period: Vec<u64> = counts.iter().map(|c| u64::from(*c)).collect();
                 period.resize(diode.period_bins(), 0);
                 let found = diode
@@ -343,8 +341,7 @@ impl Run {
     }
 }
 
-/// Returns the scheme `given` with the angles that the encoders read, averaged over the frames of each
-/// capture.
+/// Returns the scheme `given` with the encoders' angles, averaged over the frames of each capture.
 fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme, String> {
     let captures = planned.captures();
     let frames = store.layout().frames();

@@ -152,8 +152,7 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     }
 }
 
-/// Returns `keep` of the records of the frames on disk: frames 0, 1, … without a gap, and the last record of
-/// each.
+/// Returns `keep` of the last record of each frame on disk: frames 0, 1, … without a gap.
 ///
 /// `keep` limits memory: a run can have half a million frames.
 ///

@@ -36,8 +36,7 @@ pub struct Shot {
 pub struct Mask {
     pub name: String,
     pub shots: Vec<Shot>,
-    /// For each camera pixel, rows from the top: index of its frame in `shots`, or `None` if it is on no
-    /// stripe.
+    /// For each camera pixel, rows from the top: index of its frame in `shots`; `None` on no stripe.
     pub shot_of: Vec<Option<u32>>,
 }
 
@@ -68,8 +67,7 @@ pub fn flat(name: &str, value: u8, projector: [u32; 2], camera: [u32; 2]) -> Mas
     }
 }
 
-/// Returns where a line of the projector plane crosses the middle column or, for `upright` pencils, the
-/// middle row.
+/// Returns where a projector line crosses the middle column or, for `upright` pencils, the middle row.
 fn crossing(line: &Vector3<f64>, upright: bool, size: [u32; 2]) -> f64 {
     let [w, h] = size.map(f64::from);
     if upright {
@@ -79,8 +77,7 @@ fn crossing(line: &Vector3<f64>, upright: bool, size: [u32; 2]) -> f64 {
     }
 }
 
-/// Returns the epipole in the projector, the intersection of all epipolar lines, in homogeneous coordinates:
-/// Fᵀ e' = 0.
+/// Returns the homogeneous epipole in the projector, where all epipolar lines meet: Fᵀ e' = 0.
 fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
     // It is orthogonal to the columns of F, two of which span the column space.
     let column = |i: usize| f.column(i).into_owned();
@@ -228,8 +225,7 @@ mod tests {
         assert_eq!(mask.shot_of, rest.shot_of);
     }
 
-    /// For any geometry, the stripe of a camera pixel illuminates its corresponding projector pixel at every
-    /// depth.
+    /// For any geometry and depth, a camera pixel's stripe contains the corresponding projector pixel.
     #[test]
     fn partners_are_in_the_same_stripe() {
         // Projector rotated and translated sideways and forward: F = K'⁻ᵀ [t]ₓ R K⁻¹.

@@ -23,7 +23,6 @@ pub struct MuellerImage {
     pub mean: Vec<f32>,
     /// Standard errors of the elements.
     pub errors: Vec<f32>,
-    /// Rows, columns, time bins.
     pub layout: Layout,
     /// Start and width of the time bins, in ps.
     pub time: Option<(f64, f64)>,
@@ -46,7 +45,7 @@ impl Run {
     /// Reconstructs the Mueller matrices of one mask.
     ///
     /// Weights are inverse variances. A camera's variances come from its readings. A diode's come from a
-    /// first, unweighted estimate, because a bin without counts has no estimate of its own variance.
+    /// first, unweighted estimate, because a bin without counts has no variance estimate.
     ///
     /// # Errors
     /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few captures.

@@ -1,5 +1,4 @@
-//! Data of a run for calibrating its own detector: histograms of a plane for a photon counter, dark and lit
-//! frames for a camera.
+//! Calibration data of a run's own detector: histograms of a plane (counter), dark and lit frames (camera).
 
 use super::image::{ImageError, Run};
 use crate::calibrate::radiometric::stack::Stack;
@@ -26,8 +25,7 @@ pub struct Histograms {
 }
 
 impl Histograms {
-    /// Returns the histograms of a plane perpendicular to the middle of the scan, `metres` from the mirrors'
-    /// pivot.
+    /// Returns the histograms of a plane perpendicular to the scan's axis, `metres` from the mirrors' pivot.
     #[must_use]
     pub fn of_plane(&self, metres: f64) -> Vec<Capture<'_>> {
         let all = self.counts.iter().zip(&self.pulses).enumerate();
@@ -108,8 +106,7 @@ impl Run {
         })
     }
 
-    /// Returns the dark and the lit frames of a camera, one stack per exposure. The irradiance of lit frames
-    /// is 1.
+    /// Returns the dark and lit frames of a camera, a stack per exposure. Lit frames have irradiance 1.
     ///
     /// # Errors
     /// [`ImageError`] if the run is a scan, has no masks `dark` and `full`, has captures with different

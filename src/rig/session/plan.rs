@@ -406,8 +406,7 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
 }
 
 impl Plan {
-    /// Returns the lengths of the run's axes: captures, shots and exposures, or captures, rows and columns of
-    /// scan points.
+    /// Returns the lengths of the run's axes: captures, shots, exposures; or captures, rows, columns.
     #[must_use]
     pub fn run_shape(&self) -> [u64; 3] {
         let captures = self.scheme.captures() as u64;

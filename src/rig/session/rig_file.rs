@@ -340,8 +340,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     })
 }
 
-/// Returns the library and settings of a TimeHarp 260, if the counter is one. An error has a message and a
-/// fix.
+/// Returns library and settings of a TimeHarp 260, if the counter is one; or a message and a fix.
 fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'static str)> {
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {

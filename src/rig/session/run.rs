@@ -194,7 +194,7 @@ impl Session<'_> {
         Ok(self.frame(step))
     }
 
-    /// Prepares what holds for the whole run: homes the stages, loads the patterns, switches on the light.
+    /// Prepares the run: homes the stages, loads the patterns, switches on the light.
     fn prepare(&mut self) -> Result<(), Failure> {
         if self.ready {
             return Ok(());

@@ -259,8 +259,7 @@ fn settings(work: &CameraWork, region: Region, exposure: usize) -> CameraSetting
     }
 }
 
-/// Returns the direction of a scan point, in optical degrees in x and y: through the center of a pinhole
-/// camera's pixel.
+/// Returns the direction of a scan point, through a pinhole camera's pixel center: optical degrees in x, y.
 #[must_use]
 pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
     let size = work.points.map(|n| n as usize);

@@ -30,8 +30,7 @@ pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 pub struct Tags {
     /// Number of laser pulses.
     pub pulses: u64,
-    /// Pulse since the start of the dwell (43 bits), time since the pulse in bins (15 bits), channel (6
-    /// bits).
+    /// Pulse since the start of the dwell (43 bits), time since it in bins (15 bits), channel (6 bits).
     photons: Vec<u64>,
 }
 

@@ -71,8 +71,7 @@ pub struct Recovered {
     tags: Vec<Tags>,
 }
 
-/// Compares a store with its journal, from the first frame. The first frame whose checksum differs ends the
-/// intact part.
+/// Compares a store with its journal. The first frame with a different checksum ends the intact part.
 ///
 /// # Errors
 /// An error if the journal cannot be read.
@@ -146,8 +145,7 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
             good = n + 1;
         }
         if good < sound + per {
-            // This includes a full chunk whose file is lost but whose log is intact: the chunk is rebuilt
-            // from the log.
+            // A full chunk whose file is lost but whose log is intact is rebuilt from the log.
             (part, tags, sound) = (kept, kept_tags, good);
             break;
         }

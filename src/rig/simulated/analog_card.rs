@@ -1,7 +1,6 @@
 //! A simulated analog output card.
 //!
-//! It rounds each output to its bit depth, holds it for one sample period, and drives the load at its
-//! terminals.
+//! It rounds each output to its bit depth, keeps it for one sample period, and drives its terminals.
 
 use super::faults::Mishap;
 use super::world::Shared;
@@ -58,8 +57,7 @@ impl SimulatedCard {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Returns the time from the start to the begin of a sample. For the sample count it is the end of the
-    /// last sample.
+    /// Returns the time from the start to the begin of a sample, or to the end of the last sample.
     fn time_of(&self, sample: usize) -> Duration {
         let rate = self.settings.as_ref().map_or(1.0, |s| s.rate_hz);
         Duration::from_secs_f64(sample as f64 / rate)

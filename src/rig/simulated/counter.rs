@@ -52,8 +52,7 @@ impl SimulatedCounter {
     }
 }
 
-/// Returns the radiance per bin of the counter at the galvo's present direction, and the index of that scan
-/// point.
+/// Returns the radiance per bin of the counter in the galvo's direction, and the scan point's index.
 fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32), String> {
     let sets = w.sets();
     let [ax, ay] = w.pointing_deg.map(|a| a.to_radians().tan());

@@ -247,8 +247,7 @@ impl PlayedTensor {
         Ok(Light::Stokes(&self.lit))
     }
 
-    /// Contracts the tensor with a pattern, caches the image and evicts the oldest images if the cache is
-    /// full.
+    /// Contracts the tensor with a pattern and caches the image. Evicts the oldest images if necessary.
     fn keep(&mut self, pattern: &[f32]) -> usize {
         let boxes = self.projector[0] * self.projector[1];
         let size = self.camera[0] * self.camera[1] * ELEMENTS;

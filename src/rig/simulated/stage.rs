@@ -1,5 +1,4 @@
-//! A simulated rotation stage with a trapezoidal velocity profile, backlash, a finite encoder resolution and
-//! a zero to be homed.
+//! A simulated rotation stage with trapezoidal velocity, backlash, finite encoder resolution and homing.
 //!
 //! Backlash: the axle lags the encoder by half of the play, opposite to the direction of the last move. If
 //! all moves approach from the same side, the error is a constant, which calibration finds.

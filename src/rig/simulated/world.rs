@@ -227,8 +227,7 @@ impl Shared {
 }
 
 impl World {
-    /// Returns the true setting of every element: the angle of its stage's axle, or the setting fixed by the
-    /// optics.
+    /// Returns the true setting of every element: its stage's axle angle, or the setting of the optics.
     #[must_use]
     pub fn sets(&self) -> [Vec<Set>; 2] {
         let mut sets = self.bench.optics.sets(0);

@@ -53,8 +53,7 @@ impl Board {
 
     /// Returns the positions of the corners row by row, in meters.
     ///
-    /// The first corner is the origin. x is along the columns, y along the rows, and z points away from a
-    /// viewer of the front.
+    /// The first corner is the origin, x is along the columns, y along the rows, z away from the viewer.
     #[must_use]
     pub fn points(&self) -> Vec<Vector3<f64>> {
         let at = |i: usize| Vector3::new((i % self.columns) as f64, (i / self.columns) as f64, 0.0);

@@ -1,10 +1,9 @@
 //! Bundle adjustment (Triggs et al. 2000): Levenberg–Marquardt over all parameters, with the poses of the
 //! views eliminated by the Schur complement.
 //!
-//! The projector coordinate q of a corner is measured through the camera. If the corner is measured with an
-//! error δ, then q has the error Jδ, where J is the local map from camera to projector pixels. The projector
-//! residual is therefore q + J(ĉ - c) - q̂. The camera's error cancels in it, and both residuals are
-//! independent.
+//! The projector coordinate q of a corner is measured through the camera. An error δ of the measured corner
+//! causes the error Jδ of q, where J maps camera to projector pixels locally. The projector residual is
+//! therefore q + J(ĉ - c) - q̂. The camera's error cancels in it, so both residuals are independent.
 
 use super::device::{Device, Seen};
 use super::pose::{Pose, cross};
@@ -71,8 +70,7 @@ impl State {
         self.free + if self.devices.len() > 1 { 6 } else { 0 }
     }
 
-    /// Returns measured minus predicted pixels of a corner for both devices, or `None` if it is behind a
-    /// device.
+    /// Returns measured minus predicted pixels of a corner for both devices; `None` behind a device.
     #[must_use]
     pub fn residual(&self, view: usize, corner: &Corner) -> Option<Residual> {
         let x = self.poses[view].apply(corner.board);
@@ -129,8 +127,7 @@ impl State {
         if sum.is_nan() { f64::INFINITY } else { sum }
     }
 
-    /// Returns the Jacobian and the residuals of a view, each divided by its standard deviation, and the
-    /// cost.
+    /// Returns the Jacobian and the residuals of a view, divided by their standard deviations, and the cost.
     ///
     /// The columns are the shared parameters, then the six pose parameters of the view. Returns `None` if a
     /// corner is behind a device.

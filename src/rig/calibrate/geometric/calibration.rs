@@ -77,15 +77,14 @@ pub struct Quality {
     /// Standard errors of the projector's parameters by name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub projector_errors: Option<BTreeMap<String, f64>>,
-    /// Standard errors of the projector's pose in its own frame: three angles in radians and three lengths in
-    /// meters.
+    /// Standard errors of the projector's pose in its own frame: three angles (radians), three lengths
+    /// (meters).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_errors: Option<[f64; 6]>,
     /// Parameters that the views determine poorly.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// Poses of the board by view, from board to camera: rotation vector in radians and translation in
-    /// meters.
+    /// Poses from board to camera, by view: rotation vector (radians) and translation (meters).
     pub poses: Vec<[f64; 6]>,
     /// Standard errors of the pose changes.
     pub poses_errors: Vec<[f64; 6]>,
@@ -126,8 +125,7 @@ impl DeviceTable {
         }
     }
 
-    /// Returns the device, or `None` if the matrix or the coefficient list is not valid in OpenCV or a number
-    /// is not finite.
+    /// Returns the device, or `None` if the matrix or the coefficients are invalid or not finite.
     #[must_use]
     pub fn device(&self) -> Option<Device> {
         let [[fx, skew, cx], [below, fy, cy], last] = self.opencv_matrix;

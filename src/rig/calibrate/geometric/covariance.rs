@@ -119,8 +119,7 @@ impl Root {
 }
 
 impl Covariance {
-    /// Returns how many parameters a part of the measurements accounts for: tr(C N), where `part` has the
-    /// normal equations N.
+    /// Returns how many parameters a part of the measurements with normal equations N determines: tr(C N).
     #[must_use]
     pub fn taken(&self, part: &Normal) -> f64 {
         let mut sum = self.shared.component_mul(&part.shared).sum();

@@ -61,7 +61,7 @@ impl Model {
 /// Pixels are continuous, and the first covers 0..1 (OpenCV's center is half a pixel less).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
-    /// Width and height in pixels.
+    /// Width and height.
     pub size: [u32; 2],
     /// Focal lengths along x and y in pixels.
     pub focal: Vector2<f64>,
@@ -174,8 +174,7 @@ impl Device {
         })
     }
 
-    /// Returns the undistorted normalized coordinates of a pixel, or `None` if the lens cannot be inverted
-    /// there.
+    /// Returns the undistorted normalized coordinates of a pixel, or `None` without an inverse of the lens.
     #[must_use]
     pub fn normalized(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         let q = (pixel - self.centre).component_div(&self.focal);
@@ -215,8 +214,7 @@ impl Default for Free {
 }
 
 impl Free {
-    /// Returns, for each of [`Device::parameters`], the index of the free parameter that moves it, and the
-    /// factor.
+    /// Returns the free parameter and factor that move each of [`Device::parameters`].
     #[must_use]
     pub fn ties(&self, device: &Device) -> Vec<Option<(usize, f64)>> {
         self.ties_of(device, |_| true)

@@ -12,8 +12,7 @@ pub struct Planes {
     camera: Device,
     projector: Device,
     relative: Pose,
-    /// Two directions perpendicular to the baseline, in the camera's frame: toward the optical axis, and
-    /// perpendicular to it.
+    /// Perpendiculars to the baseline in the camera's frame: toward the optical axis, and across it.
     across: [Vector3<f64>; 2],
 }
 
@@ -21,8 +20,7 @@ pub struct Planes {
 pub type Bands = Vec<Option<u32>>;
 
 impl Planes {
-    /// Creates the planes of a calibration. Returns `None` if the centers coincide or if one lies on the
-    /// camera's axis.
+    /// Creates the planes of a calibration; `None` if the baseline is zero or along the camera's axis.
     #[must_use]
     pub fn new(camera: &Device, projector: &Device, relative: &Pose) -> Option<Self> {
         let to = -(relative.rotation.transpose() * relative.translation);
@@ -91,8 +89,7 @@ impl Planes {
     pub fn lit(&self, lit: &[bool], reach: f64) -> Vec<bool> {
         let projector = self.all(&self.projector, |p| self.of_projector(p));
         let width = self.projector.size[0] as usize;
-        // Angular intervals of the lit pixels: the pixel's plane, plus or minus the change of angle over
-        // `reach` pixels.
+        // Angular intervals of the lit pixels: each plane, plus or minus the change over `reach` pixels.
         let mut covered = vec![];
         for (i, angle) in projector.iter().enumerate() {
             let (Some(a), Some(true)) = (angle, lit.get(i)) else {
@@ -156,7 +153,7 @@ mod tests {
     }
 
     proptest! {
-        /// A point has the same plane in both devices, and its projector pixel illuminates its camera pixel's
+        /// A point has the same plane in both devices, and its projector pixel lights its camera pixel's
         /// line.
         #[test]
         fn both_devices_name_a_point_alike(x in -0.3..0.3_f64, y in -0.25..0.25_f64, z in 0.7..3.0_f64) {

@@ -1,5 +1,4 @@
-//! Fits devices to corners: initial estimate, bundle adjustment, noise, covariances, and poorly determined
-//! parameters.
+//! Fits devices to corners: initial estimate, bundle adjustment, noise, covariances and notes.
 
 use super::bundle::{Corner, State, Weights, minimize};
 use super::covariance::{Covariance, Root, polish};
@@ -15,10 +14,8 @@ pub struct Setup {
     /// Width and height in pixels.
     pub size: [u32; 2],
     pub model: Model,
-    /// Free parameters.
     pub free: Free,
-    /// Initial device, which also fixes the parameters that are not free. `None` means an estimate from the
-    /// views.
+    /// Initial device, with the values of fixed parameters. `None` means an estimate from the views.
     pub start: Option<Device>,
 }
 
@@ -51,8 +48,7 @@ pub struct Fit {
     pub pose_covariances: Vec<Matrix6<f64>>,
     /// Standard deviation of a measured coordinate in pixels, by device.
     pub sigma: Vec<f64>,
-    /// Root mean square of the distances between measured and fitted points in pixels, by device, as in
-    /// OpenCV.
+    /// Root mean square distance of measured and fitted points in pixels, by device, as in OpenCV.
     pub rms: Vec<f64>,
     /// View and corner, from 0, of the corners that the robust fit left out.
     pub outliers: Vec<(usize, usize)>,
@@ -206,8 +202,7 @@ fn mean(all: &[Pose]) -> Pose {
     }
 }
 
-/// Fits one device from each initial estimate, first without its lens. Returns the first good fit, or the
-/// best.
+/// Fits one device from each initial estimate, first without its lens. Returns the first good or the best.
 fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fault> {
     let pairs: Vec<_> = views
         .iter()
@@ -251,8 +246,8 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
             poses,
         };
         let mut cost = f64::INFINITY;
-        // Free the parameters in stages: pinhole, dominant lens terms, all. A rational lens that starts far
-        // off runs into a pole.
+        // Free the parameters in stages: pinhole, dominant lens terms, all. This avoids poles of rational
+        // lenses.
         let all = setup.free.ties(&state.devices[0]);
         let most = setup.free.ties_of(&state.devices[0], |name| {
             !name.starts_with(['k', 's']) || matches!(name, "k1" | "k2" | "k3")

@@ -17,8 +17,7 @@ pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>>
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)
 }
 
-/// Returns the matrix of a calibration: K'⁻ᵀ T R K⁻¹, where T is the matrix of t ×. Returns `None` if the
-/// devices coincide.
+/// Returns the matrix of a calibration: K'⁻ᵀ T R K⁻¹, T the matrix of t ×. `None` if the devices coincide.
 #[must_use]
 pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> Option<Fundamental> {
     let k = |d: &Device| {
@@ -40,8 +39,7 @@ pub fn sampson(f: &Fundamental, p: Vector2<f64>, q: Vector2<f64>) -> f64 {
     q.dot(&line) / (line.xy().norm_squared() + back.xy().norm_squared()).sqrt()
 }
 
-/// Returns the refined matrix of eight or more points, or `None` if they do not determine one (coplanar
-/// points do not).
+/// Returns the refined matrix of at least eight points, or `None` if undetermined (coplanar points).
 #[must_use]
 pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     if p.len() < 8 || p.len() != q.len() {
@@ -81,8 +79,7 @@ pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> 
     Some(f / f.norm())
 }
 
-/// Refines by Levenberg–Marquardt over matrices of rank 2: F = U diag(1, s, 0) Vᵀ, with rotations of U and V
-/// and changes of s.
+/// Refines by Levenberg–Marquardt over U, V and s of the rank-2 matrices F = U diag(1, s, 0) Vᵀ.
 fn refine(f: Matrix3<f64>, p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     let svd = f.svd(true, true);
     let (mut u, mut v) = (svd.u?, svd.v_t?.transpose());

@@ -1,5 +1,4 @@
-//! Homographies between planes (Hartley & Zisserman 2004, ch. 4): normalized linear estimate and its
-//! refinement.
+//! Homographies between planes (Hartley & Zisserman 2004, ch. 4): normalized linear estimate, refined.
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
@@ -41,8 +40,7 @@ const FLAT: f64 = 1e-6;
 
 /// Returns the homography from `from` to `to` with the least sum of squared distances in `to`.
 ///
-/// Its last element is 1, or its norm is 1 if that element is 0. Returns `None` if the points do not
-/// determine it.
+/// Its last element is 1, or its norm if that element is 0. `None` if the points do not determine it.
 #[must_use]
 pub fn fit(from: &[Vector2<f64>], to: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     weighted(from, to, &vec![1.0; from.len()])
@@ -140,8 +138,7 @@ fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weigh
     h
 }
 
-/// Returns the right singular vector of the smallest singular value. The matrix needs at least as many rows
-/// as columns.
+/// Returns the right singular vector of the smallest singular value. There must be rows ≥ columns.
 #[must_use]
 pub fn null_vector(m: &DMatrix<f64>) -> Option<Vec<f64>> {
     if !m.iter().all(|x| x.is_finite()) {

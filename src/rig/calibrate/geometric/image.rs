@@ -335,8 +335,7 @@ mod tests {
         }
     }
 
-    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274): where the stored first row and column appear in
-    /// the shown image.
+    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274): places of the stored first row and column.
     #[test]
     fn images_are_rotated_as_exif_says() {
         for orientation in 1..=8 {

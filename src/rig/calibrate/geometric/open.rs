@@ -130,8 +130,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
     Ok(())
 }
 
-/// Returns notes on lens coefficients that are not significant, and on lenses that fold over outside the
-/// views.
+/// Returns notes on insignificant lens coefficients, and on lenses that fold over outside the views.
 pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
     let mut first = 0;
     let mut notes = vec![];

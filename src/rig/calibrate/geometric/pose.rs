@@ -21,8 +21,7 @@ impl Default for Pose {
 }
 
 impl Pose {
-    /// Creates a pose from a rotation vector (axis times angle, in radians) and a translation, as OpenCV's
-    /// rvec and tvec.
+    /// Creates a pose from OpenCV's rvec (axis times angle, in radians) and tvec.
     #[must_use]
     pub fn new(rotation_vector: [f64; 3], translation: [f64; 3]) -> Self {
         Self {

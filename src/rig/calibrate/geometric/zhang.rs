@@ -1,5 +1,4 @@
-//! Initial estimates of a fit: focal lengths from homographies of the board (Zhang 2000), and poses from
-//! both.
+//! Initial estimates: focal lengths from homographies of the board (Zhang 2000), then poses.
 
 use super::device::{Device, Model};
 use super::homography::{self, null_vector};

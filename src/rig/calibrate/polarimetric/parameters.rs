@@ -179,8 +179,7 @@ impl Parameter {
         }
     }
 
-    /// Sets a spectral value of a scheme. `of` creates it, given the factor from the parameter's unit to the
-    /// scheme's.
+    /// Sets a spectral value of a scheme. `of` creates it from the factor between both units.
     fn put(&self, scheme: &mut Scheme, of: impl Fn(f64) -> SpectralValue) {
         let plain = || of(1.0);
         match *self {

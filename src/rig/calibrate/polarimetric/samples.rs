@@ -38,13 +38,7 @@ pub enum CalibrationError {
     NoSample,
     /// The number of intensities differs from that of measurements.
     #[error("sample `{name}` has {found} intensities, its scheme {want} measurements")]
-    Lengths {
-        name: String,
-        /// Number of intensities.
-        found: usize,
-        /// Number of measurements.
-        want: usize,
-    },
+    Lengths { name: String, found: usize, want: usize },
     /// A sample is dark or its noise is invalid.
     #[error(
         "sample `{name}` is dark, or its noise is not positive; light it, and leave saturated captures out"
@@ -53,7 +47,6 @@ pub enum CalibrationError {
     /// Samples have different elements.
     #[error("samples `{first}` and `{other}` were captured with other elements")]
     Elements { first: String, other: String },
-    /// The fit failed.
     #[error(transparent)]
     Fit(#[from] FitError),
 }

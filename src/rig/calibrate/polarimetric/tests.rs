@@ -1,5 +1,4 @@
-//! Tests with planted imperfections: fitted values, errors relative to stated ones, and undetermined
-//! parameters.
+//! Tests with planted imperfections: fitted values, stated errors, and undetermined parameters.
 
 use super::super::least_squares::FitError;
 use super::super::z_scores::{ZScores, repeats};
@@ -77,8 +76,7 @@ fn sample_along(
     }
 }
 
-/// Over repeats with different truths and noise, errors over stated sigmas have variance 1 for every
-/// parameter.
+/// Over repeats with different truths and noise, every parameter's errors over its sigmas have variance 1.
 #[test]
 fn stated_errors_are_those_that_are_made() {
     let count = repeats(128);
@@ -270,8 +268,7 @@ fn dispersion_is_found_with_its_errors() {
         );
     }
     assert!(is.k.at(660.0) > 1.2 * is.k.at(450.0));
-    // Samples of unknown brightness do not change the assumed brightness of the optics. That of the mirrors
-    // alone differs.
+    // Samples of unknown brightness do not change the brightness of the optics. That of the mirrors differs.
     let believed = nominal.coaxial.as_ref().expect("coaxial optics");
     let optics = found.scheme.coaxial.as_ref().expect("coaxial optics");
     for nm in WAVELENGTHS {

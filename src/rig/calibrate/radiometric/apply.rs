@@ -46,10 +46,8 @@ pub struct Radiometry {
     /// Descriptions of quantities that the frames do not determine.
     pub untold: Vec<String>,
     pub dark: Dark,
-    /// Nonlinearity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub linearity: Option<Linearity>,
-    /// Gain and noise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transfer: Option<Transfer>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -59,11 +57,10 @@ pub struct Radiometry {
 /// A corrected frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corrected {
-    /// Signal in electrons (linear DN if the gain is unknown), without dark signal and with uniform response.
-    /// NaN if unknown.
+    /// Signal in electrons (linear DN without a gain), corrected for dark signal and response. NaN if
+    /// unknown.
     pub signal: Vec<f64>,
-    /// Variance due to noise; infinite if unknown. It excludes the calibration's own errors, which are the
-    /// same in all frames.
+    /// Variance due to noise; infinite if unknown. It excludes errors of the calibration.
     pub variance: Vec<f64>,
 }
 

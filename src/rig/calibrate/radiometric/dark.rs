@@ -49,8 +49,7 @@ impl Dark {
     /// Computes the dark frame from stacks at one or more exposures. Pixels that deviate by `limit` standard
     /// deviations are listed.
     ///
-    /// Exposures are weighted by the noise of the whole sensor. Standard errors use each pixel's own noise at
-    /// each exposure.
+    /// Exposures are weighted by the sensor's noise. Standard errors use each pixel's noise at each exposure.
     ///
     /// # Errors
     /// [`RadiometricError`].
@@ -149,8 +148,7 @@ impl Dark {
 
     /// Returns the variance of [`Self::at`] due to the noise of the dark frames.
     ///
-    /// It ignores the covariance of offset and rate, which reduces the variance within the range of
-    /// exposures.
+    /// It ignores the covariance of offset and rate, an overestimate within the range of exposures.
     #[must_use]
     pub fn variance_of_mean(&self, pixel: usize, exposure_s: f64) -> f64 {
         let rate = self.rate_sigma.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s);

@@ -24,10 +24,8 @@ pub enum RadiometricError {
         /// Number of pixels in the other frames.
         want: usize,
     },
-    /// An invalid setting.
     #[error("{what} is {value}; give {need}")]
     Setting {
-        /// Name of the setting.
         what: &'static str,
         value: f64,
         /// Valid values.

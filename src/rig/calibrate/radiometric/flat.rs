@@ -8,21 +8,18 @@ use super::transfer::Transfer;
 use crate::calibrate::pixel_map::PixelMap;
 use serde::{Deserialize, Serialize};
 
-/// Range of signals used, as fractions of saturation.
+/// Signals used, as fractions of saturation.
 const USED: [f64; 2] = [0.05, 0.7];
 
 /// Response of each pixel.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Flat {
-    /// Standard deviation of the response over pixels without noise (PRNU, including the unevenness of the
-    /// light).
+    /// Standard deviation of the response over pixels without noise (PRNU, including uneven light).
     pub prnu: f64,
-    /// Standard error of the PRNU.
     pub prnu_sigma: f64,
     /// Response relative to the mean; NaN for unusable pixels.
     pub response: PixelMap,
-    /// Standard error of the response.
     pub sigma: PixelMap,
 }
 

@@ -15,23 +15,18 @@ pub struct Linearity {
     pub scale_dn: f64,
     /// c₁, c₂, …
     pub coefficients: Vec<f64>,
-    /// Standard errors of the coefficients.
     pub sigma: Vec<f64>,
-    /// Covariance of the coefficients.
     pub covariance: Vec<Vec<f64>>,
     /// Signal without light above the dark frame in DN, due to stray light or an exposure longer than stated.
     pub stray_dn: f64,
-    /// Standard error of `stray_dn`.
     pub stray_sigma: f64,
     /// DN per unit of light for small signals.
     pub response: f64,
-    /// Standard error of the response.
     pub response_sigma: f64,
     /// Mean relative deviation of signals from the best straight line (EMVA 1288: LE).
     pub linearity_error: f64,
     /// Sum of squared residuals divided by their variances.
     pub chi_squared: f64,
-    /// Degrees of freedom of `chi_squared`.
     pub freedom: usize,
 }
 

@@ -92,8 +92,7 @@ impl Stack {
     /// Adds a raw frame of a camera.
     ///
     /// # Errors
-    /// [`RadiometricError::Size`] if the number of bytes does not match its region, otherwise those of
-    /// [`Self::add`].
+    /// [`RadiometricError::Size`] if the bytes do not match the region, otherwise those of [`Self::add`].
     pub fn add_raw(&mut self, frame: &RawFrame) -> Result<(), RadiometricError> {
         let numbers = pixels::unpack(frame).ok_or_else(|| RadiometricError::Size {
             found: frame.bytes.len() * 8 / frame.format.bits() as usize,

@@ -134,8 +134,7 @@ fn stated_errors_are_those_that_are_made() {
         let (d, f) = (&found.dark, found.flat.as_ref().expect("a flat field"));
         let rate = d.rate.as_ref().expect("two exposures");
         let rate_sigma = d.rate_sigma.as_ref().expect("so");
-        // Pixels of one camera share the errors of its curve and gain, so together they count as one
-        // independent value.
+        // Pixels of a camera share the errors of its curve and gain, so they count as one independent value.
         let pixels = |errors: &dyn Fn(usize) -> (f64, f64)| (0..PIXELS).map(errors).collect::<Vec<_>>();
         let offset = |p: usize| (d.offset.at(p) - camera.offset_dn[p], d.offset_sigma.at(p));
         scores.add_together("offset", pixels(&offset));

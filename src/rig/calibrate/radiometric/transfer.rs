@@ -22,7 +22,6 @@ const ROUNDING: f64 = 1.0 / 12.0;
 pub struct Transfer {
     /// g in e⁻/DN.
     pub gain_e_per_dn: f64,
-    /// Standard error of the gain.
     pub gain_sigma: f64,
     /// Read noise in e⁻, without rounding noise.
     pub read_noise_e: f64,
@@ -37,7 +36,6 @@ pub struct Transfer {
     pub full_well_e: Option<f64>,
     /// Sum of squared residuals divided by their variances.
     pub chi_squared: f64,
-    /// Degrees of freedom of `chi_squared`.
     pub freedom: usize,
 }
 
@@ -52,7 +50,7 @@ impl Transfer {
     /// Fits the curve of linearized signals.
     ///
     /// # Errors
-    /// A message that states what is missing.
+    /// A message that names the missing frames.
     pub fn of(
         dark: &[Level],
         levels: &[Level],

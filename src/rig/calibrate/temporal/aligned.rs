@@ -1,10 +1,10 @@
 //! The measured response: the aligned mean of many histograms.
 //!
 //! Each histogram samples the response at one phase relative to its bins. Pixels with other time zeros sample
-//! it at other phases. Detections per pulse, minus background and divided by the signal, are fitted by a
-//! straight line around each point of a grid with a fraction of a bin as step. The weights decrease linearly
-//! to 0 at the next grid point and are proportional to the signal. For grid points h apart, this increases
-//! the variance of the response by about h²/6.
+//! it at other phases. Detections per pulse are divided by the signal after subtraction of the background.
+//! Around each point of a grid finer than a bin, they are fitted by a straight line. The weights decrease
+//! linearly to 0 at the next grid point and are proportional to the signal. For grid points h apart, this
+//! increases the variance of the response by about h²/6.
 
 use super::captures::{Capture, Counter};
 use super::likelihood::{Known, Prepared};
@@ -14,8 +14,7 @@ use super::zero::Temporal;
 /// Returns the aligned mean of captures whose pixels have known time zeros.
 ///
 /// The grid extends from `before_ps` before to `after_ps` after the light, with `per_bin` points per bin (1
-/// if all time zeros have the same phase). Returns `None` if no capture has a time zero or the grid is too
-/// small.
+/// if all time zeros have the same phase). Returns `None` without time zeros or with a tiny grid.
 #[must_use]
 pub fn aligned(
     found: &Temporal,

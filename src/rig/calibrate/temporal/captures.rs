@@ -20,21 +20,18 @@ pub struct Counter {
     pub period_bins: usize,
     /// Dead time in ps (free-running).
     pub dead_ps: f64,
-    /// Mean time from the end of the dead time to an afterpulse in ps (free-running). If `None`, afterpulses
-    /// count as background.
+    /// Mean time from the end of the dead time to an afterpulse in ps. If `None`, they count as background.
     pub after_pulse_ps: Option<f64>,
 }
 
 /// A histogram of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capture<'a> {
-    /// Index of the pixel.
     pub pixel: usize,
     /// Travel time of light to the plane and back in ps: optical path over c.
     pub travel_ps: f64,
     /// Counts by bin from the start of the period. In free-running mode they must cover the whole period.
     pub counts: &'a [u32],
-    /// Number of laser pulses.
     pub pulses: u64,
 }
 
@@ -60,7 +57,6 @@ pub enum TemporalError {
     /// An invalid setting of the counter.
     #[error("the counter's {what} is {value}; give {need}")]
     Counter {
-        /// Name of the setting.
         what: &'static str,
         value: f64,
         /// Valid values.

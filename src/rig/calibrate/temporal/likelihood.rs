@@ -16,8 +16,7 @@ pub(super) type Information = SMatrix<f64, ALL, ALL>;
 /// Extent of the response in standard deviations and in tail constants.
 const SIGMAS: f64 = 8.0;
 const TAUS: f64 = 24.0;
-/// Minimum significance of a pulse in standard deviations. Noise in thousands of bins exceeds it once in a
-/// million histograms.
+/// Minimum significance of a pulse in standard deviations. Noise exceeds it in one of 1e6 histograms.
 const SEEN: f64 = 7.0;
 const STEPS: usize = 80;
 /// Keeps logarithms finite.
@@ -165,8 +164,7 @@ impl Prepared {
                     (arrival + (jitter + tail).min(most)).ceil(),
                 );
                 let at = |k: i64| response.before((k as f64 - arrival) * self.bin_ps);
-                // Beyond this bin only the exponential tail remains: each bin is a constant fraction of the
-                // previous one.
+                // Beyond this bin only the exponential tail remains, so bins form a geometric sequence.
                 let (sigma, tau) = (impulse.sigma_ps, impulse.tail_ps);
                 let calm = arrival + sigma * (SIGMAS + sigma / tau) / self.bin_ps;
                 let mut k = first as i64;
@@ -224,8 +222,7 @@ impl Prepared {
         sum + of(flat.0, flat.1, local.background.max(LEAST_RATE))
     }
 
-    /// Returns the derivatives of ln L and the Fisher information. Those of the response are zero unless
-    /// `with_shape`.
+    /// Returns the derivatives of ln L and the Fisher information, with the response's if `with_shape`.
     pub fn terms(&self, local: &Local, known: &Known, with_shape: bool) -> (Score, Information) {
         let shares = self.spread(local.zero_ps, known);
         let difference = |up: Vec<f64>, down: Vec<f64>, step: f64| -> Vec<f64> {
@@ -310,8 +307,7 @@ impl Prepared {
         Some([seen - none, variance])
     }
 
-    /// Returns Pearson's chi-squared over groups of bins with at least five expected counts, and the number
-    /// of groups.
+    /// Returns Pearson's chi-squared and the number of groups of bins with at least five expected counts.
     pub fn deviation(&self, local: &Local, known: &Known) -> (f64, usize) {
         let (shares, p) = (self.spread(local.zero_ps, known), known.after_pulsing());
         let (mut chi, mut groups) = (0.0, 0);

@@ -13,8 +13,9 @@
 //! - A_i: number of pulses for which the diode is armed ([`polarimetry::capture::detector::pile_up`]). It
 //!   makes pile-up part of the likelihood:
 //!
-//! > synchronous: ln L = Σ n_i ln(1 - exp(-λ_i)) - (A_i - n_i) λ_i;  free-running: ln L = Σ n_i ln λ_i - A_i
-//! λ_i.
+//! > synchronous: ln L = Σ n_i ln(1 - exp(-λ_i)) - (A_i - n_i) λ_i
+//! >
+//! > free-running: ln L = Σ n_i ln λ_i - A_i λ_i
 //!
 //! The first is exact. The second is that of a point process with this intensity (bins short compared with
 //! the dead time). Fisher scoring finds the maximum.

@@ -1,8 +1,7 @@
 //! Fits the common response of all pixels to many captures.
 //!
-//! Each capture has three parameters of its own. The Fisher information is therefore an arrowhead matrix: 3 ×
-//! 3 blocks on the diagonal, and a border for the response. The Schur complement solves the border first,
-//! then the blocks.
+//! Each capture adds three local parameters. The Fisher information is therefore an arrowhead matrix: 3 × 3
+//! blocks on the diagonal, and a border for the response, which the Schur complement solves first.
 
 use super::captures::TemporalError;
 use super::impulse::{Impulse, Shape};

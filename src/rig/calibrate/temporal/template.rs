@@ -12,8 +12,7 @@ pub struct Template {
     pub first_ps: f64,
     /// Fraction of light in a bin, by grid point.
     pub share: Vec<f64>,
-    /// Standard errors of the fractions. NaN if no histogram has a bin there; the fraction is then
-    /// interpolated.
+    /// Standard errors of the fractions; NaN for interpolated fractions without data.
     pub sigma: Vec<f64>,
     /// Probability of afterpulses, which the fractions exclude.
     pub after_pulsing: f64,
@@ -32,8 +31,7 @@ impl Template {
         self.first_ps + self.step_ps * self.share.len().saturating_sub(1) as f64
     }
 
-    /// Returns the fraction of light in a bin whose center has a delay of `t` ps: Catmull–Rom interpolation,
-    /// 0 outside the grid.
+    /// Returns the fraction of light in a bin whose center is delayed by `t` ps (Catmull–Rom, 0 outside).
     #[must_use]
     pub fn share(&self, t: f64) -> f64 {
         let place = (t - self.first_ps) / self.step_ps;
@@ -52,8 +50,7 @@ impl Template {
         b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
     }
 
-    /// Returns the full width at half maximum in ps, including the bin width; the step if there is no
-    /// maximum.
+    /// Returns the full width at half maximum in ps, including the bin width; at least the step.
     #[must_use]
     pub fn fwhm_ps(&self) -> f64 {
         let Some((top, most)) = self.share.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else {

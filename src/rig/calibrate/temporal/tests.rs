@@ -1,5 +1,4 @@
-//! Tests with simulated diodes of known time zeros and responses: fitted values, and errors relative to
-//! stated ones.
+//! Tests with simulated diodes of known time zeros and responses: fitted values and stated errors.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::aligned::aligned;
@@ -109,9 +108,8 @@ impl Bench {
     }
 }
 
-/// Over repeats of 12 pixels with planes at two distances and different truths, the errors of time zeros,
-/// response and clock agree with their stated ones. With one to three photons in ten pulses, up to a seventh
-/// is lost to pile-up.
+/// The errors of time zeros, response and clock agree with stated ones, over repeats of 12 pixels and two
+/// planes. At one to three photons in ten pulses, up to a seventh is lost to pile-up.
 #[test]
 fn stated_errors_are_those_that_are_made() {
     let one = |repeat: u32| {
@@ -169,8 +167,7 @@ fn stated_errors_are_those_that_are_made() {
     assert!((chi - 1.0).abs() < 0.05, "{chi}");
 }
 
-/// With two photons per pulse and no pile-up in the likelihood, the time zero would be early by a tenth of
-/// the response's width.
+/// At two photons per pulse, a likelihood without pile-up would be early by a tenth of the width.
 #[test]
 fn pile_up_does_not_move_time_zero() {
     let truth = Impulse {

@@ -44,7 +44,6 @@ impl Default for Options {
 pub struct Clock {
     /// Ratio of recorded to true times, minus 1.
     pub relative_error: f64,
-    /// Standard error.
     pub sigma: f64,
 }
 
@@ -77,8 +76,7 @@ pub struct Temporal {
     pub zero_ps: PixelMap,
     /// Standard error of the time zero due to the pixel's own counts.
     pub own_sigma_ps: PixelMap,
-    /// Standard error of the time zero including that of the response, which is almost the same for all
-    /// pixels.
+    /// Standard error of the time zero including that of the response, which all pixels share.
     pub sigma_ps: PixelMap,
     /// Error of the clock, if planes at two or more distances were captured.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -116,8 +114,7 @@ impl Temporal {
     }
 }
 
-/// A capture's time zero, its variance due to its own counts, and its derivative by the response's
-/// parameters.
+/// A capture's time zero, its variance due to the counts, and its derivative by the response.
 struct One {
     pixel: usize,
     travel_ps: f64,

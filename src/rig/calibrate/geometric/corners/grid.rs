@@ -31,8 +31,7 @@ fn neighbour(image: &Image, all: &[Saddle], from: usize, way: Vector2<f64>) -> O
         .find(|i| joined(image, here, &all[*i]))
 }
 
-/// Returns whether two corners are the ends of a square's side: the whole line between them has the same
-/// black-white order.
+/// Returns whether a side of a square joins two corners: one black-white order along the whole line.
 fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
     let d = b.at - a.at;
     let length = d.norm();

@@ -1,5 +1,4 @@
-//! Detects chessboard corners in images: finds saddle points, refines them with a corner model, and joins
-//! them to a grid.
+//! Detects chessboard corners: finds saddle points, fits a corner model, and joins them to a grid.
 
 pub mod grid;
 pub mod saddle;

@@ -14,8 +14,7 @@ pub struct Saddle {
     pub contrast: f64,
 }
 
-/// Returns the pixels with saddle curvature that are local maxima, strongest first. `sigma` is the blur in
-/// pixels.
+/// Returns local maxima of saddle curvature, strongest first. `sigma` is the blur in pixels.
 #[must_use]
 pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
     let smooth = image.blurred(sigma);
@@ -84,8 +83,7 @@ fn erf(x: f64) -> [f64; 2] {
     [(1.0 - tail).copysign(x), std::f64::consts::FRAC_2_SQRT_PI * e]
 }
 
-/// Returns I = a + b·erf(n1·d/s)·erf(n2·d/s) + g·d and its derivatives, where d is the offset from the
-/// corner.
+/// Returns I = a + b·erf(n1·d/s)·erf(n2·d/s) + g·d and its derivatives; d is the offset from the corner.
 fn model(p: &Parameters, x: f64, y: f64) -> (f64, Parameters) {
     let (dx, dy) = (x - p[0], y - p[1]);
     let ((s1, c1), (s2, c2)) = (p[2].sin_cos(), p[3].sin_cos());
@@ -295,8 +293,7 @@ mod tests {
         }
     }
 
-    /// Without noise, the remaining error is the difference between square pixels and the model's Gaussian
-    /// blur.
+    /// Without noise, the error is the difference between square pixels and the model's Gaussian blur.
     #[test]
     fn places_are_good_to_three_hundredths() {
         let mut worst = 0.0_f64;

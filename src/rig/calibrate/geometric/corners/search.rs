@@ -84,8 +84,7 @@ fn apart(all: &mut Vec<Saddle>) {
     *all = kept;
 }
 
-/// Returns the grid row by row. A few missing corners are searched at positions predicted from their
-/// neighbors.
+/// Returns the grid row by row. A few missing corners are searched near their predicted positions.
 fn filled(
     image: &Image,
     grid: &BTreeMap<Place, usize>,

@@ -18,8 +18,7 @@ pub struct Decoded {
 
 /// Minimum contrast of white and black relative to that of the brightest pixels.
 const LEAST: f32 = 0.03;
-/// Minimum difference of a bit and its inverse relative to white minus black. Below it, the pixel is on an
-/// edge.
+/// Minimum difference of a bit and its inverse relative to the contrast; smaller at edges.
 const SURE: f32 = 0.2;
 
 impl Decoded {
@@ -179,8 +178,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Returns images of a camera with one row, whose pixel i sees projector (u_i, v_i), linearly
-    /// interpolated.
+    /// Returns one-row images whose pixel i sees projector (u_i, v_i), linearly interpolated.
     fn seen(sequence: &Sequence, at: &[(f64, f64)], noise: f32) -> Vec<Image> {
         let mut x = 9_u32;
         let patterns = sequence.patterns();

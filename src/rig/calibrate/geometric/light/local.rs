@@ -1,5 +1,5 @@
-//! Projector coordinates of corners by local homographies (Moreno & Taubin 2012): corners are between pixels,
-//! and the board is planar.
+//! Projector coordinates of corners, between pixels, by local homographies of the planar board (Moreno &
+//! Taubin 2012).
 
 use super::decode::Decoded;
 use crate::calibrate::geometric::homography;
@@ -11,8 +11,7 @@ pub type Thrown = (Vector2<f64>, Matrix2<f64>);
 /// Minimum number of decoded pixels around a corner.
 const FEWEST: usize = 40;
 
-/// Returns the projector coordinates of corners. `None` means too few decoded pixels within `reach` camera
-/// pixels.
+/// Returns the projector coordinates of corners; `None` with too few decoded pixels within `reach`.
 #[must_use]
 pub fn at_corners(decoded: &Decoded, corners: &[Vector2<f64>], reach: f64) -> Vec<Option<Thrown>> {
     corners.iter().map(|c| at_corner(decoded, *c, reach)).collect()

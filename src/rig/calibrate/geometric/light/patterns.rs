@@ -48,8 +48,7 @@ impl Sequence {
     /// Creates a sequence of Gray codes and waves, which give subpixel coordinates.
     ///
     /// # Errors
-    /// A message if the size is 0 or above 32,768, if there are 1, 2 or more than 64 shifts, or if the period
-    /// is not within 4 to 1024.
+    /// A message if the size, the number of shifts or the period (4 to 1024) is out of range.
     pub fn with_waves(size: [u32; 2], shifts: u32, period: u32) -> Result<Self, String> {
         if !size.iter().all(|n| (1..=32768).contains(n)) {
             return Err(format!("a projector of {} × {} pixels is none", size[0], size[1]));
