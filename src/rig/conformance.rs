@@ -21,7 +21,6 @@ pub struct Check {
     pub fault: Option<String>,
 }
 
-/// The checks of one instrument.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report(pub Vec<Check>);
 

@@ -10,34 +10,23 @@ use nalgebra::{DMatrix, DVector};
 const NOTHING: f64 = 1e-6;
 /// Parameters with at least this component in a direction are named.
 const NAMED: f64 = 0.1;
-/// Maximum number of steps.
 const STEPS: usize = 100;
 
 /// The reason why a fit fails.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FitError {
-    /// Too few measurements.
     #[error("{residuals} measurements cannot tell {parameters} parameters; measure more samples or settings")]
-    TooFew {
-        /// Number of measurements.
-        residuals: usize,
-        /// Number of parameters.
-        parameters: usize,
-    },
-    /// A measurement or prediction is not finite.
+    TooFew { residuals: usize, parameters: usize },
     #[error("a measurement or a prediction is not a finite number; leave saturated and dark places out")]
     NotFinite,
-    /// The fit does not converge.
     #[error(
         "the fit does not settle: the start is far from the truth, or the samples are not what they are called"
     )]
     Unsettled,
 }
 
-/// The result of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// Parameter values.
     pub values: DVector<f64>,
     /// Covariance of the parameters; zero along undetermined directions.
     pub covariance: DMatrix<f64>,

@@ -11,7 +11,6 @@ pub struct PtuError {
     /// Offset in bytes from the begin of the file, or `None` if the error has no single position.
     pub offset: Option<u64>,
     pub what: String,
-    /// How to fix it.
     pub fix: String,
     /// True if the operating system caused the error, not the file.
     pub of_system: bool,

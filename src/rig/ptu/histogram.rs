@@ -20,7 +20,6 @@ const NOWHERE: u32 = 1 << 30;
 pub struct Plan {
     /// Width of a bin in counts of the file.
     pub bin: u32,
-    /// Number of bins.
     pub bins: usize,
     /// Channels in the order of the result. A repeated channel is counted at its first position.
     pub channels: Vec<u8>,
@@ -134,15 +133,12 @@ pub struct Histograms {
     pub shape: [usize; 4],
     /// Counts; the last axis varies fastest.
     pub counts: Vec<u32>,
-    /// All photons of the file.
     pub photons: u64,
-    /// Photons outside the histogram.
     pub left_out: LeftOut,
     /// Pixels (scan by pixels) or lines (scan by lines) that begin after the last one of their frame.
     pub beyond: u64,
     /// Pixels or lines that are missing in the last frame.
     pub missing: usize,
-    /// Invalid records.
     pub unknown: u64,
 }
 
@@ -168,7 +164,6 @@ struct State {
     bin_of: Vec<u32>,
     bin: u64,
     bins: u64,
-    /// Elements per pixel.
     row: u32,
     counts: Vec<u32>,
     beam: Beam,
@@ -182,7 +177,6 @@ struct State {
     torn_frame: u64,
 }
 
-/// Counts the photons of one block.
 fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
     let State {
         first,

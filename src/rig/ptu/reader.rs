@@ -13,9 +13,7 @@ const BLOCK: usize = 1 << 16;
 /// Difference between the record counts of header and file, which was truncated or extended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// Number of records in the header.
     pub stated: u64,
-    /// Number of complete records in the file.
     pub found: u64,
     /// Bytes of an incomplete last record.
     pub torn: u8,
@@ -95,7 +93,6 @@ impl<R: Read> Reader<R> {
         &self.header
     }
 
-    /// Returns the path of the file.
     #[must_use]
     pub fn file(&self) -> &Path {
         &self.file

@@ -8,15 +8,12 @@ use std::io::Read;
 /// Counts of a file's records by kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Survey {
-    /// Photons by channel.
     pub photons: [u64; 64],
     /// Markers by input. A record of two markers counts for both.
     pub markers: [u64; 4],
     /// Sync pulses (T2).
     pub syncs: u64,
-    /// Overflow records.
     pub overflows: u64,
-    /// Invalid records.
     pub unknown: u64,
     /// Largest time since a sync pulse by channel (T3).
     pub last_dtime: [u32; 64],

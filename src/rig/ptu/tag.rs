@@ -12,7 +12,6 @@ pub const LAST: &str = "Header_End";
 /// Maximum length of a name in bytes.
 pub const LONGEST_NAME: usize = 32;
 
-/// Value of a tag.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     Empty,
@@ -32,7 +31,6 @@ pub enum Value {
     Blob(Vec<u8>),
 }
 
-/// Codes of the types.
 mod code {
     pub const EMPTY: u32 = 0xffff_0008;
     pub const BOOL: u32 = 0x0000_0008;
@@ -154,7 +152,6 @@ impl Value {
     }
 }
 
-/// A tag of a header.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tag {
     /// Name, at most 32 bytes of ASCII.

@@ -20,7 +20,6 @@ pub struct Description {
     pub resolution_s: f64,
     /// Duration of a count of the time tag in seconds: the laser's period in T3, the clock's period in T2.
     pub global_resolution_s: f64,
-    /// Sync pulses per second.
     pub sync_rate: i64,
     /// Additional tags. They follow the standard tags.
     pub tags: Vec<Tag>,
@@ -252,7 +251,6 @@ impl Records {
         self.0.photon(time, dtime, channel)
     }
 
-    /// Returns all records.
     #[must_use]
     pub fn words(self) -> Vec<u32> {
         let bytes = self.0.out.into_inner();

@@ -30,7 +30,6 @@ use polarimetry::capture::bench::Bench;
 use polarimetry::capture::directions::Directions;
 use std::time::Duration;
 
-/// An error while assembling a rig.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct AssembleError(pub String);

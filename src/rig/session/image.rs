@@ -118,7 +118,6 @@ impl Run {
         Ok(found)
     }
 
-    /// Returns the attributes of the run's store.
     #[must_use]
     pub fn attributes(&self) -> &serde_json::Map<String, Value> {
         self.store.attributes()

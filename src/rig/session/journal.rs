@@ -13,7 +13,6 @@ use std::path::{Path, PathBuf};
 /// File name in the store.
 pub const FILE: &str = ".session.jsonl";
 
-/// An event of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
@@ -21,7 +20,6 @@ pub enum Event {
     Begin {
         /// The first frame to take.
         frame: u32,
-        /// Wall time in seconds since 1970.
         wall_s: f64,
     },
     /// A frame is on disk.
@@ -31,29 +29,18 @@ pub enum Event {
         frame: u32,
         /// The message of the [`crate::instrument::Failure`].
         failure: String,
-        /// Seconds since the start of the run.
         run_s: f64,
     },
     /// The run waits for a condition.
-    Suspend {
-        frame: u32,
-        /// The condition.
-        why: String,
-        /// Seconds since the start of the run.
-        run_s: f64,
-    },
+    Suspend { frame: u32, why: String, run_s: f64 },
     /// The wall clock jumped: wall times before and after are not comparable, run times are.
     ClockJump {
         /// Size of the jump in seconds.
         by_s: f64,
-        /// Seconds since the start of the run.
         run_s: f64,
     },
     /// All frames are on disk.
-    End {
-        /// Wall time in seconds since 1970.
-        wall_s: f64,
-    },
+    End { wall_s: f64 },
 }
 
 /// Metadata of a frame.

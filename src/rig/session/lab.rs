@@ -33,7 +33,6 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Creates a rig without instruments.
     #[must_use]
     pub fn new(name: &str, clock: Clock) -> Self {
         Self {
@@ -50,7 +49,6 @@ impl Rig {
         }
     }
 
-    /// Returns all instruments.
     pub fn instruments(&mut self) -> Vec<&mut dyn Instrument> {
         let mut all: Vec<&mut dyn Instrument> = vec![];
         for stage in self.stages.values_mut() {
@@ -74,7 +72,6 @@ impl Rig {
         all
     }
 
-    /// Returns the instrument of a name.
     pub fn instrument(&mut self, name: &str) -> Option<&mut dyn Instrument> {
         self.instruments().into_iter().find(|i| i.name() == name)
     }

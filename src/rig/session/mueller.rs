@@ -17,7 +17,6 @@ use tensor::field::Field;
 
 /// Mueller matrices of one mask.
 pub struct MuellerImage {
-    /// Name of the mask.
     pub name: String,
     /// 16 elements per pixel, row-major. NaN if a pixel cannot be reconstructed.
     pub mean: Vec<f32>,

@@ -52,37 +52,29 @@ pub struct Plan {
     pub name: String,
     /// The text of the plan file, which the store keeps.
     pub text: String,
-    /// Path of the rig file.
     pub rig: Option<PathBuf>,
-    /// The captures.
     pub scheme: Scheme,
     pub work: Work,
-    /// Limits of retries and waits.
     pub limits: Limits,
 }
 
 /// The work of every capture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
-    /// Frames of a camera.
     Camera(CameraWork),
-    /// Histograms of scan points.
     Scan(ScanWork),
 }
 
 /// Frames of a camera: every mask at every exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraWork {
-    /// Exposures of the bracket.
     pub exposures: Vec<Duration>,
-    /// Gain in decibels.
     pub gain_db: f64,
     pub format: PixelFormat,
     /// Masks in the order of capture.
     pub masks: Vec<MaskPlan>,
 }
 
-/// A mask of a plan.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MaskPlan {
     /// All pixels on.
@@ -92,7 +84,6 @@ pub enum MaskPlan {
     /// Stripes of epipolar lines.
     Stripes {
         name: String,
-        /// Number of stripes.
         count: u32,
         /// Show the stripe if true, everything but the stripe if false.
         inside: bool,
@@ -100,7 +91,6 @@ pub enum MaskPlan {
 }
 
 impl MaskPlan {
-    /// Returns the name of the mask.
     #[must_use]
     pub fn name(&self) -> &str {
         match self {
@@ -130,11 +120,9 @@ pub struct ScanWork {
     /// Duration of one histogram.
     pub dwell: Duration,
     pub bins: u32,
-    /// Width of a bin, in ps.
     pub bin_ps: f64,
     /// Start of the first bin after the sync pulse, in ps.
     pub offset_ps: f64,
-    /// Laser pulses per second.
     pub rate_hz: f64,
     /// Keep the counter's time tags and compute histograms from them.
     pub time_tags: bool,

@@ -10,10 +10,8 @@ pub enum RunError {
     /// An instrument failed permanently.
     #[error("{0}")]
     Instrument(#[from] Failure),
-    /// Writing to disk failed.
     #[error(transparent)]
     Disk(#[from] DiskError),
-    /// The user pressed Ctrl-C.
     #[error("interrupted; `--resume` goes on")]
     Interrupted,
 }
@@ -23,7 +21,6 @@ pub enum RunError {
 pub struct Progress<'a> {
     /// Number of frames on disk, including those of earlier runs.
     pub done: u32,
-    /// Total number of frames.
     pub frames: u32,
     /// Pixel values or counts of the last frame.
     pub last: &'a [u32],
@@ -38,8 +35,6 @@ pub struct Progress<'a> {
 pub struct Outcome {
     /// Frames taken by this run.
     pub taken: u32,
-    /// Number of failed attempts.
     pub retries: u32,
-    /// Elapsed time on the rig's clock.
     pub elapsed: Duration,
 }

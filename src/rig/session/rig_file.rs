@@ -72,7 +72,6 @@ pub struct BenchPlan {
     pub optics: Option<Scheme>,
     /// Horizontal fields of view of camera (or scan) and projector in degrees. `None` means axial rays.
     pub fov_deg: [Option<f64>; 2],
-    /// Seed of the noise.
     pub seed: u64,
     /// Use real time instead of simulated time.
     pub real_time: bool,
@@ -80,7 +79,6 @@ pub struct BenchPlan {
     pub cmos: Cmos,
     /// True diode.
     pub spad: Spad,
-    /// Faults to inject.
     pub faults: Vec<FaultAt>,
 }
 
@@ -93,23 +91,18 @@ pub struct RigPlan {
     pub name: String,
     /// Stages by the elements that they carry.
     pub stages: BTreeMap<String, StageFile>,
-    /// Driver and limits of the projector.
     pub projector: Option<(Driver, ProjectorLimits)>,
     /// Flash content, active LEDs and triggers of a DLPC350.
     pub flash: Option<FlashPlan>,
-    /// Driver and limits of the camera.
     pub camera: Option<(Driver, CameraLimits)>,
     /// Serial number that selects the camera.
     pub camera_serial: Option<String>,
-    /// Driver and limits of the galvo.
     pub galvo: Option<(Driver, GalvoLimits)>,
     /// Wiring of the galvo mirrors to an analog output card, and the card's limits.
     pub galvo_wiring: Option<(Wiring, AnalogLimits)>,
-    /// Driver and limits of the laser.
     pub laser: Option<(Driver, LaserLimits)>,
     /// Commands of an SCPI laser.
     pub laser_table: Option<LaserTable>,
-    /// Driver and limits of the counter.
     pub counter: Option<(Driver, CounterLimits)>,
     /// Board of a counter behind PicoQuant's library.
     pub th260: Option<Board>,
@@ -119,9 +112,7 @@ pub struct RigPlan {
     pub cmos: Cmos,
     /// Assumed diode parameters.
     pub spad: Spad,
-    /// Mutual geometry of camera and projector.
     pub geometry: Option<Geometry>,
-    /// The simulated bench.
     pub bench: Option<BenchPlan>,
 }
 

@@ -12,13 +12,10 @@ use std::path::Path;
 use store::zarr::frames::{FrameAxis, FrameLayout, FrameMap, FrameNumber, FrameStore};
 use store::zarr::{CreateError, OpenError};
 
-/// An error with a run's store.
 #[derive(Debug, thiserror::Error)]
 pub enum RunStoreError {
-    /// The store cannot be created.
     #[error(transparent)]
     Create(#[from] CreateError),
-    /// The store cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
     /// The store belongs to another run.
@@ -30,7 +27,6 @@ pub enum RunStoreError {
         /// The attribute that differs.
         what: String,
     },
-    /// The run is already finished.
     #[error("{path}: it is finished; `sunstone reconstruct` makes Mueller matrices of it")]
     Finished { path: String },
 }

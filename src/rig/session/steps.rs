@@ -12,7 +12,6 @@ use std::time::Duration;
 /// One frame of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Frame number.
     pub frame: u32,
     pub capture: usize,
     /// Shot, or row of scan points.
@@ -39,7 +38,6 @@ pub struct Steps {
     shape: [u64; 3],
 }
 
-/// The cost of a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
     pub frames: u64,

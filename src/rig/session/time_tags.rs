@@ -28,7 +28,6 @@ pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 /// Time tags of one point: the pulses of its dwell, and every photon.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tags {
-    /// Number of laser pulses.
     pub pulses: u64,
     /// Pulse since the start of the dwell (43 bits), time since it in bins (15 bits), channel (6 bits).
     photons: Vec<u64>,
@@ -105,9 +104,7 @@ impl Tags {
 /// Time scale of a file's counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// Width of a bin in ps.
     pub bin_ps: f64,
-    /// Laser pulses per second.
     pub rate_hz: f64,
 }
 
@@ -123,7 +120,6 @@ impl Scale {
     }
 }
 
-/// Writes the file of a row.
 fn row<W: Write + Seek>(out: W, scale: &Scale, points: &[Tags]) -> io::Result<()> {
     let mut writer = writer::Writer::begin(out, &scale.description())?;
     fill(&mut writer, points)?;
@@ -212,7 +208,6 @@ impl TagLog {
         })
     }
 
-    /// Appends a point.
     pub(super) fn append(&mut self, frame: u32, tags: Tags) -> io::Result<()> {
         let body = tags.bytes();
         let mut bytes = Vec::with_capacity(body.len() + 12);
@@ -226,7 +221,6 @@ impl TagLog {
         Ok(())
     }
 
-    /// Waits until the log is on disk.
     pub(super) fn sync(&self) -> io::Result<()> {
         self.log.sync_data()
     }

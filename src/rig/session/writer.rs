@@ -19,7 +19,6 @@ const LOG: &str = ".session.frames";
 /// Maximum number of queued frames, which a power cut can lose.
 const WAITING: usize = 64;
 
-/// A message to the writer.
 enum Item {
     Frame(FrameRecord, Vec<u32>, Option<Tags>),
     Event(Event),
@@ -32,7 +31,6 @@ enum Item {
 #[error("{path}: {cause}; make room and resume: all frames that were noted are safe")]
 pub struct DiskError {
     pub path: PathBuf,
-    /// Message of the operating system.
     pub cause: String,
 }
 

@@ -22,7 +22,6 @@ pub struct SimulatedCamera {
 }
 
 impl SimulatedCamera {
-    /// Creates an unconfigured camera.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: CameraLimits) -> Self {
         Self {

@@ -34,7 +34,6 @@ pub struct SimulatedCounter {
 }
 
 impl SimulatedCounter {
-    /// Creates an unconfigured counter.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: CounterLimits) -> Self {
         Self {

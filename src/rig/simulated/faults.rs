@@ -55,7 +55,6 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// Creates a list of pending faults.
     #[must_use]
     pub fn new(waiting: Vec<FaultAt>) -> Self {
         Self {

@@ -12,7 +12,6 @@ pub struct SimulatedLaser {
 }
 
 impl SimulatedLaser {
-    /// Creates a laser that is off.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: LaserLimits) -> Self {
         Self {

@@ -54,11 +54,8 @@ pub struct PlayedScan {
     slice: StoredSlice,
     /// Columns and rows of the scan.
     pub camera: [usize; 2],
-    /// Number of time bins.
     pub bins: usize,
-    /// Width of a bin, in ps.
     pub bin_ps: f64,
-    /// Start of the first bin, in ps.
     pub start_ps: f64,
     lane: usize,
     lanes: usize,

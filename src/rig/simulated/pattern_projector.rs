@@ -13,7 +13,6 @@ pub struct SimulatedProjector {
 }
 
 impl SimulatedProjector {
-    /// Creates a projector without patterns.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: ProjectorLimits) -> Self {
         Self {

@@ -16,7 +16,6 @@ use std::time::Duration;
 #[derive(Clone)]
 pub struct Shared(Arc<Mutex<World>>);
 
-/// Position of a simulated stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageState {
     /// True angle of the axle, in degrees from its zero.
@@ -36,7 +35,6 @@ pub struct World {
     pub cmos: Cmos,
     /// True diode.
     pub spad: Spad,
-    /// Stages by name.
     pub stages: BTreeMap<String, StageState>,
     /// Drive of every projector pixel, 0 to 1, or `None` if the projector is dark.
     pub pattern: Option<Arc<Vec<f32>>>,
@@ -47,7 +45,6 @@ pub struct World {
     pub low_until: Duration,
     /// Number of the run's next frame. It keys all noise.
     pub frame: u32,
-    /// Seed of the noise.
     pub seed: u64,
     faults: Faults,
     /// Instruments that are disconnected until the next reconnect.

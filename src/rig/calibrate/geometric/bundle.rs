@@ -39,7 +39,6 @@ pub struct State {
     pub poses: Vec<Pose>,
 }
 
-/// Weights of the measurements.
 #[derive(Clone, Debug)]
 pub struct Weights {
     /// Standard deviation of a coordinate in pixels, by device. An infinite value ignores the device.

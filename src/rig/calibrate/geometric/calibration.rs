@@ -19,7 +19,6 @@ pub struct Calibration {
     /// The `[projector]` table of a scene file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub projector: Option<DeviceTable>,
-    /// Residuals and standard errors.
     pub quality: Quality,
     pub covariance: CovarianceTable,
 }
@@ -35,7 +34,6 @@ pub struct DeviceTable {
     /// Lens coefficients in OpenCV's order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv: Option<Vec<f64>>,
-    /// Coefficients of a fisheye lens.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fisheye: Option<[f64; 4]>,
     pub pose: PoseTable,
@@ -64,7 +62,6 @@ pub struct Extrinsics {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quality {
-    /// Number of views used.
     pub views: usize,
     /// Number of corners that a robust fit left out.
     pub outliers: usize,
@@ -99,12 +96,10 @@ pub struct Quality {
 pub struct CovarianceTable {
     /// Parameter names, from `camera.fx` to `pose.z`.
     pub names: Vec<String>,
-    /// The matrix row by row.
     pub rows: Vec<Vec<f64>>,
 }
 
 impl DeviceTable {
-    /// Creates the table of a device.
     #[must_use]
     pub fn new(device: &Device, pose: &Pose) -> Self {
         let (f, c) = (device.focal, device.centre);

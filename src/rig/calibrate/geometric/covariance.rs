@@ -16,11 +16,8 @@ pub struct Root {
     right: DVector<f64>,
 }
 
-/// Covariances in blocks.
 pub struct Covariance {
-    /// Covariance of the shared parameters.
     pub shared: DMatrix<f64>,
-    /// Covariance of each pose.
     pub own: Vec<Matrix6<f64>>,
     /// Covariance between the shared parameters and each pose.
     pub mixed: Vec<MatrixXx6<f64>>,

@@ -11,7 +11,6 @@ use optics::distortion::opencv::Opencv;
 /// Lens models, by OpenCV's number of coefficients.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Model {
-    /// No distortion.
     Pinhole,
     /// k1, k2, p1, p2, k3: Brown–Conrady.
     #[default]
@@ -61,7 +60,6 @@ impl Model {
 /// Pixels are continuous, and the first covers 0..1 (OpenCV's center is half a pixel less).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
-    /// Width and height.
     pub size: [u32; 2],
     /// Focal lengths along x and y in pixels.
     pub focal: Vector2<f64>,
@@ -74,7 +72,6 @@ pub struct Device {
 
 /// The pixel of a point, and its derivatives.
 pub struct Seen {
-    /// Pixel coordinates.
     pub at: Vector2<f64>,
     /// Derivative by the point in device coordinates.
     pub by_point: Matrix2x3<f64>,

@@ -10,7 +10,6 @@ use store::numpy::NumpyReader;
 pub struct Image {
     pub width: usize,
     pub height: usize,
-    /// Pixel values in any unit.
     pub values: Vec<f32>,
 }
 
@@ -19,7 +18,6 @@ pub struct Image {
 #[error("{}: {message}", path.display())]
 pub struct ImageError {
     pub path: PathBuf,
-    /// The fault and its fix.
     pub message: String,
 }
 
@@ -37,7 +35,6 @@ impl Image {
         })
     }
 
-    /// Returns width and height.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
         [self.width as u32, self.height as u32]
@@ -121,7 +118,6 @@ impl Image {
     }
 }
 
-/// An image read from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {
     /// The image as viewers show it.

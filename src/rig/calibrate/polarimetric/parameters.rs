@@ -90,7 +90,6 @@ impl Parameter {
         }
     }
 
-    /// Returns the unit for tables.
     #[must_use]
     pub fn unit(&self) -> &'static str {
         match self {

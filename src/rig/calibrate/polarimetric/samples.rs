@@ -18,7 +18,6 @@ pub struct Sample {
     pub mueller: [f64; 16],
     /// The elements at their stages' angles, with their assumed imperfections.
     pub scheme: Scheme,
-    /// The ray of the capture.
     pub ray: Ray,
     /// Intensities, one per measurement.
     pub intensities: Vec<f64>,
@@ -33,18 +32,14 @@ pub struct Sample {
 /// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CalibrationError {
-    /// There are no samples.
     #[error("there is no sample; capture air, a mirror or a known plate")]
     NoSample,
-    /// The number of intensities differs from that of measurements.
     #[error("sample `{name}` has {found} intensities, its scheme {want} measurements")]
     Lengths { name: String, found: usize, want: usize },
-    /// A sample is dark or its noise is invalid.
     #[error(
         "sample `{name}` is dark, or its noise is not positive; light it, and leave saturated captures out"
     )]
     Dark { name: String },
-    /// Samples have different elements.
     #[error("samples `{first}` and `{other}` were captured with other elements")]
     Elements { first: String, other: String },
     #[error(transparent)]
@@ -97,7 +92,6 @@ struct Predictions {
 /// Fitted numbers and their prediction.
 type Kept = (Vec<f64>, Rc<Vec<f64>>);
 
-/// Number of cached predictions per sample.
 const KEPT: usize = 4;
 
 impl Predictions {

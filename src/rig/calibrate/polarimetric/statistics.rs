@@ -27,7 +27,6 @@ pub struct Statistics {
     pub untold: Vec<String>,
 }
 
-/// The table with its name.
 #[derive(Serialize)]
 struct Named<'a> {
     polarimetric: &'a Statistics,

@@ -13,7 +13,6 @@ use serde::{Deserialize, Serialize};
 const SATURATED: f64 = 0.95;
 const MOST_DEGREE: usize = 8;
 
-/// Options of the calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Number of coefficients of the nonlinearity polynomial.
@@ -54,7 +53,6 @@ pub struct Radiometry {
     pub flat: Option<Flat>,
 }
 
-/// A corrected frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corrected {
     /// Signal in electrons (linear DN without a gain), corrected for dark signal and response. NaN if

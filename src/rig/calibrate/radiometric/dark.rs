@@ -12,7 +12,6 @@ const SIGMA_PER_MAD: f64 = 1.4826;
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dark {
-    /// Exposures of the dark frames in s.
     pub exposures_s: Vec<f64>,
     /// Pixels whose dark signal is an outlier.
     pub hot: Vec<u32>,
@@ -22,16 +21,13 @@ pub struct Dark {
     pub stuck: Vec<u32>,
     /// Offset at zero exposure in DN, or at the exposure of the dark frames if there is only one.
     pub offset: PixelMap,
-    /// Standard error of the offset.
     pub offset_sigma: PixelMap,
     /// Variance between frames at the shortest exposure in DN².
     pub variance: PixelMap,
-    /// Standard error of the variance.
     pub variance_sigma: PixelMap,
     /// Dark current in DN/s; needs at least two exposures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rate: Option<PixelMap>,
-    /// Standard error of the dark current.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rate_sigma: Option<PixelMap>,
 }

@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 /// Signals used, as fractions of saturation.
 const USED: [f64; 2] = [0.05, 0.7];
 
-/// Response of each pixel.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Flat {

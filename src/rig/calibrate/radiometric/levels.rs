@@ -16,9 +16,7 @@ pub struct Level {
     pub variance: f64,
     /// Fraction of pixels that reached the maximum digital number.
     pub clipped: f64,
-    /// Number of frames.
     pub frames: f64,
-    /// Number of usable pixels.
     pub pixels: f64,
 }
 

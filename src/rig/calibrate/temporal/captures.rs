@@ -14,7 +14,6 @@ const LONGEST_PS: f64 = 1e12;
 pub struct Counter {
     /// When the diode is armed.
     pub mode: Mode,
-    /// Width of a bin in ps.
     pub bin_ps: f64,
     /// Number of bins in the laser's period.
     pub period_bins: usize,
@@ -51,36 +50,20 @@ impl<'a> Capture<'a> {
 /// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TemporalError {
-    /// No histograms.
     #[error("there is no histogram; capture a plane at a known distance")]
     NoCapture,
-    /// An invalid setting of the counter.
     #[error("the counter's {what} is {value}; give {need}")]
     Counter {
         what: &'static str,
         value: f64,
-        /// Valid values.
         need: &'static str,
     },
-    /// An invalid histogram.
     #[error("histogram {index} (from 0): {what}")]
-    Capture {
-        /// Index in the list.
-        index: usize,
-        /// The fault and its fix.
-        what: String,
-    },
-    /// No histogram has a visible pulse.
+    Capture { index: usize, what: String },
     #[error(
         "no histogram shows a pulse above its background ({dark} dark, {saturated} saturated); count for a longer time, or attenuate"
     )]
-    NoPulse {
-        /// Number of histograms without a pulse.
-        dark: usize,
-        /// Number of histograms in which the diode was never armed in some bin.
-        saturated: usize,
-    },
-    /// The fit of the response does not converge.
+    NoPulse { dark: usize, saturated: usize },
     #[error("the response does not settle: begin nearer to it, or free less of it")]
     Unsettled,
 }

@@ -32,13 +32,9 @@ impl Default for Impulse {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
-    /// Standard deviation of the Gaussian part.
     Width,
-    /// Fraction of the tail.
     TailShare,
-    /// Time constant of the tail.
     TailTime,
-    /// Probability of afterpulses.
     AfterPulsing,
 }
 
@@ -46,7 +42,6 @@ impl Shape {
     /// All parameters, in the order of every list of four numbers.
     pub const ALL: [Self; 4] = [Self::Width, Self::TailShare, Self::TailTime, Self::AfterPulsing];
 
-    /// Returns the name for messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -61,7 +61,6 @@ pub(super) enum Fault {
     Unsettled,
 }
 
-/// The capture's own parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Local {
     pub signal: f64,

@@ -11,7 +11,6 @@ use rayon::prelude::*;
 
 const STEPS: usize = 60;
 
-/// A fitted response.
 pub(super) struct Fitted {
     pub impulse: Impulse,
     /// Covariance in the order of [`Shape::ALL`]; zero for fixed parameters.

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Template {
-    /// Step of the grid in ps.
     pub step_ps: f64,
     /// First grid point in ps after the light.
     pub first_ps: f64,

@@ -17,13 +17,11 @@ const FOR_RESPONSE: usize = 256;
 /// Minimum significance of a tail in standard deviations.
 const TOLD: f64 = 2.0;
 
-/// Options of the calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Initial response, which also fixes the parameters that are not free. It should be that of the data
     /// sheet, within a factor of two.
     pub start: Impulse,
-    /// Parameters to fit.
     pub free: Vec<Shape>,
     /// Correct time zeros by the clock's error. This needs planes at two or more distances.
     pub correct_clock: bool,
@@ -51,7 +49,6 @@ pub struct Clock {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Temporal {
-    /// Width of a bin in ps.
     pub bin_ps: f64,
     /// Number of bins in the laser's period.
     pub period_bins: usize,

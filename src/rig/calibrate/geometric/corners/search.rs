@@ -8,7 +8,6 @@ use crate::calibrate::geometric::image::Image;
 use nalgebra::Vector2;
 use std::collections::BTreeMap;
 
-/// A board in an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// Corners in continuous pixels, in the order of [`Board::points`].
@@ -23,12 +22,10 @@ pub struct Found {
 /// The reason why a board is not found.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NotFound {
-    /// No grid of corners.
     #[error(
         "no chessboard is seen: all of it must be in the image, sharp, with squares of 10 pixels or more"
     )]
     Nothing,
-    /// A grid of another size.
     #[error(
         "a chessboard of {0} × {1} inner corners is seen, not of {2} × {3}: give --columns and --rows of inner corners, \
          which are one less than squares, and leave nothing of the board outside or covered"
