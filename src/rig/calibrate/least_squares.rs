@@ -1,63 +1,52 @@
-//! Nonlinear least squares that says what it cannot tell.
+//! Nonlinear least squares that reports undetermined parameters.
 //!
-//! Gauss–Newton with Levenberg–Marquardt's damping on residuals over their standard deviations. Directions of the parameters
-//! on which no residual depends (by the singular values of the Jacobian, columns scaled to one length) are left where they
-//! began, and named.
+//! The fit is Gauss–Newton with Levenberg–Marquardt damping, on residuals divided by their standard
+//! deviations. Directions of the parameters that affect no residual keep their initial values and are
+//! reported. They are found from the singular values of the Jacobian with normalized columns.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Singular values below this share of the largest tell nothing.
+/// Singular values below this fraction of the largest are undetermined.
 const NOTHING: f64 = 1e-6;
-/// Parameters with at least this share in a direction are named.
+/// Parameters with at least this component in a direction are named.
 const NAMED: f64 = 0.1;
-/// Steps at most.
 const STEPS: usize = 100;
 
-/// Why there is no fit.
+/// The reason why a fit fails.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FitError {
-    /// Not enough numbers.
     #[error("{residuals} measurements cannot tell {parameters} parameters; measure more samples or settings")]
-    TooFew {
-        /// Measurements.
-        residuals: usize,
-        /// Parameters.
-        parameters: usize,
-    },
-    /// Something is not finite.
+    TooFew { residuals: usize, parameters: usize },
     #[error("a measurement or a prediction is not a finite number; leave saturated and dark places out")]
     NotFinite,
-    /// It does not settle.
     #[error(
         "the fit does not settle: the start is far from the truth, or the samples are not what they are called"
     )]
     Unsettled,
 }
 
-/// A fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// Parameters.
     pub values: DVector<f64>,
-    /// Their covariance; of directions that are not told it is zero.
+    /// Covariance of the parameters; zero along undetermined directions.
     pub covariance: DMatrix<f64>,
-    /// Σ of squared residuals over their standard deviations.
+    /// Sum of squared residuals divided by their variances.
     pub chi_squared: f64,
-    /// Measurements less parameters that were told.
+    /// Number of measurements minus determined parameters.
     pub freedom: usize,
-    /// Directions that are not told, unit vectors in the parameters' own scale over the measurements' sensitivity.
+    /// Undetermined directions, as unit vectors in the parameters scaled by their sensitivity.
     pub untold: Vec<DVector<f64>>,
 }
 
 impl Fit {
-    /// Standard deviation of a parameter, `None` where it has a share in what is not told.
+    /// Returns the standard deviation of a parameter, or `None` if it is part of an undetermined direction.
     #[must_use]
     pub fn sigma(&self, i: usize) -> Option<f64> {
         let told = self.untold.iter().all(|d| d[i].abs() < NAMED);
         told.then(|| self.covariance[(i, i)].max(0.0).sqrt())
     }
 
-    /// What is not told, in words, by the parameters' names.
+    /// Describes the undetermined directions by the parameters' names.
     #[must_use]
     pub fn untold_in_words(&self, names: &[String]) -> Vec<String> {
         let words = |d: &DVector<f64>| {
@@ -77,13 +66,14 @@ impl Fit {
     }
 }
 
-/// Σ r².
 fn cost(r: &DVector<f64>) -> f64 {
     r.norm_squared()
 }
 
-/// Fits parameters from `start`; `residuals` of parameters are measured less predicted over the standard deviation, and
-/// `steps` are those of central differences, each about a hundredth of how far its parameter may be off.
+/// Fits parameters from `start`.
+///
+/// `residuals` maps parameters to measured minus predicted values, divided by the standard deviation. `steps`
+/// are those of central differences, about a hundredth of each parameter's possible error.
 ///
 /// # Errors
 /// [`FitError`].
@@ -106,7 +96,7 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
                     y[i] += by;
                     of(&y)
                 };
-                // Residuals fall where predictions rise.
+                // Derivative of the prediction, hence the opposite sign of the residuals.
                 (moved(-steps[i]) - moved(steps[i])) / (2.0 * steps[i])
             })
             .collect();
@@ -153,7 +143,7 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
     })
 }
 
-/// A Jacobian's singular values and what they tell.
+/// The singular value decomposition of a scaled Jacobian.
 struct Told {
     scale: DVector<f64>,
     u: DMatrix<f64>,
@@ -169,7 +159,7 @@ impl Told {
         }
         let n = j.ncols();
         let longest = (0..n).map(|i| j.column(i).norm()).fold(0.0, f64::max);
-        // A column of zeros stays one.
+        // A zero column remains zero.
         let scale = DVector::from_fn(n, |i, _| {
             let norm = j.column(i).norm();
             if norm > 1e-12 * longest {
@@ -179,7 +169,7 @@ impl Told {
             }
         });
         let scaled = DMatrix::from_fn(j.nrows(), n, |i, k| j[(i, k)] / scale[k]);
-        // By the eigenvectors of JᵀJ, which are many rows' but few columns'.
+        // Use the eigenvectors of JᵀJ: J has many rows but few columns.
         let eigen = (scaled.transpose() * &scaled).symmetric_eigen();
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
@@ -191,7 +181,7 @@ impl Told {
         Ok(Self { scale, u, s, v, rank })
     }
 
-    /// Unit vectors of the scaled parameters.
+    /// Returns singular vector `k` in the unscaled parameters.
     fn direction(&self, k: usize) -> DVector<f64> {
         DVector::from_fn(self.scale.len(), |i, _| self.v[(i, k)] / self.scale[i])
     }
@@ -226,7 +216,7 @@ impl Told {
 mod tests {
     use super::*;
 
-    /// a exp(-b t) + c: the start is far off, the data exact.
+    /// a exp(-b t) + c with exact data and a distant start.
     #[test]
     fn exact_data_give_exact_parameters() {
         let t: Vec<f64> = (0..20).map(|i| f64::from(i) * 0.2).collect();
@@ -247,7 +237,7 @@ mod tests {
     #[test]
     fn what_is_not_told_is_named_and_left() {
         let t: Vec<f64> = (0..9).map(f64::from).collect();
-        // Only a + b acts, and d not at all.
+        // The residuals depend only on a + b, and not on d.
         let residuals = |p: &[f64]| -> Vec<f64> {
             t.iter()
                 .map(|t| 3.0 * t + 1.0 - (p[0] + p[1]) * t - p[2])

@@ -1,4 +1,4 @@
-//! Calibration: what the instruments of a rig truly are, from captures of known things, with covariances.
+//! Calibration of a rig's instruments from captures of known objects, with covariances.
 
 pub mod geometric;
 pub mod least_squares;

@@ -1,29 +1,28 @@
-//! A number for each pixel, which a text file holds as one string: base64 (RFC 4648) of little-endian 32-bit floats.
+//! A number per pixel, stored in text files as one string: base64 (RFC 4648) of little-endian 32-bit floats.
 //!
-//! A map of 1224 × 1024 takes 7 MB in a TOML file so, and comes back bit by bit, NaN where nothing is known.
+//! A map of 1224 × 1024 pixels takes 7 MB in a TOML file and round-trips bit by bit. NaN means unknown.
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-/// A number for each pixel, rows from the top.
+/// A number per pixel, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PixelMap(pub Vec<f32>);
 
 impl PixelMap {
-    /// The number of a pixel; NaN outside.
+    /// Returns the number of a pixel, or NaN outside the map.
     #[must_use]
     pub fn at(&self, pixel: usize) -> f64 {
         self.0.get(pixel).map_or(f64::NAN, |v| f64::from(*v))
     }
 
-    /// Pixels.
+    /// Returns the number of pixels.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether it has no pixels.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()

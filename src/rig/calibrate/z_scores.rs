@@ -1,25 +1,26 @@
-//! Errors of many repeats over their stated standard errors: whether a covariance is what it claims.
+//! Compares errors of many repeats with their stated standard errors, to test covariances.
 //!
-//! The mean square of n independent standard normals is χ²/n with n degrees of freedom, which scatters by √(2/n) around 1: 64
-//! values leave the bar of 0.8 to 1.25 once in six times by chance, 1024 once in 100,000. Bounds here are those of χ² for the
-//! number of independent values at hand (Wilson and Hilferty 1931), so that no test needs a seed that happens to pass.
+//! The mean square of n independent standard normals is χ²/n with n degrees of freedom, which has a standard
+//! deviation of √(2/n) around 1. Random fluctuation takes 64 values out of the range 0.8 to 1.25 once in six
+//! times, and 1024 values once in 100,000. The bounds are therefore those of χ² for the number of independent
+//! values (Wilson and Hilferty 1931). No test depends on its seeds.
 
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
-/// What a covariance that is right passes: the bar of the project.
+/// Accepted variance of z-scores for a correct covariance, by the project's criterion.
 const BAR: std::ops::Range<f64> = 0.8..1.25;
-/// From so many independent values on chance stays inside of [`BAR`] (4.4 standard deviations of χ²).
+/// Number of independent values above which fluctuations are within [`BAR`] (4.4 standard deviations of χ²).
 const ENOUGH: f64 = 1000.0;
-/// Standard deviations of chance that are let pass below that: once in 100,000.
+/// Accepted fluctuation in standard deviations for fewer values: once in 100,000.
 const CHANCE: f64 = 4.4;
 
-/// Repeats of a statistical test, with seeds 0, 1, 2, …: `SUNSTONE_REPEATS`, or so many.
+/// Returns the number of repeats (seeds 0, 1, 2, …) of a statistical test: `SUNSTONE_REPEATS` or `default`.
 pub fn repeats(default: u32) -> u32 {
     std::env::var("SUNSTONE_REPEATS").map_or(default, |n| n.parse().expect("SUNSTONE_REPEATS is a number"))
 }
 
-/// Sums of squares of z-scores by class of parameters.
+/// Sums of squared z-scores by class of parameters.
 #[derive(Default)]
 pub struct ZScores(BTreeMap<String, Class>);
 
@@ -31,7 +32,7 @@ struct Class {
 }
 
 impl ZScores {
-    /// An error that depends on no other of its class.
+    /// Adds an error that is independent of the others in its class.
     pub fn add(&mut self, class: &str, error: f64, sigma: f64) {
         assert!(sigma > 0.0 && error.is_finite(), "{class}: {error} ± {sigma}");
         let class = self.0.entry(class.to_owned()).or_default();
@@ -40,7 +41,7 @@ impl ZScores {
         class.independent += 1.0;
     }
 
-    /// Errors of one repeat that depend on each other, and count as one for what chance may do (fewer than they are worth).
+    /// Adds correlated errors of one repeat. They count as one independent value, which is conservative.
     pub fn add_together(&mut self, class: &str, errors: impl IntoIterator<Item = (f64, f64)>) {
         let before = self.0.get(class).map_or(0.0, |c| c.independent);
         for (error, sigma) in errors {
@@ -51,7 +52,7 @@ impl ZScores {
         }
     }
 
-    /// Errors of one repeat that depend on each other as their covariance says: as many combinations of them that do not.
+    /// Adds correlated errors of one repeat, whitened by their covariance to independent values.
     pub fn add_whitened(&mut self, class: &str, errors: &DVector<f64>, covariance: &DMatrix<f64>) {
         let scale = covariance.diagonal().map(|v| v.sqrt().recip());
         let d = DMatrix::from_diagonal(&scale);
@@ -62,8 +63,8 @@ impl ZScores {
         z.iter().for_each(|z| self.add(class, *z, 1.0));
     }
 
-    /// Prints all classes; then every class has to be within what chance does to a variance of 1, and those of a thousand
-    /// independent values or more within 0.8 to 1.25.
+    /// Prints all classes, then asserts that each variance is consistent with 1. Classes with at least a
+    /// thousand independent values must be within 0.8 to 1.25.
     pub fn hold(&self, what: &str) {
         for (name, c) in &self.0 {
             let v = c.squares / c.values;
@@ -85,21 +86,21 @@ impl ZScores {
     }
 }
 
-/// How many standard deviations a mean of squares of `n` independent standard normals is off 1.
+/// Returns by how many standard deviations the mean square of `n` standard normals differs from 1.
 fn deviations(mean: f64, n: f64) -> f64 {
     (mean.cbrt() - 1.0 + 2.0 / (9.0 * n)) / (2.0 / (9.0 * n)).sqrt()
 }
 
-/// Of χ² with 10 degrees of freedom the upper 0.1 % is 29.588, the lower 1.479 (tables).
+/// χ² with 10 degrees of freedom has the upper 0.1 % quantile 29.588 and the lower one 1.479 (tables).
 #[test]
 fn deviations_are_those_of_chi_squared() {
     assert!((deviations(2.9588, 10.0) - 3.090).abs() < 0.02);
     assert!((deviations(0.1479, 10.0) + 3.090).abs() < 0.1);
-    // What `ENOUGH` promises.
+    // Consistency of `ENOUGH` with `BAR` and `CHANCE`.
     assert!(deviations(BAR.end, ENOUGH) > CHANCE && deviations(BAR.start, ENOUGH) < -CHANCE);
 }
 
-/// A covariance that is off by a third is found.
+/// Standard errors that are wrong by 15 % (1024 values) or 40 % (64 values) are detected.
 #[test]
 fn wrong_errors_are_found() {
     use rand_distr::{Distribution, StandardNormal};

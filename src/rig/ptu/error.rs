@@ -1,26 +1,23 @@
-//! What can be wrong with a file of photons.
+//! Errors in a `.ptu` file or in a request about one.
 
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// What is wrong, in which file, at which byte, and what to do about it.
+/// An error with its file, the byte offset, and how to fix it.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{}: {}{what}; {fix}", file.display(), offset.map_or(String::new(), |at| format!("byte {at}: ")))]
 pub struct PtuError {
-    /// The file.
     pub file: PathBuf,
-    /// Where in it, bytes from its begin; none if it is not one place.
+    /// Offset in bytes from the begin of the file, or `None` if the error has no single position.
     pub offset: Option<u64>,
-    /// What is wrong.
     pub what: String,
-    /// How to fix it.
     pub fix: String,
-    /// True if the system refused, not the file.
+    /// True if the operating system caused the error, not the file.
     pub of_system: bool,
 }
 
 impl PtuError {
-    /// Of what stands at a byte of a file.
+    /// Creates an error at a byte of a file.
     pub(super) fn new(file: &Path, offset: u64, what: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
             file: file.to_owned(),
@@ -31,7 +28,7 @@ impl PtuError {
         }
     }
 
-    /// Of what is asked of a file as a whole.
+    /// Creates an error of a request that concerns the whole file.
     pub(super) fn of_request(file: &Path, what: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
             offset: None,
@@ -39,7 +36,7 @@ impl PtuError {
         }
     }
 
-    /// Of a file that cannot be read any further.
+    /// Creates an error of a failed read.
     pub(super) fn io(file: &Path, offset: u64, cause: &std::io::Error) -> Self {
         Self {
             of_system: !matches!(

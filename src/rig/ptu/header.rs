@@ -1,4 +1,4 @@
-//! The header of a file: magic, version, tags up to `Header_End`.
+//! The header of a `.ptu` file: magic, version, and tags up to `Header_End`.
 
 use super::error::PtuError;
 use super::record::{Mode, RecordType};
@@ -9,21 +9,20 @@ use std::path::Path;
 /// First bytes of a file.
 pub const MAGIC: [u8; 8] = *b"PQTTTR\0\0";
 
-/// Most bytes of a header: real ones have some thousand.
+/// Maximum size of a header in bytes. Real headers have a few thousand.
 pub const MOST: u64 = 64 << 20;
 
 const DAMAGED: &str = "the file is damaged or cut off: copy it anew from the instrument's computer";
 
-/// A header.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Header {
-    /// Version of the format, as it stands there (`1.0.00`).
+    /// Version of the format as stored (for example `1.0.00`).
     pub version: String,
-    /// Tags in their order, without `Header_End`.
+    /// Tags in file order, without `Header_End`.
     pub tags: Vec<Tag>,
 }
 
-/// Reads from a file of known length, and knows where it is.
+/// Reads a source of known length and tracks the position.
 struct Bytes<'a, R> {
     source: R,
     file: &'a Path,
@@ -48,10 +47,12 @@ impl<R: Read> Bytes<'_, R> {
     }
 }
 
-/// Reads a header from the begin of a file of `length` bytes; returns the byte at which records begin too.
+/// Reads a header from the begin of a file of `length` bytes. Returns it with the offset of the first record.
+///
+/// Nothing is allocated for sizes that the file cannot contain.
 ///
 /// # Errors
-/// [`PtuError`] with the byte of the tag that is wrong. Nothing is allocated for sizes that the file cannot hold.
+/// [`PtuError`] with the offset of the invalid tag.
 pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Header, u64), PtuError> {
     let mut bytes = Bytes {
         source,
@@ -107,25 +108,25 @@ pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Heade
     }
 }
 
-/// Up to the first zero, as ASCII; what is not is replaced.
+/// Decodes ASCII up to the first zero byte. Other bytes are replaced.
 fn ascii(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()
 }
 
 impl Header {
-    /// Value of the first tag of a name.
+    /// Returns the value of the first tag of a name.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.tags.iter().find(|t| t.name == name).map(|t| &t.value)
     }
 
-    /// Values of all tags of a name, in their order.
+    /// Returns the values of all tags of a name, in file order.
     pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Value> {
         self.tags.iter().filter(move |t| t.name == name).map(|t| &t.value)
     }
 
-    /// A whole number (or flags).
+    /// Returns an integer or flags.
     #[must_use]
     pub fn int(&self, name: &str) -> Option<i64> {
         match self.get(name)? {
@@ -135,7 +136,8 @@ impl Header {
         }
     }
 
-    /// A number of any type: a whole one, flags, a float, or a yes (1) or no (0). Programs disagree on types of tags.
+    /// Returns an integer, flags, float or boolean (1 or 0) as a number. Programs disagree on the types of
+    /// tags.
     #[must_use]
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.get(name)? {
@@ -147,7 +149,7 @@ impl Header {
         }
     }
 
-    /// A text of either type.
+    /// Returns a text of either type.
     #[must_use]
     pub fn text(&self, name: &str) -> Option<&str> {
         match self.get(name)? {
@@ -156,7 +158,7 @@ impl Header {
         }
     }
 
-    /// Time of one count of `dtime` (T3) or of the time tag (T2), seconds, if it is stated and positive.
+    /// Returns the duration of a count of `dtime` (T3) or of the time tag (T2) in seconds, if positive.
     #[must_use]
     pub fn resolution_s(&self, mode: Mode) -> Option<f64> {
         let name = match mode {
@@ -166,17 +168,17 @@ impl Header {
         self.number(name).filter(|s| s.is_finite() && *s > 0.0)
     }
 
-    /// Time of one count of the time tag, seconds: in T3 the laser's period; if it is stated and positive.
+    /// Returns the duration of a count of the time tag in seconds, if positive; in T3 the laser's period.
     #[must_use]
     pub fn global_resolution_s(&self) -> Option<f64> {
         self.resolution_s(Mode::T2)
     }
 
-    /// The type of the records.
+    /// Returns the record type.
     ///
     /// # Errors
-    /// [`PtuError`] if the header does not say, or names one that is not known or not of `Measurement_Mode`, or records are
-    /// not of 32 bits.
+    /// [`PtuError`] if the header states no type, an unknown type, a type that contradicts
+    /// `Measurement_Mode`, or records that are not 32 bits long.
     pub fn record_type(&self, file: &Path) -> Result<RecordType, PtuError> {
         let wrong = |what: String, fix: &str| PtuError::of_request(file, what, fix);
         let Some(code) = self.int("TTResultFormat_TTTRRecType") else {
@@ -214,10 +216,10 @@ impl Header {
         }
     }
 
-    /// Its bytes, `Header_End` and all.
+    /// Encodes the header, including `Header_End`.
     ///
     /// # Errors
-    /// In words: a name that is too long, a text that its type does not hold, `Header_End` within.
+    /// A message if a name is too long, a text does not fit its type, or `Header_End` is among the tags.
     pub fn write(&self) -> Result<Vec<u8>, String> {
         let mut out = MAGIC.to_vec();
         let mut version = [0; 8];

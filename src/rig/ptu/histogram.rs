@@ -1,7 +1,7 @@
-//! Time histograms of a file: by channel, and by pixel of a scan, in one pass over its records.
+//! Time histograms of a file, by channel and by pixel of a scan, in one pass over its records.
 //!
-//! A photon costs two looks into tables (where its channel's bins begin, which bin its time is in), one comparison (whether it
-//! is asked for) and one addition. Photons that have no element are counted by their reason ([`LeftOut`]).
+//! A photon costs two table look-ups (its channel's first bin and the bin of its time), one comparison and
+//! one addition. Photons outside the histogram are counted by reason ([`LeftOut`]).
 
 use super::error::PtuError;
 use super::reader::Reader;
@@ -9,29 +9,28 @@ use super::record::{Layout, Mode, Parts, RecordType, with_layout};
 use super::scan::{Beam, Scan};
 use std::io::Read;
 
-/// Most elements of a histogram: 2 GiB.
+/// Maximum number of elements of a histogram: 2 GiB.
 pub const MOST: usize = 1 << 29;
 
-/// Beyond every histogram.
+/// An index beyond every histogram.
 const NOWHERE: u32 = 1 << 30;
 
-/// What to count.
+/// Binning, channels and pixels of a histogram.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Width of a bin: so many of the file's own counts.
+    /// Width of a bin in counts of the file.
     pub bin: u32,
-    /// Bins.
     pub bins: usize,
-    /// Channels, in the order of the result; one named twice is counted at its first place.
+    /// Channels in the order of the result. A repeated channel is counted at its first position.
     pub channels: Vec<u8>,
-    /// By pixel, if there is a scan.
+    /// Counts per pixel if there is a scan.
     pub scan: Option<Scan>,
 }
 
 impl Plan {
-    /// Returns the number of bins that hold one laser period, the last one perhaps in part.
+    /// Returns the number of bins in one laser period, including a partial last bin.
     ///
-    /// Without a period in the header: all times that records hold (T2: 32768).
+    /// If the header has no period, the bins cover all times that records can represent (T2: 32768).
     #[must_use]
     pub fn period_bins<R: Read>(reader: &Reader<R>, bin: u32) -> usize {
         let (record, header) = (reader.record_type(), reader.header());
@@ -54,7 +53,7 @@ impl Plan {
         self.scan.map_or(Some(1), |s| s.width.checked_mul(s.height))
     }
 
-    /// Why it cannot be, and what to do.
+    /// Returns why the plan is invalid and how to fix it.
     fn fault(&self, record: RecordType) -> Option<(String, String)> {
         let elements = self.bins.checked_mul(self.channels.len());
         let elements = elements
@@ -80,31 +79,31 @@ impl Plan {
     }
 }
 
-/// Photons of a file that are in no bin, by the first reason that holds.
+/// Photons outside the histogram, by the first reason that applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LeftOut {
-    /// Of channels that the plan does not name.
+    /// Photons of channels that the plan does not include.
     pub channels: u64,
-    /// Before the first pixel, between pixels, and beyond the last one.
+    /// Photons before the first pixel, between pixels, and after the last pixel.
     pub pixels: u64,
-    /// Before the first sync pulse (T2).
+    /// Photons before the first sync pulse (T2).
     pub before_sync: u64,
-    /// Later than the last bin.
+    /// Photons after the last bin.
     pub later: u64,
-    /// The latest of these, in counts since the sync pulse.
+    /// The latest time among [`Self::later`], in counts since the sync pulse.
     pub latest: u64,
-    /// In a first frame whose first lines or pixels the file does not have, so that nobody knows where they belong.
+    /// Photons of a first frame whose first lines or pixels are missing, so that their pixels are unknown.
     pub torn_frame: u64,
 }
 
 impl LeftOut {
-    /// Returns the number of all of them.
+    /// Returns the total number of photons left out.
     #[must_use]
     pub fn photons(&self) -> u64 {
         self.channels + self.pixels + self.before_sync + self.later + self.torn_frame
     }
 
-    /// Returns how many there are of each kind, as text; `resolution_s` is the time of a count. Empty if there are none.
+    /// Returns a text with the nonzero counts by kind. `resolution_s` is the duration of a count.
     #[must_use]
     pub fn describe(&self, resolution_s: Option<f64>) -> String {
         let latest = match resolution_s {
@@ -127,48 +126,44 @@ impl LeftOut {
     }
 }
 
-/// What was counted.
+/// The result of [`histogram`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Histograms {
-    /// Rows, columns, channels, bins; one row and column without a scan.
+    /// Rows, columns, channels and bins. Without a scan there is one row and one column.
     pub shape: [usize; 4],
-    /// Counts, the last axis fastest.
+    /// Counts; the last axis varies fastest.
     pub counts: Vec<u32>,
-    /// All photons of the file.
     pub photons: u64,
-    /// Photons that are in no bin.
     pub left_out: LeftOut,
-    /// Pixels (of a scan by pixels) or lines (of a scan by lines) that begin after the last one of their frame.
+    /// Pixels (scan by pixels) or lines (scan by lines) that begin after the last one of their frame.
     pub beyond: u64,
-    /// Pixels or lines that the last frame lacks.
+    /// Pixels or lines that are missing in the last frame.
     pub missing: usize,
-    /// Records that mean nothing.
     pub unknown: u64,
 }
 
 impl Histograms {
-    /// Photons that are in the histogram.
+    /// Returns the number of photons in the histogram.
     #[must_use]
     pub fn counted(&self) -> u64 {
         self.counts.iter().map(|n| u64::from(*n)).sum()
     }
 }
 
-/// Counters of [`State::left`], in the order of their reasons.
+/// Indices of [`State::left`], in the order in which the reasons are tested.
 const CHANNELS: usize = 0;
 const PIXELS: usize = 1;
 const SYNCS: usize = 2;
 const LATER: usize = 3;
 
-/// Tables, and what changes while records go by.
+/// Look-up tables and the state of the pass over the records.
 struct State {
-    /// Where the bins of a channel begin in those of a pixel.
+    /// Index of each channel's first bin within a pixel.
     first: [u32; 64],
-    /// Bin of a T3 record's time.
+    /// Bin of a T3 record's `dtime`.
     bin_of: Vec<u32>,
     bin: u64,
     bins: u64,
-    /// Elements of a pixel.
     row: u32,
     counts: Vec<u32>,
     beam: Beam,
@@ -182,7 +177,6 @@ struct State {
     torn_frame: u64,
 }
 
-/// Counts one block.
 fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
     let State {
         first,
@@ -192,13 +186,13 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
         latest,
         ..
     } = state;
-    // Of a length that masks keep to, so that no bound is checked.
+    // A fixed length that matches the index mask removes the bounds check.
     let Some(bin_of) = bin_of.first_chunk::<{ 1 << 15 }>() else {
         return;
     };
     let (mut beam, mut overflow, mut sync) = (state.beam, state.overflow, state.sync);
     let (bin, bins, row) = (state.bin, state.bins, state.row);
-    // Elements of the pixel where the beam is: none, if it is nowhere.
+    // First element and number of elements of the current pixel; zero elements if the beam is in no pixel.
     let place = |beam: &Beam| beam.pixel.map_or((0, 0), |p| (p * row as usize, row));
     let (mut base, mut room) = place(&beam);
     let (mut others, mut unknown, mut syncs) = (0, 0, 0);
@@ -212,7 +206,7 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
                         (base, room) = place(&beam);
                     }
                 }
-                // In T2 none before the first sync pulse.
+                // In T2, `None` before the first sync pulse.
                 let since = if L::T2 {
                     let now = overflow.saturating_add(u64::from(time));
                     sync.and_then(|s| now.checked_sub(s))
@@ -268,23 +262,27 @@ fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
     state.syncs += syncs;
 }
 
-/// Counts a file's photons, from where the reader is to its end.
+/// Counts a file's photons from the reader's position to the end.
 ///
-/// In T2 a photon's time is that since the last sync pulse. A first frame that begins before the file does is left out if it lacks more
-/// than one line (or pixel).
+/// In T2 a photon's time is the time since the last sync pulse. An incomplete first frame is left out if more
+/// than one line (or pixel) is missing.
 ///
 /// # Errors
-/// [`PtuError`]: a plan that the file cannot serve or that is larger than [`MOST`], a bin of 2³² − 1 counts or more, no photon in any
-/// bin (with the reason: markers or sync pulses that never come, other channels, later bins), the system.
+/// [`PtuError`] in these cases:
+/// - the plan does not fit the file or exceeds [`MOST`];
+/// - a bin has 2³² − 1 counts or more;
+/// - no photon is in any bin (with the reason: no markers or sync pulses, other channels, later bins);
+/// - the system cannot read the file.
 pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histograms, PtuError> {
     let (found, nothing) = possibly_empty_histogram(reader, plan)?;
     nothing.map_or(Ok(found), Err)
 }
 
-/// As [`histogram`], of photons of which none need be in a bin, as of one pixel in the dark; if none is, says why.
+/// Like [`histogram`], but accepts a histogram without photons, such as that of one dark pixel. The second
+/// value is then the reason.
 ///
 /// # Errors
-/// As there, but for that.
+/// Like [`histogram`], except for an empty histogram.
 pub fn possibly_empty_histogram<R: Read>(
     reader: &mut Reader<R>,
     plan: &Plan,
@@ -380,7 +378,7 @@ pub fn possibly_empty_histogram<R: Read>(
     Ok((found, empty))
 }
 
-/// Why no photon is in a bin, and what to do.
+/// Returns why no photon is in a bin, and how to fix it.
 fn nothing(
     plan: &Plan,
     state: &State,

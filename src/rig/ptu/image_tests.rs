@@ -1,4 +1,4 @@
-//! Images: which pixel a photon belongs to, and what becomes of photons that belong to none.
+//! Tests of images: which pixel a photon belongs to, and how photons outside all pixels are counted.
 
 use super::header::Header;
 use super::histogram::{LeftOut, Plan, histogram};
@@ -8,7 +8,7 @@ use super::scan::{Clock, Scan};
 use super::tag::{Tag, Value};
 use super::tests::{bytes_of, counted, even, open};
 
-/// Photons of a scan belong to the pixel that its markers say, between pixels to none.
+/// Photons of a scan belong to the pixel of its markers, and between pixels to none.
 #[test]
 fn markers_make_pixels() {
     let photon = |time, dtime| Event::Photon {
@@ -29,7 +29,8 @@ fn markers_make_pixels() {
             clock,
         }),
     };
-    // A frame; before its pixels; pixels 0 and 1; between them; a frame; pixel 0 again; 1, 2, 3 and one too many.
+    // A frame; a photon before its pixels; pixels 0, 1; a photon between; a frame; pixels 0 to 3 and an
+    // excess one.
     let events = [
         marker(0, 4),
         photon(1, 0),
@@ -108,7 +109,7 @@ fn marker(time: u64, bits: u8) -> Event {
     Event::Marker { time, bits }
 }
 
-/// A header of an image of 3 columns and 4 rows, pixels of 100 pulses (of 100 ns each), with other tags in the place of its own.
+/// Returns the header of an image of 3 × 4 pixels of 100 pulses (100 ns each), modified by `other` tags.
 fn image_header(other: &[(&str, Value)]) -> Header {
     let own = [
         ("MeasDesc_GlobalResolution", Value::Float(1e-7)),
@@ -139,8 +140,7 @@ fn plan(bins: usize, scan: Option<Scan>) -> Plan {
     }
 }
 
-/// Rows that run backwards are turned around, by line markers and by pixel markers; a program may write the tag as a
-/// yes or as a number.
+/// Backward rows are reversed, by line markers and by pixel markers. The tag may be a boolean or number.
 #[test]
 fn rows_that_run_backwards_are_turned_around() {
     for (tag, back) in [
@@ -152,7 +152,8 @@ fn rows_that_run_backwards_are_turned_around() {
     ] {
         let scan = Scan::of_header(&image_header(&[("ImgHdr_BiDirect", tag)])).expect("a scan");
         assert_eq!((scan.width, scan.height, scan.bidirectional), (3, 4, back));
-        // In row y, y + 1 photons at the second place of its sweep's end: column 2 of rows 0 and 2, column 0 of rows 1 and 3.
+        // Row y has y + 1 photons in the last pixel of its sweep: column 2 of rows 0 and 2, column 0 of rows
+        // 1 and 3.
         let (mut lines, mut pixels) = (vec![], vec![]);
         for y in 0..4 {
             let begin = 1000 * (y + 1);
@@ -188,7 +189,7 @@ fn rows_that_run_backwards_are_turned_around() {
     }
 }
 
-/// A header that describes no image, or one in two ways, is refused by the name of its tag.
+/// An error about a missing or inconsistent image header names the tag.
 #[test]
 fn headers_without_a_meaning_are_refused() {
     for (tag, value) in [
@@ -214,7 +215,7 @@ fn headers_without_a_meaning_are_refused() {
     }
 }
 
-/// Every photon is in the histogram or is counted by the reason why not.
+/// Every photon is either in the histogram or counted by the reason for leaving it out.
 #[test]
 fn photons_in_no_bin_are_counted_by_reason() {
     let other = Event::Photon {
@@ -264,7 +265,7 @@ fn photons_in_no_bin_are_counted_by_reason() {
     assert_eq!((got.left_out, got.photons, got.counted()), (want, 3, 1));
 }
 
-/// A file of which nothing can be counted is refused, with the reason.
+/// An empty histogram is an error that gives the reason.
 #[test]
 fn histograms_of_nothing_are_refused() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
@@ -327,7 +328,7 @@ fn histograms_of_nothing_are_refused() {
     }
 }
 
-/// Lines before the first frame marker are not the first lines of a frame if there are too few; a last frame that is cut off is kept.
+/// Lines before the first frame marker are left out if too few for a frame. An incomplete last frame is kept.
 #[test]
 fn torn_frames_are_left_out_at_the_beginning_alone() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
@@ -350,7 +351,7 @@ fn torn_frames_are_left_out_at_the_beginning_alone() {
     }
 }
 
-/// The bins of a period that is no multiple of the resolution hold its end.
+/// If the period is no multiple of the resolution, the last partial bin is included.
 #[test]
 fn the_last_partial_bin_of_a_period_is_counted() {
     let tags = |period: f64, resolution: f64| Header {
@@ -372,7 +373,7 @@ fn the_last_partial_bin_of_a_period_is_counted() {
     }
 }
 
-/// Every tag is known to describe, is used, or is noted.
+/// Every tag is either descriptive, used, or reported in a note.
 #[test]
 fn tags_that_are_not_used_are_noted() {
     let scan = Scan::of_header(&image_header(&[])).expect("a scan");
@@ -393,7 +394,7 @@ fn tags_that_are_not_used_are_noted() {
     assert!(meaning::notes(&divided, Mode::T2, None)[0].starts_with("HWSync_Divider is 4"));
     let notes = meaning::notes(&divided, Mode::T3, None);
     assert!(!notes.iter().any(|n| n.contains("HWSync_Divider")), "{notes:?}");
-    // Records of another mode than the header's.
+    // Records whose mode contradicts the header's.
     let mixed = image_header(&[
         ("TTResultFormat_TTTRRecType", Value::Int(0x0001_0305)),
         ("Measurement_Mode", Value::Int(2)),

@@ -1,11 +1,11 @@
-//! Header tags that change what the records mean, and are not used.
+//! Detects header tags that change the meaning of the records but are not used.
 
 use super::header::Header;
 use super::record::Mode;
 use super::scan::{Clock, Scan, is_bidirectional};
 
-/// Beginnings of the names of tags that describe the file, the program, the hardware or results, and change no photon's channel,
-/// time or pixel, as far as is known.
+/// Name prefixes of tags that describe the file, the program, the hardware or results. They are not known to
+/// affect a photon's channel, time or pixel.
 const DESCRIPTIVE: [&str; 22] = [
     "$",
     "CreatorSW_",
@@ -31,7 +31,8 @@ const DESCRIPTIVE: [&str; 22] = [
     "View",
 ];
 
-/// Tags of images: those that [`Scan::of_header`] reads, and those that say where the image is and how many frames were planned.
+/// Image tags: those that [`Scan::of_header`] reads, and those that state the image's position and the
+/// planned number of frames.
 const IMAGE: [&str; 18] = [
     "ImgHdr_BiDirect",
     "ImgHdr_Dimensions",
@@ -53,8 +54,8 @@ const IMAGE: [&str; 18] = [
     "ReqHdr_ScanningPattern",
 ];
 
-/// Returns one note for each tag of a header that may change the meaning of its records and that a histogram does not use, or
-/// uses in one of two meanings.
+/// Returns a note for each header tag that may change the meaning of the records and that a histogram ignores
+/// or interprets ambiguously.
 #[must_use]
 pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
     let mut notes = vec![];

@@ -1,8 +1,8 @@
-//! PicoQuant's `.ptu` files of time-tagged photons: read as a stream, written, and turned into histograms.
+//! PicoQuant's `.ptu` files of time-tagged photons: streaming reader, writer and histograms.
 //!
-//! A file is a header of tags ([`tag`], [`header`]) and then records of 4 bytes each ([`record`]), as many as the measurement
-//! was long: nothing here holds more of them than one block ([`reader`]). Layouts after PicoQuant's published descriptions of
-//! their file formats, checked against the Python package `ptufile`.
+//! A file is a header of tags ([`tag`], [`header`]) followed by records of 4 bytes each ([`record`]). The
+//! reader keeps only one block of records in memory ([`reader`]). The layouts follow PicoQuant's published
+//! file format descriptions and are checked against the Python package `ptufile`.
 
 pub mod error;
 pub mod header;

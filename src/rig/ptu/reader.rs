@@ -1,4 +1,4 @@
-//! Reads a file block by block: its memory is the same however long the file is.
+//! Reads a file block by block with constant memory.
 
 use super::error::PtuError;
 use super::header::{self, Header};
@@ -7,17 +7,15 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Records of a block.
+/// Records per block.
 const BLOCK: usize = 1 << 16;
 
-/// In what a file's length differs from what its header says: it was cut off, or grew.
+/// Difference between the record counts of header and file, which was truncated or extended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// Records by the header.
     pub stated: u64,
-    /// Records that the file holds.
     pub found: u64,
-    /// Bytes behind the last whole record: those of a torn one.
+    /// Bytes of an incomplete last record.
     pub torn: u8,
 }
 
@@ -35,7 +33,7 @@ impl std::fmt::Display for Mismatch {
     }
 }
 
-/// A file that is read.
+/// A streaming reader of a `.ptu` file.
 #[derive(Debug)]
 pub struct Reader<R> {
     source: R,
@@ -53,7 +51,7 @@ impl Reader<BufReader<File>> {
     /// Opens a regular file and reads its header.
     ///
     /// # Errors
-    /// [`PtuError`]: no file, no `.ptu` file, a tag that is damaged, records of an unknown type.
+    /// [`PtuError`] if the file is missing, no `.ptu` file, damaged, or has records of an unknown type.
     pub fn open(path: &Path) -> Result<Self, PtuError> {
         let failed = |e| PtuError::io(path, 0, &e);
         let file = base::input::open(path).map_err(failed)?;
@@ -63,16 +61,16 @@ impl Reader<BufReader<File>> {
 }
 
 impl<R: Read> Reader<R> {
-    /// Reads the header from the begin of `length` bytes; `file` is named by errors.
+    /// Reads the header from a source of `length` bytes. Errors name `file`.
     ///
     /// # Errors
-    /// As [`Reader::open`].
+    /// Like [`Reader::open`].
     pub fn new(mut source: R, length: u64, file: &Path) -> Result<Self, PtuError> {
         let (header, begin) = header::read(&mut source, length, file)?;
         let record = header.record_type(file)?;
         let bytes = length - begin;
         let (found, torn) = (bytes / 4, (bytes % 4) as u8);
-        // A measurement whose end nobody wrote states none: all that is there counts.
+        // An interrupted measurement states zero records: read all that the file contains.
         let stated = header
             .number("TTResult_NumberOfRecords")
             .filter(|n| *n > 0.0)
@@ -90,40 +88,37 @@ impl<R: Read> Reader<R> {
         })
     }
 
-    /// The header.
     #[must_use]
     pub fn header(&self) -> &Header {
         &self.header
     }
 
-    /// The file's name.
     #[must_use]
     pub fn file(&self) -> &Path {
         &self.file
     }
 
-    /// Type of the records.
     #[must_use]
     pub fn record_type(&self) -> RecordType {
         self.record
     }
 
-    /// Records that are there to be read.
+    /// Returns the number of readable records.
     #[must_use]
     pub fn records(&self) -> u64 {
         self.records
     }
 
-    /// What is to be warned of: a file that is shorter or longer than its header says.
+    /// Returns the mismatch between header and file length, which deserves a warning.
     #[must_use]
     pub fn mismatch(&self) -> Option<Mismatch> {
         self.mismatch
     }
 
-    /// The next records, as they are; none at the end.
+    /// Returns the next raw records, or an empty slice at the end.
     ///
     /// # Errors
-    /// [`PtuError`] if the system cannot read on.
+    /// [`PtuError`] if the system cannot read the file.
     pub fn block(&mut self) -> Result<&[[u8; 4]], PtuError> {
         let count = (self.records - self.read).min(BLOCK as u64);
         self.block.resize(count as usize * 4, 0);
@@ -135,10 +130,10 @@ impl<R: Read> Reader<R> {
         Ok(self.block.as_chunks().0)
     }
 
-    /// Gives every event to a function, in order.
+    /// Calls a function with every event, in order.
     ///
     /// # Errors
-    /// As [`Self::block`].
+    /// Like [`Self::block`].
     pub fn events(&mut self, mut take: impl FnMut(Event)) -> Result<(), PtuError> {
         let mut decoder = Decoder::new(self.record);
         loop {

@@ -1,29 +1,28 @@
-//! Records: 32 bits each, a photon, a marker, a sync pulse, or the news that the clock ran over.
+//! Records of 32 bits: a photon, a marker, a sync pulse, or a clock overflow.
 //!
-//! | | from the least bit | special | overflow | markers |
+//! | | from the least significant bit | special | overflow | markers |
 //! |---|---|---|---|---|
 //! | PicoHarp 300 T3 | sync 16, dtime 12, channel 4 (1 to 4) | channel 15 | dtime 0: 65536 | bits of dtime |
 //! | PicoHarp 300 T2 | time 28, channel 4 (1 to 4; 0 is a sync) | channel 15 | time's last 4 bits 0: 210698240 | these bits |
 //! | all others T3 | sync 10, dtime 15, channel 6, special 1 | special | channel 63: 1024 · sync | channel 1 to 15 |
 //! | all others T2 | time 25, channel 6, special 1 | special | channel 63: 33554432 · time | channel 1 to 15; 0 is a sync |
 //!
-//! The first version of the HydraHarp has one overflow a record (of 33552000 in T2); in later ones 0 overflows means one too.
+//! In the first version of the HydraHarp each overflow record means one overflow (of 33552000 in T2). In
+//! later versions a count of 0 also means one overflow.
 
 /// How photons are timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
-    /// By one clock, sync pulses being events like others.
+    /// By one clock. Sync pulses are separate events.
     T2,
-    /// By the number of the sync pulse, and the time since then.
+    /// By the number of the sync pulse and the time since that pulse.
     T3,
 }
 
-/// Type of the records of a file.
+/// Record type of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum RecordType {
-    /// PicoHarp 300, T2.
     PicoHarpT2,
-    /// PicoHarp 300, T3.
     PicoHarpT3,
     /// HydraHarp 400, first version, T2.
     HydraHarpT2,
@@ -48,7 +47,6 @@ pub enum RecordType {
 }
 
 impl RecordType {
-    /// All of them.
     pub const ALL: [Self; 12] = [
         Self::PicoHarpT2,
         Self::PicoHarpT3,
@@ -64,7 +62,7 @@ impl RecordType {
         Self::GenericT3,
     ];
 
-    /// Its number in headers.
+    /// Returns the type's code in headers.
     #[must_use]
     pub fn code(self) -> u32 {
         match self {
@@ -83,13 +81,12 @@ impl RecordType {
         }
     }
 
-    /// That of a number.
+    /// Returns the type of a code.
     #[must_use]
     pub fn of_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|r| r.code() == code)
     }
 
-    /// Its name.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -108,7 +105,6 @@ impl RecordType {
         }
     }
 
-    /// How it times photons.
     #[must_use]
     pub fn mode(self) -> Mode {
         match self.family() {
@@ -117,7 +113,8 @@ impl RecordType {
         }
     }
 
-    /// Number of its last channel, and 1. Channels count from 0; those of the PicoHarp in T2 from 1.
+    /// Returns the number of the last channel plus 1. Channels count from 0, except those of the PicoHarp in
+    /// T2, which count from 1.
     #[must_use]
     pub fn channels(self) -> u8 {
         match self.family() {
@@ -127,7 +124,7 @@ impl RecordType {
         }
     }
 
-    /// Values of `dtime` in T3.
+    /// Returns the number of `dtime` values in T3.
     #[must_use]
     pub fn dtimes(self) -> u32 {
         if self.family() == Family::PicoT3 {
@@ -153,7 +150,7 @@ impl RecordType {
     }
 }
 
-/// Types whose bits are laid out alike.
+/// Types with the same bit layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Family {
     PicoT2,
@@ -164,7 +161,7 @@ pub(super) enum Family {
     HydraT3,
 }
 
-/// A record taken apart; times still without overflows.
+/// The fields of a record. Times do not include overflows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Parts {
     Photon { time: u32, dtime: u32, channel: u32 },
@@ -174,20 +171,20 @@ pub(super) enum Parts {
     Unknown,
 }
 
-/// How a family lays out its bits: a type of its own each, so that loops over records are compiled for one.
+/// The bit layout of a family. Each layout is a separate type so that loops over records are monomorphized.
 pub(super) trait Layout {
-    /// True if it is of T2.
+    /// True for T2 records.
     const T2: bool;
-    /// Counts of the clock after which it begins anew.
+    /// Clock counts per overflow.
     const PERIOD: u64;
     fn split(record: u32) -> Parts;
 }
 
 pub(super) struct PicoT2;
 pub(super) struct PicoT3;
-/// `OLD`: the HydraHarp's first version.
+/// `OLD` selects the HydraHarp's first version.
 pub(super) struct HydraT2<const OLD: bool>;
-/// As [`HydraT2`].
+/// Like [`HydraT2`].
 pub(super) struct HydraT3<const OLD: bool>;
 
 impl Layout for PicoT2 {
@@ -235,7 +232,7 @@ impl Layout for PicoT3 {
     }
 }
 
-/// What a special record of all but the PicoHarp 300 says.
+/// Decodes a special record of any device but the PicoHarp 300.
 #[inline(always)]
 fn special(time: u32, channel: u32, period: u64, old: bool) -> Parts {
     match channel {
@@ -287,7 +284,7 @@ impl<const OLD: bool> Layout for HydraT3<OLD> {
     }
 }
 
-/// Calls a function that is generic over a [`Layout`] with that of a record type.
+/// Calls a function that is generic over a [`Layout`] with the layout of a record type.
 macro_rules! with_layout {
     ($record:expr, $call:ident [$($more:tt)*]($($arguments:expr),*)) => {{
         use $crate::ptu::record::{Family, HydraT2, HydraT3, PicoT2, PicoT3};
@@ -303,43 +300,34 @@ macro_rules! with_layout {
 }
 pub(super) use with_layout;
 
-/// What a record says. Times count overflows: sync pulses in T3, counts of the clock in T2, from the measurement's begin.
+/// A decoded record. Times since the begin, including overflows, count sync pulses (T3) or clock counts (T2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// A photon.
     Photon {
-        /// When.
         time: u64,
         /// Time since the sync pulse (T3; 0 in T2).
         dtime: u16,
-        /// Where, from 0.
+        /// Detector channel, from 0.
         channel: u8,
     },
     /// A sync pulse (T2).
-    Sync {
-        /// When.
-        time: u64,
-    },
+    Sync { time: u64 },
     /// One or more of the four marker inputs.
     Marker {
-        /// When.
         time: u64,
-        /// Which: bit 0 is the first.
+        /// Marker inputs; bit 0 is the first.
         bits: u8,
     },
-    /// The clock ran over.
+    /// The clock overflowed.
     Overflow {
-        /// What is added to times from now on.
+        /// Accumulated offset that is added to all later times.
         time: u64,
     },
-    /// A record that means nothing.
-    Unknown {
-        /// Its bits.
-        record: u32,
-    },
+    /// An invalid record.
+    Unknown { record: u32 },
 }
 
-/// Makes events of records, one after the other.
+/// Decodes consecutive records into events.
 #[derive(Clone, Copy, Debug)]
 pub struct Decoder {
     record: RecordType,
@@ -351,13 +339,13 @@ fn split<L: Layout>(record: u32) -> Parts {
 }
 
 impl Decoder {
-    /// At the begin of a measurement.
+    /// Creates a decoder for the begin of a measurement.
     #[must_use]
     pub fn new(record: RecordType) -> Self {
         Self { record, overflow: 0 }
     }
 
-    /// What the next record says. Clocks that would pass 64 bits, as only damaged files make them, stand still.
+    /// Decodes the next record. Times saturate at 64 bits, which only damaged files reach.
     pub fn decode(&mut self, record: u32) -> Event {
         let at = |time: u32| self.overflow.saturating_add(u64::from(time));
         match with_layout!(self.record, split[](record)) {

@@ -1,20 +1,21 @@
-//! Markers of a galvo scan: which pixel a photon belongs to.
+//! Assigns photons to pixels by the markers of a galvo scan.
 
 use super::header::Header;
 
-/// How the beam sweeps along a line.
+/// Motion of the beam along a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
-    /// Duration of a pixel in counts of the time tag (in T3: sync pulses). With [`Self::sine`] it is the mean over a line.
+    /// Duration of a pixel in counts of the time tag (in T3: sync pulses); with [`Self::sine`], the mean.
     pub pixel_time: u64,
-    /// The part of a sine's amplitude that a line covers, in (0, 1]; none if all pixels take equally long.
+    /// Fraction of a sine's amplitude that a line covers, in (0, 1]; `None` for equal durations.
     ///
-    /// The beam's place is that of `ptufile`'s `sinusoidal_correction` (`ImgHdr_SinCorrection` as a percentage of the amplitude).
+    /// The position follows `sinusoidal_correction` of `ptufile` (`ImgHdr_SinCorrection`: amplitude in
+    /// percent).
     pub sine: Option<f64>,
 }
 
 impl Sweep {
-    /// The first count of time, from the beginning of the line, at which the beam is in column `x` of `width`.
+    /// Returns the first time count since the begin of the line in column `x` of `width`.
     fn edge(&self, x: u64, width: u64) -> u64 {
         let line = self.pixel_time.saturating_mul(width);
         let Some(sine) = self.sine.filter(|_| x > 0 && x < width) else {
@@ -26,7 +27,7 @@ impl Sweep {
         (0.5 * line as f64 * (1.0 + phase) - 1e-6).ceil() as u64
     }
 
-    /// The column at a time from the beginning of the line, and the times for which it holds. None after the last pixel.
+    /// Returns the column at a time since the begin of the line, and its time range; `None` after the line.
     fn column(&self, since: u64, width: u64) -> Option<(u64, [u64; 2])> {
         let line = self.pixel_time.saturating_mul(width);
         if since >= line {
@@ -50,57 +51,55 @@ impl Sweep {
     }
 }
 
-/// What markers mean. Markers are bits: 1 is the first input, 8 the fourth, 0 none.
+/// Meaning of the markers. Markers are bits: 1 is the first input, 8 the fourth, 0 none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Clock {
-    /// One marker begins each pixel: the beam stands at a point, then goes to the next.
+    /// One marker begins each pixel. The beam rests at a point, then moves to the next.
     Pixels {
         /// Begins the next pixel.
         begin: u8,
-        /// Ends it; without one, the next begin does.
+        /// Ends the pixel. If 0, the next begin ends it.
         end: u8,
-        /// The next pixel is the first again.
+        /// Restarts at the first pixel.
         frame: u8,
     },
-    /// One marker begins each line: the beam sweeps.
+    /// One marker begins each line, along which the beam sweeps.
     Lines {
         /// Begins the next line.
         begin: u8,
-        /// Ends it; without one, its last pixel does.
+        /// Ends the line. If 0, its last pixel ends it.
         end: u8,
-        /// The next line is the first again.
+        /// Restarts at the first line.
         frame: u8,
-        /// The pixels of a line.
         sweep: Sweep,
     },
 }
 
-/// Returns whether a header says that every second row runs backwards (`ImgHdr_BiDirect`).
+/// Returns whether every second row runs backwards by the header (`ImgHdr_BiDirect`).
 #[must_use]
 pub fn is_bidirectional(header: &Header) -> bool {
     header.number("ImgHdr_BiDirect").is_some_and(|n| n > 0.0)
 }
 
-/// A scan of rows of pixels from the upper left one.
+/// A scan by rows, from the upper left pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scan {
-    /// Pixels of a row.
+    /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Every second row of a frame runs from its last pixel to its first.
     pub bidirectional: bool,
-    /// What markers mean.
     pub clock: Clock,
 }
 
 impl Scan {
-    /// A scan by lines as a file's own header describes it (`ImgHdr_…`).
+    /// Returns the scan by lines that a file's header describes (`ImgHdr_…`).
     ///
     /// A line scan (`ImgHdr_Dimensions` 2) has one row, to which every line adds.
     ///
     /// # Errors
-    /// The tag that is missing or has a value without a meaning.
+    /// A message that names the missing or invalid tag.
     pub fn of_header(header: &Header) -> Result<Self, String> {
         let missing = |name: &str| format!("its header describes no scan: {name} is missing");
         let marker = |name: &str| match header.number(name) {
@@ -160,7 +159,7 @@ impl Scan {
             clock: Clock::Lines {
                 begin: markers[0],
                 end: markers[1],
-                // Every line of a line scan is the first one again.
+                // Every line of a line scan restarts at the first row.
                 frame: if image { markers[2] } else { markers[0] },
                 sweep: Sweep {
                     pixel_time: ticks as u64,
@@ -170,12 +169,12 @@ impl Scan {
         })
     }
 
-    /// True of rows that run from their last pixel to their first.
+    /// Returns whether a row runs from its last pixel to its first.
     fn is_backwards(&self, row: usize) -> bool {
         self.bidirectional && row % 2 == 1
     }
 
-    /// The pixel at step `n` of a frame, by pixel markers.
+    /// Returns the pixel at step `n` of a frame, by pixel markers.
     fn pixel(&self, n: usize) -> usize {
         let (x, y) = (n % self.width, n / self.width);
         y * self.width
@@ -186,13 +185,13 @@ impl Scan {
             }
     }
 
-    /// The marker that begins a pixel or a line.
+    /// Returns the marker that begins a pixel or a line.
     pub(super) fn begin(&self) -> u8 {
         let (Clock::Pixels { begin, .. } | Clock::Lines { begin, .. }) = self.clock;
         begin
     }
 
-    /// Pixels or lines of a frame.
+    /// Returns the number of pixels or lines in a frame.
     pub(super) fn steps(&self) -> usize {
         match self.clock {
             Clock::Pixels { .. } => self.width * self.height,
@@ -201,34 +200,34 @@ impl Scan {
     }
 }
 
-/// Where the beam is while records go by.
+/// Position of the beam during the pass over the records.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Beam {
     scan: Option<Scan>,
     /// Pixels or lines that have begun in this frame.
     begun: usize,
-    /// Where photons of now belong; none if they belong nowhere.
+    /// Pixel of the present photons, or `None` outside all pixels.
     pub pixel: Option<usize>,
-    /// Times for which [`Self::pixel`] holds (lines alone).
+    /// Time range in which [`Self::pixel`] is valid (scans by lines only).
     pub during: [u64; 2],
-    /// Begin and number of the line that is under way.
+    /// Start time and number of the current line.
     line: Option<(u64, usize)>,
     /// Pixels or lines that have begun in the file.
     pub begins: u64,
-    /// Those of them beyond the last of a frame.
+    /// Those of them after the last one of a frame.
     pub beyond: u64,
-    /// Frame markers.
+    /// Number of frame markers.
     pub frames: u64,
-    /// Pixels or lines that the last frame lacks.
+    /// Pixels or lines that are missing in the last frame.
     pub missing: usize,
-    /// The first frame marker has just ended a frame whose beginning the file does not have.
+    /// True if the first frame marker has just ended a frame whose beginning is missing.
     pub torn: bool,
 }
 
 const NEVER: [u64; 2] = [u64::MAX, 0];
 
 impl Beam {
-    /// Before the first marker. Without a scan, everything belongs to pixel 0.
+    /// Creates the state before the first marker. Without a scan, everything belongs to pixel 0.
     pub fn new(scan: Option<Scan>) -> Self {
         Self {
             scan,
@@ -244,12 +243,12 @@ impl Beam {
         }
     }
 
-    /// True if photons move the beam on.
+    /// Returns whether the pixel depends on the time of photons.
     pub fn is_timed(&self) -> bool {
         self.scan.is_some_and(|s| matches!(s.clock, Clock::Lines { .. }))
     }
 
-    /// A marker came. Ends come before frames and those before begins, if they come at once.
+    /// Handles a marker. For simultaneous markers the order is end, frame, begin.
     pub fn marker(&mut self, time: u64, bits: u8) {
         let Some(scan) = self.scan else { return };
         let (Clock::Pixels { begin, end, frame }
@@ -262,7 +261,7 @@ impl Beam {
         let steps = scan.steps();
         if bits & frame != 0 {
             self.frames += 1;
-            // `ptufile` leaves out a first frame that lacks more than one line.
+            // `ptufile` also leaves out a first frame in which more than one line is missing.
             self.torn = self.frames == 1 && self.begun > 0 && self.begun + 1 < steps;
             self.begun = 0;
         }
@@ -282,7 +281,7 @@ impl Beam {
         }
     }
 
-    /// Puts the beam of a line scan where it is at a time outside [`Self::during`].
+    /// Moves the beam of a scan by lines to a time outside [`Self::during`].
     #[cold]
     pub fn advance(&mut self, time: u64) {
         (self.pixel, self.during) = (None, NEVER);
@@ -297,8 +296,8 @@ impl Beam {
         let Some(since) = time.checked_sub(begin).filter(|since| *since < duration) else {
             return;
         };
-        // A line that runs backwards is one that runs forwards from its end, as `ptufile` has it: counts that lie across
-        // an edge of a sinusoidal sweep go to the same pixel.
+        // A backward line is a forward line in reversed time, as in `ptufile`: a count across an edge of a
+        // sinusoidal sweep goes to the same pixel.
         let back = scan.is_backwards(line);
         let along = if back { duration - 1 - since } else { since };
         if let Some((x, [from, to])) = sweep.column(along, width) {
@@ -317,7 +316,8 @@ impl Beam {
 mod tests {
     use super::*;
 
-    /// The edges of columns of a sinusoidal sweep are the arcsines of their places: closed form, for all parts of the amplitude.
+    /// Column edges of a sinusoidal sweep are the arcsines of their positions, for every fraction of the
+    /// amplitude (closed form).
     #[test]
     fn columns_of_a_sine_are_its_arcsines() {
         for (percent, width, pixel_time) in [(80.0, 8, 100), (100.0, 5, 37), (1.0, 16, 3), (50.0, 2, 1000)] {
@@ -332,7 +332,7 @@ mod tests {
                 let place = 0.5 * width as f64 * (1.0 + phase.sin() / amplitude);
                 let (x, [from, to]) = sweep.column(since, width).expect("a column");
                 assert!((from..to).contains(&since));
-                // A place on an edge may be on either side by rounding.
+                // Rounding may put a position on an edge on either side.
                 assert!(
                     (x as f64 - 1e-5..=x as f64 + 1.0 + 1e-5).contains(&place),
                     "{since}: {x} {place}"

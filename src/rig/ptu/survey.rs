@@ -1,22 +1,19 @@
-//! What a file holds, without keeping any of it.
+//! Statistics of a file's records in constant memory.
 
 use super::error::PtuError;
 use super::reader::Reader;
 use super::record::{Layout, Parts, with_layout};
 use std::io::Read;
 
-/// Numbers of a file's records.
+/// Counts of a file's records by kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Survey {
-    /// Photons by channel.
     pub photons: [u64; 64],
-    /// Markers by their input; two at once count at both.
+    /// Markers by input. A record of two markers counts for both.
     pub markers: [u64; 4],
     /// Sync pulses (T2).
     pub syncs: u64,
-    /// Records that say that the clock ran over.
     pub overflows: u64,
-    /// Records that mean nothing.
     pub unknown: u64,
     /// Largest time since a sync pulse by channel (T3).
     pub last_dtime: [u32; 64],
@@ -25,13 +22,13 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// All photons.
+    /// Returns the number of photons in all channels.
     #[must_use]
     pub fn all_photons(&self) -> u64 {
         self.photons.iter().sum()
     }
 
-    /// Channels with photons.
+    /// Returns the channels that have photons.
     #[must_use]
     pub fn channels(&self) -> Vec<u8> {
         (0..64).filter(|c| self.photons[usize::from(*c)] > 0).collect()
@@ -69,10 +66,10 @@ fn count<L: Layout>(survey: &mut Survey, overflow: &mut u64, block: &[[u8; 4]]) 
     *overflow = base;
 }
 
-/// Counts a file's records, from where the reader is to its end.
+/// Counts a file's records from the reader's position to the end.
 ///
 /// # Errors
-/// [`PtuError`] if the system cannot read on.
+/// [`PtuError`] if the system cannot read the file.
 pub fn survey<R: Read>(reader: &mut Reader<R>) -> Result<Survey, PtuError> {
     let record = reader.record_type();
     let mut overflow = 0;

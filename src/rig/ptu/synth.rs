@@ -1,10 +1,12 @@
-//! Time stamps as a counter would have sent them, of what a simulated diode counts.
+//! Synthesizes time stamps from the bin counts of a simulated diode.
 //!
-//! A diode that is armed anew with each pulse detects one photon a pulse at most, and pulses are alike: given the counts of
-//! all bins, every way to deal them to as many different pulses is as likely as any other. So counts of [`Spad::count`] dealt
-//! at random are time stamps of exactly the distribution that a loop over pulses would give, at the cost of the detections. A
-//! free-running diode's dead time ties neighbours together: its counts are dealt to pulses independently, which
-//! keeps histograms and loses that tie.
+//! A diode that is rearmed at each pulse detects at most one photon per pulse, and all pulses are equivalent.
+//! Given the counts of all bins, every assignment to distinct pulses is equally likely. A random assignment
+//! of the counts of [`Spad::count`] therefore has exactly the distribution of a loop over pulses. Its cost is
+//! proportional to the detections.
+//!
+//! The dead time of a free-running diode correlates neighboring detections. Its counts are assigned to pulses
+//! independently, which preserves histograms but not this correlation.
 
 use optics::sampling::mix::mix;
 use optics::sampling::stream::Stream;
@@ -16,20 +18,20 @@ use polarimetry::capture::detector::spad::{Mode, Spad};
 pub struct Stamp {
     /// Number of the pulse, from 0.
     pub sync: u64,
-    /// Bin of the laser's period.
+    /// Bin within the laser's period.
     pub bin: u32,
 }
 
-/// Uniform in 0 to `below`, which is above 0.
+/// Returns a uniform integer in [0, `below`). `below` must be positive.
 fn draw(stream: &mut Stream, below: u64) -> u64 {
-    // Of 64 bits, so that no bias is left that a test could see.
+    // 64 random bits make the bias too small for any test.
     let word = [0; 3].map(|_: u8| u128::from((stream.uniform() * 16_777_216.0) as u32));
     let word = word[0] << 48 | word[1] << 24 | word[2];
     (((word >> 8) * u128::from(below)) >> 64) as u64
 }
 
-/// Deals counts of bins to pulses, in the order of time. `alone`: at most one detection a pulse; detections beyond the
-/// pulses are then left out.
+/// Assigns the counts of bins to pulses at random and returns the stamps in order of time. With `alone`, each
+/// pulse has at most one detection, and excess detections are dropped.
 #[must_use]
 pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Vec<Stamp> {
     if pulses == 0 {
@@ -37,7 +39,7 @@ pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Ve
     }
     let bins = (0..).zip(counts).flat_map(|(bin, n)| (0..*n).map(move |_| bin));
     let mut bins: Vec<u32> = bins.collect();
-    // Fisher and Yates.
+    // Fisher–Yates shuffle.
     for i in (1..bins.len()).rev() {
         bins.swap(i, draw(stream, i as u64 + 1) as usize);
     }
@@ -60,7 +62,7 @@ pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Ve
     stamps
 }
 
-/// `n` different numbers below `below`, which is at least `n`, in their order; all sets are as likely.
+/// Returns `n` ≤ `below` distinct numbers below `below` in ascending order. All sets are equally likely.
 fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
     if n.saturating_mul(2) > below {
         // Selection sampling (Knuth, algorithm S).
@@ -72,7 +74,7 @@ fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
         });
         return chosen.collect();
     }
-    // What is drawn twice is drawn again: of a set that is too small, which numbers are in is uniform at every step.
+    // Redraw duplicates. By symmetry the set is uniform at every step.
     let mut numbers = vec![];
     while (numbers.len() as u64) < n {
         let missing = n - numbers.len() as u64;
@@ -83,7 +85,7 @@ fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
     numbers
 }
 
-/// Time stamps of one dwell of a diode, for rates of [`Spad::rates`]; bins are those of its period.
+/// Returns the time stamps of one dwell with the rates of [`Spad::rates`]. Bins are those of the period.
 ///
 /// # Errors
 /// Those of [`Spad::count`].

@@ -1,45 +1,36 @@
-//! One tag of a header: a name, a number in a list, a value of one of eleven types.
+//! One tag of a header: a name, an index in a list, and a value of one of eleven types.
 //!
-//! 48 bytes: name (32, filled with zeros), index (i32, −1: no list), type (u32), value (8). Types whose code ends in `FFFF` have
-//! their value's length there, and the value behind the tag.
+//! A tag has 48 bytes: name (32, padded with zeros), index (i32, −1: no list), type (u32), value (8). For
+//! types whose code ends in `FFFF`, these 8 bytes contain the length of the value, which follows the tag.
 
-/// Bytes of a tag without what follows it.
+/// Size of a tag in bytes, without the value that follows it.
 pub const SIZE: usize = 48;
 
 /// Name of the tag that ends a header.
 pub const LAST: &str = "Header_End";
 
-/// Longest name, bytes.
+/// Maximum length of a name in bytes.
 pub const LONGEST_NAME: usize = 32;
 
-/// Value of a tag.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// Nothing.
     Empty,
-    /// Yes or no.
     Bool(bool),
-    /// A whole number.
     Int(i64),
     /// 64 flags.
     Bits(u64),
-    /// A colour.
     Color(u64),
-    /// A number.
     Float(f64),
-    /// A time: days since 30 December 1899, 0 h.
+    /// A time in days since 30 December 1899, 0 h.
     Time(f64),
-    /// Numbers.
     Floats(Vec<f64>),
-    /// A text of the code page Windows-1252.
+    /// A text in the code page Windows-1252.
     Text(String),
-    /// A text of UTF-16.
+    /// A text in UTF-16.
     Wide(String),
-    /// Bytes.
     Blob(Vec<u8>),
 }
 
-/// Code of a type.
 mod code {
     pub const EMPTY: u32 = 0xffff_0008;
     pub const BOOL: u32 = 0x0000_0008;
@@ -54,12 +45,12 @@ mod code {
     pub const BLOB: u32 = 0xffff_ffff;
 }
 
-/// True of types whose value stands behind the tag.
+/// Returns whether the values of a type follow the tag.
 pub(super) fn is_long(kind: u32) -> bool {
     matches!(kind, code::FLOATS | code::TEXT | code::WIDE | code::BLOB)
 }
 
-/// Windows-1252's characters from 0x80 to 0x9f; five bytes are without one and stay what they are.
+/// Windows-1252 characters from 0x80 to 0x9f. Five undefined bytes map to the equal code points.
 const ANSI: [char; 32] = [
     '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}',
     '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
@@ -73,7 +64,7 @@ fn from_ansi(bytes: &[u8]) -> String {
     bytes.iter().map(character).collect()
 }
 
-/// None if the code page has not all characters.
+/// Encodes a text in Windows-1252, or returns `None` if a character is missing there.
 fn to_ansi(text: &str) -> Option<Vec<u8>> {
     let byte = |c: char| match ANSI.iter().position(|a| *a == c) {
         Some(i) => Some(0x80 + i as u8),
@@ -83,7 +74,7 @@ fn to_ansi(text: &str) -> Option<Vec<u8>> {
 }
 
 impl Value {
-    /// A text in the narrower of the two types that hold it.
+    /// Returns a text as Windows-1252 if possible, otherwise as UTF-16.
     #[must_use]
     pub fn text(text: &str) -> Self {
         match to_ansi(text) {
@@ -92,7 +83,7 @@ impl Value {
         }
     }
 
-    /// What the 8 bytes of a tag, or what stands behind it, mean; why not, if they mean nothing.
+    /// Decodes the 8 bytes of a tag or the value that follows it. Returns a message if they are invalid.
     pub(super) fn read(kind: u32, word: [u8; 8], long: Vec<u8>) -> Result<Self, String> {
         let (int, float) = (u64::from_le_bytes(word), f64::from_le_bytes(word));
         let until_zeros = |bytes: &[u8]| {
@@ -130,9 +121,9 @@ impl Value {
         })
     }
 
-    /// Type, the 8 bytes, and what stands behind; why not, if it cannot be written.
+    /// Returns the type, the 8 bytes and the value that follows, or a message if it cannot be encoded.
     fn write(&self) -> Result<(u32, [u8; 8], Vec<u8>), String> {
-        // Texts end with a zero, and everything fills words of 8 bytes.
+        // Texts end with a zero byte. All values are padded to multiples of 8 bytes.
         let long = |kind, mut bytes: Vec<u8>| {
             bytes.resize(bytes.len().next_multiple_of(8), 0);
             Ok((kind, (bytes.len() as u64).to_le_bytes(), bytes))
@@ -161,19 +152,17 @@ impl Value {
     }
 }
 
-/// A tag.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tag {
-    /// Its name, at most 32 bytes of ASCII.
+    /// Name, at most 32 bytes of ASCII.
     pub name: String,
-    /// Place in a list of tags of one name; −1 if there is no list.
+    /// Index in a list of tags of one name, or −1 without a list.
     pub index: i32,
-    /// Its value.
     pub value: Value,
 }
 
 impl Tag {
-    /// A tag of its own.
+    /// Creates a tag outside any list.
     #[must_use]
     pub fn new(name: &str, value: Value) -> Self {
         Self {
@@ -183,7 +172,7 @@ impl Tag {
         }
     }
 
-    /// Appends its bytes; why not, if it cannot be written.
+    /// Appends the encoded tag, or returns a message if it cannot be encoded.
     pub(super) fn write(&self, out: &mut Vec<u8>) -> Result<(), String> {
         let Self { name, index, value } = self;
         if name.is_empty() || name.len() > LONGEST_NAME || !name.bytes().all(|b| b.is_ascii_graphic()) {

@@ -1,4 +1,4 @@
-//! Files written and read back, records by their published layouts, damaged files, scans, time stamps of a diode, speed.
+//! Tests of `.ptu` files: round trips, record layouts, damaged files, scans, time stamps, speed.
 
 use super::error::PtuError;
 use super::header::{Header, MAGIC};
@@ -43,7 +43,7 @@ pub(super) fn bytes_of(record: RecordType, events: &[Event]) -> Vec<u8> {
     out.into_inner()
 }
 
-/// Pixels of equal duration.
+/// Returns a sweep with pixels of equal duration.
 pub(super) fn even(pixel_time: u64) -> Sweep {
     Sweep {
         pixel_time,
@@ -64,7 +64,7 @@ fn events_of(bytes: &[u8]) -> Vec<Event> {
     events
 }
 
-/// Events that a type of records can hold, by random numbers.
+/// Returns events that a record type can represent, from random numbers.
 fn events_for(record: RecordType, draws: &[(u64, u16, u8, u8)]) -> Vec<Event> {
     let (t3, mut time) = (record.mode() == Mode::T3, 0);
     let pico_t2 = record == RecordType::PicoHarpT2;
@@ -74,7 +74,7 @@ fn events_for(record: RecordType, draws: &[(u64, u16, u8, u8)]) -> Vec<Event> {
             0 => {
                 let bits = channel % 15 + 1;
                 if pico_t2 {
-                    // Markers are written over the last bits of the time.
+                    // Markers overwrite the last bits of the time.
                     let at = time.next_multiple_of(16);
                     time = at + 15;
                     return Event::Marker {
@@ -98,7 +98,7 @@ fn events_for(record: RecordType, draws: &[(u64, u16, u8, u8)]) -> Vec<Event> {
     draws.iter().map(event).collect()
 }
 
-/// Gaps that cross no, one and many turns of every clock.
+/// Time gaps with zero, one and many overflows of every clock.
 fn gap() -> impl Strategy<Value = u64> {
     prop_oneof![0..3u64, 0..2000u64, 0..300_000u64, 0..500_000_000u64]
 }
@@ -138,7 +138,7 @@ proptest! {
     }
 }
 
-/// Single records by PicoQuant's description, as numbers.
+/// Single records decode as PicoQuant's description states.
 #[test]
 fn records_mean_what_is_published() {
     let decode = |record, words: &[u32]| {
@@ -211,7 +211,7 @@ pub(super) fn counted(bytes: &[u8], plan: &Plan) -> Histograms {
     histogram(&mut open(bytes).expect("opens"), plan).expect("counts")
 }
 
-/// Histograms are those of a plain loop over decoded events, for all types, bins and channels.
+/// Histograms equal those of a plain loop over decoded events, for all types, bins and channels.
 #[test]
 fn histograms_are_those_of_a_plain_loop() {
     let mut stream = Stream::new(5, 0, 0);
@@ -318,7 +318,7 @@ fn damage_is_told_in_words() {
         tags: int(0x0001_0399),
     };
     assert!(said(&header.write().expect("writes")).contains("0x10399; known are those of PicoHarp 300 T2"));
-    // Cut off within the last record.
+    // Truncated within the last record.
     let cut = open(&whole[..whole.len() - 6]).expect("opens");
     assert_eq!(cut.records(), 8);
     let told = cut.mismatch().expect("told").to_string();
@@ -389,7 +389,7 @@ fn writers_refuse_what_records_cannot_hold() {
     assert_eq!((n, Reader::open(&path).expect("opens").records()), (2, 2));
 }
 
-/// One core's speed, by `cargo test --release -p sunstone-rig speed -- --ignored --nocapture`.
+/// Measures the speed of one core: `cargo test --release -p sunstone-rig speed -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement"]
 fn speed() {
@@ -466,7 +466,7 @@ fn speed() {
     }
 }
 
-/// 10,000 files that are damaged, cut off or noise: each is read to its end or refused in words, and does not take long.
+/// 10,000 damaged, truncated or random files are read to the end or rejected with a message, quickly.
 #[test]
 fn damaged_files_end_in_words_or_numbers() {
     let mut state = 7;
@@ -536,7 +536,7 @@ fn damaged_files_end_in_words_or_numbers() {
             };
             assert!(Plan::period_bins(&reader, plan.bin) <= 1 << 15);
             let surveyed = survey(&mut open(&bytes)?)?;
-            // A file of which nothing can be counted is refused, too.
+            // An empty histogram is also an error.
             let result = histogram(&mut reader, &plan)?;
             assert_eq!(result.counted() + result.left_out.photons(), result.photons);
             assert_eq!(result.photons, surveyed.all_photons());
@@ -553,7 +553,7 @@ fn damaged_files_end_in_words_or_numbers() {
     assert!(read > 2000 && refused > 2000, "{read} read, {refused} refused");
 }
 
-/// Chi-squared of counts against expectations, in standard deviations above its mean.
+/// Returns chi-squared of counts against expectations, in standard deviations above its mean.
 fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     let used: Vec<_> = counts.iter().zip(expected).filter(|(_, e)| **e >= 10.0).collect();
     let sum: f64 = used.iter().map(|(c, e)| (*c - *e).powi(2) / *e).sum();
@@ -561,7 +561,7 @@ fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     (sum - used.len() as f64) / (2.0 * used.len() as f64).sqrt()
 }
 
-/// Files of a simulated diode have the histograms that theory gives its first detections, and no pulse has two.
+/// Histograms of a simulated diode match the theory of first detections. No pulse has two detections.
 #[test]
 fn stamps_are_those_of_a_diode() {
     let spad = Spad {
@@ -595,7 +595,7 @@ fn stamps_are_those_of_a_diode() {
         );
         stamps += dwell.len();
         for s in dwell {
-            // The first tenth of the pulses has its share of all bins.
+            // The first tenth of the pulses has a tenth of the detections of every bin.
             early[s.bin as usize] += f64::from(u8::from(s.sync < spad.pulses / 10));
             writer.photon(begin + s.sync, s.bin as u16, 0).expect("writes");
         }
@@ -636,11 +636,11 @@ fn stamps_are_those_of_a_diode() {
     assert!(z.abs() < 5.0, "{z}");
     let z = chi_squared(&early, &expected(4e5));
     assert!(z.abs() < 5.0, "{z}");
-    // The test sees a hundredth of the light in the wrong bin.
+    // The statistic detects counts that are shifted by one bin.
     let mut wrong = total.clone();
     wrong.rotate_left(1);
     assert!(chi_squared(&wrong, &expected(4e6)) > 5.0);
-    // Crowded pulses: every set of them is as likely.
+    // Dense pulses: all sets of pulses are equally likely.
     let mut first = 0;
     for seed in 0..2000 {
         let dealt = synth::deal(&[3, 4], 10, true, &mut Stream::new(seed, 0, 0));

@@ -1,4 +1,4 @@
-//! Writes files: header, records in the order of time, and their number at the end.
+//! Writes a file: header, records in order of time, and finally the number of records.
 
 use super::header::Header;
 use super::record::{Family, HydraT2, HydraT3, Layout, Mode, PicoT2, PicoT3, RecordType};
@@ -7,28 +7,26 @@ use std::fs::File;
 use std::io::{self, BufWriter, Error, ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Most overflows that are written one after the other: a longer pause is a mistake.
+/// Maximum number of consecutive overflow records. A longer pause is an error.
 const LONGEST_PAUSE: u64 = 1 << 24;
 
 const RECORDS: &str = "TTResult_NumberOfRecords";
 
-/// What a file says of itself.
+/// Metadata of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Description {
-    /// Type of its records.
     pub record: RecordType,
-    /// Time of a count of `dtime`, seconds (T3).
+    /// Duration of a count of `dtime` in seconds (T3).
     pub resolution_s: f64,
-    /// Time of a count of the time tag, seconds: the laser's period in T3, the clock's in T2.
+    /// Duration of a count of the time tag in seconds: the laser's period in T3, the clock's period in T2.
     pub global_resolution_s: f64,
-    /// Sync pulses a second.
     pub sync_rate: i64,
-    /// More tags; they follow those that every file has.
+    /// Additional tags. They follow the standard tags.
     pub tags: Vec<Tag>,
 }
 
 impl Description {
-    /// The header of an empty file.
+    /// Returns the header of a file without records.
     #[must_use]
     pub fn header(&self) -> Header {
         let mode = match self.record.mode() {
@@ -53,7 +51,7 @@ impl Description {
             ("TTResultFormat_TTTRRecType", int(i64::from(self.record.code()))),
             ("TTResultFormat_BitsPerRecord", int(32)),
         ];
-        // What a file says of its kind is not said twice.
+        // A tag of `tags` replaces the standard tag of the same name, except tags of the format itself.
         let own = own.into_iter().filter(|(name, _)| {
             let stated = self.tags.iter().any(|t| t.name == *name);
             !stated || name.starts_with("TTResult") || name.starts_with("MeasDesc")
@@ -72,13 +70,13 @@ fn refused(what: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidInput, what.into())
 }
 
-/// Takes photons, markers and sync pulses in the order of time. Times are counts of the time tag since the begin: sync
-/// pulses in T3.
+/// Writes photons, markers and sync pulses in order of time. Times are counts of the time tag since the
+/// begin: sync pulses in T3.
 #[derive(Debug)]
 pub struct Writer<W> {
     out: W,
     record: RecordType,
-    /// Where the number of records stands.
+    /// Offset of the number of records in the file.
     number_at: u64,
     records: u64,
     period: u64,
@@ -90,7 +88,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Writes the header.
     ///
     /// # Errors
-    /// Of the system; of kind `InvalidInput` for tags that cannot be written.
+    /// Errors of the system; of kind `InvalidInput` for tags that cannot be encoded.
     pub fn begin(mut out: W, description: &Description) -> io::Result<Self> {
         let header = description.header().write().map_err(refused)?;
         let name = header
@@ -125,7 +123,7 @@ impl<W: Write + Seek> Writer<W> {
         self.out.write_all(&record.to_le_bytes())
     }
 
-    /// Lets the clock run over as often as it must, and gives the rest.
+    /// Writes the overflow records before a time and returns the remaining count.
     fn at(&mut self, time: u64) -> io::Result<u32> {
         if time < self.last {
             return Err(refused(format!(
@@ -135,10 +133,10 @@ impl<W: Write + Seek> Writer<W> {
         }
         self.last = time;
         let mut periods = (time - self.overflow) / self.period;
-        // Overflows of one record.
+        // Overflows per record.
         let most = match self.record.family() {
             Family::HydraT3 => (1 << 10) - 1,
-            // Records hold more, but `ptufile` multiplies in 32 bits, which are full at 128.
+            // Records can represent more, but `ptufile` multiplies in 32 bits, which overflow at 128.
             Family::HydraT2 => 127,
             _ => 1,
         };
@@ -151,7 +149,7 @@ impl<W: Write + Seek> Writer<W> {
             let n = periods.min(most);
             self.put(match self.record.family() {
                 Family::PicoT2 | Family::PicoT3 => 0xf000_0000,
-                // The first version of the HydraHarp counts none, the others these.
+                // Records of the HydraHarp's first version contain no overflow count.
                 _ if most == 1 => 0xfe00_0000,
                 _ => 0xfe00_0000 | n as u32,
             })?;
@@ -161,11 +159,10 @@ impl<W: Write + Seek> Writer<W> {
         Ok((time - self.overflow) as u32)
     }
 
-    /// A photon; `dtime` is for T3 alone.
+    /// Writes a photon. `dtime` is for T3 only.
     ///
     /// # Errors
-    /// Of the system; of kind `InvalidInput` for a channel or `dtime` that the type of records has not, and times
-    /// that go back.
+    /// Errors of the system; `InvalidInput` for an invalid channel or `dtime`, and for decreasing times.
     pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
         let family = self.record.family();
         let first = u8::from(family == Family::PicoT2);
@@ -192,10 +189,10 @@ impl<W: Write + Seek> Writer<W> {
         })
     }
 
-    /// A sync pulse (T2).
+    /// Writes a sync pulse (T2).
     ///
     /// # Errors
-    /// As [`Self::photon`]; in T3, where no record is of a sync pulse.
+    /// Like [`Self::photon`]; also in T3, which has no sync records.
     pub fn sync(&mut self, time: u64) -> io::Result<()> {
         if self.record.mode() == Mode::T3 {
             return Err(refused("T3 has no records of sync pulses"));
@@ -207,10 +204,11 @@ impl<W: Write + Seek> Writer<W> {
         })
     }
 
-    /// One or more markers at once: bit 0 is the first input. PicoHarp's T2 writes them over the last four bits of the time.
+    /// Writes one or more simultaneous markers; bit 0 is the first input. PicoHarp's T2 overwrites the last
+    /// four bits of the time with them.
     ///
     /// # Errors
-    /// As [`Self::photon`]; for none of the four.
+    /// Like [`Self::photon`]; also if no marker, or one beyond the fourth, is set.
     pub fn marker(&mut self, time: u64, bits: u8) -> io::Result<()> {
         if !(1..16).contains(&bits) {
             return Err(refused(format!("markers {bits:#b}: one to four of the four")));
@@ -223,10 +221,10 @@ impl<W: Write + Seek> Writer<W> {
         })
     }
 
-    /// Writes the number of records into the header, and returns it.
+    /// Writes the number of records into the header and returns it.
     ///
     /// # Errors
-    /// Of the system.
+    /// Errors of the system.
     pub fn end(mut self) -> io::Result<u64> {
         self.out.seek(SeekFrom::Start(self.number_at))?;
         self.out.write_all(&self.records.to_le_bytes())?;
@@ -235,26 +233,24 @@ impl<W: Write + Seek> Writer<W> {
     }
 }
 
-/// Records of T2 or T3 in memory, without a file around them: what a card sends.
+/// T2 or T3 records in memory without a file, as a card sends them.
 #[derive(Debug)]
 pub struct Records(Writer<std::io::Cursor<Vec<u8>>>);
 
 impl Records {
-    /// None yet.
     #[must_use]
     pub fn new(record: RecordType) -> Self {
         Self(Writer::over(std::io::Cursor::new(vec![]), record, 0))
     }
 
-    /// As [`Writer::photon`].
+    /// Appends a photon like [`Writer::photon`].
     ///
     /// # Errors
-    /// As [`Writer::photon`].
+    /// Like [`Writer::photon`].
     pub fn photon(&mut self, time: u64, dtime: u16, channel: u8) -> io::Result<()> {
         self.0.photon(time, dtime, channel)
     }
 
-    /// All of them.
     #[must_use]
     pub fn words(self) -> Vec<u32> {
         let bytes = self.0.out.into_inner();
@@ -267,10 +263,10 @@ impl Records {
     }
 }
 
-/// Writes a file that appears whole or not at all; `fill` gives its records. Returns their number.
+/// Writes a file atomically and returns its number of records. `fill` writes the records.
 ///
 /// # Errors
-/// As [`Writer::begin`] and [`Writer::photon`], and what `fill` returns.
+/// Like [`Writer::begin`] and [`Writer::photon`], and those that `fill` returns.
 pub fn write(
     path: &Path,
     description: &Description,

@@ -1,9 +1,9 @@
-//! Bundle adjustment (Triggs et al. 2000): Levenberg–Marquardt on everything at once, the poses of the views eliminated by
-//! Schur's complement.
+//! Bundle adjustment (Triggs et al. 2000): Levenberg–Marquardt over all parameters, with the poses of the
+//! views eliminated by the Schur complement.
 //!
-//! A projector's coordinate q of a corner is measured through the camera: a corner seen off by δ has its q off by Jδ, J the
-//! local map from camera to projector pixels. The residual of the projector is therefore q + J(ĉ - c) - q̂, in which the
-//! error of the camera cancels, and both residuals are independent.
+//! The projector coordinate q of a corner is measured through the camera. An error δ of the measured corner
+//! causes the error Jδ of q, where J maps camera to projector pixels locally. The projector residual is
+//! therefore q + J(ĉ - c) - q̂. The camera's error cancels in it, so both residuals are independent.
 
 use super::device::{Device, Seen};
 use super::pose::{Pose, cross};
@@ -12,40 +12,40 @@ use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Matrix6, MatrixXx6, SMatrix, 
 /// A corner of the board in one view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
-    /// On the board, metres.
+    /// Position on the board, in meters.
     pub board: Vector3<f64>,
-    /// Where the camera sees it, continuous pixels.
+    /// Position in the camera image, in continuous pixels.
     pub camera: Vector2<f64>,
-    /// Which pixel of the projector lights it, and how that pixel moves with the camera's (0 where both are measured apart).
+    /// The projector pixel that illuminates the corner, and its derivative by the camera pixel (0 if both are
+    /// measured independently).
     pub projector: Option<(Vector2<f64>, Matrix2<f64>)>,
 }
 
-/// A parameter moved by a free one: its number, and how much.
+/// The free parameter that moves a device parameter: its index, and the factor.
 pub type Tie = Option<(usize, f64)>;
 
-/// All that is estimated.
+/// All estimated parameters.
 #[derive(Clone, Debug)]
 pub struct State {
     /// The camera, and the projector if there is one.
     pub devices: Vec<Device>,
-    /// Which free parameter moves each of a device's; numbers count through the devices.
+    /// The free parameter of each device parameter. Indices count through all devices.
     pub ties: Vec<Vec<Tie>>,
-    /// Free parameters of the devices; six more of `relative` follow if there are two devices.
+    /// Number of free device parameters. With two devices, six parameters of `relative` follow.
     pub free: usize,
     /// Camera to projector.
     pub relative: Pose,
-    /// Board to camera.
+    /// Board to camera, by view.
     pub poses: Vec<Pose>,
 }
 
-/// How measurements count.
 #[derive(Clone, Debug)]
 pub struct Weights {
-    /// Standard deviation of a coordinate, pixels, by device; infinite: the device does not count.
+    /// Standard deviation of a coordinate in pixels, by device. An infinite value ignores the device.
     pub sigma: Vec<f64>,
-    /// Huber's bound in standard deviations of a coordinate; infinite: least squares.
+    /// Huber's threshold in standard deviations of a coordinate. An infinite value means least squares.
     pub huber: f64,
-    /// Corners left out, by view and corner.
+    /// Corners to leave out, by view and corner.
     pub out: Vec<Vec<bool>>,
 }
 
@@ -59,17 +59,17 @@ pub struct Normal {
     own_right: Vec<Vector6<f64>>,
 }
 
-/// Distances of one corner, over their standard deviations.
+/// Residuals of one corner.
 type Residual = (Vector2<f64>, Option<Vector2<f64>>);
 
 impl State {
-    /// Number of shared free parameters.
+    /// Returns the number of shared free parameters.
     #[must_use]
     pub fn shared(&self) -> usize {
         self.free + if self.devices.len() > 1 { 6 } else { 0 }
     }
 
-    /// Measured minus seen, pixels, of a corner by both devices; `None` if it is behind one.
+    /// Returns measured minus predicted pixels of a corner for both devices; `None` behind a device.
     #[must_use]
     pub fn residual(&self, view: usize, corner: &Corner) -> Option<Residual> {
         let x = self.poses[view].apply(corner.board);
@@ -84,7 +84,7 @@ impl State {
         Some((corner.camera - seen, thrown))
     }
 
-    /// The state changed by a solution of the normal equations.
+    /// Returns the state updated by a solution of the normal equations.
     #[must_use]
     pub fn changed(&self, shared: &DVector<f64>, own: &[Vector6<f64>]) -> Self {
         let mut next = self.clone();
@@ -108,7 +108,7 @@ impl State {
         next
     }
 
-    /// Huber's or half the squared cost; infinite if a corner is behind a device.
+    /// Returns Huber's cost, or half the sum of squares. It is infinite if a corner is behind a device.
     #[must_use]
     pub fn cost(&self, views: &[Vec<Corner>], w: &Weights) -> f64 {
         let mut sum = 0.0;
@@ -126,8 +126,10 @@ impl State {
         if sum.is_nan() { f64::INFINITY } else { sum }
     }
 
-    /// Derivatives and residuals of a view's measurements, each over its standard deviation, and half of their squares: columns
-    /// are the shared parameters, then the six of the view's pose. `None` if a corner is behind a device.
+    /// Returns the Jacobian and the residuals of a view, divided by their standard deviations, and the cost.
+    ///
+    /// The columns are the shared parameters, then the six pose parameters of the view. Returns `None` if a
+    /// corner is behind a device.
     #[must_use]
     pub fn rows(
         &self,
@@ -165,7 +167,7 @@ impl State {
             };
             let far = self.relative.rotation * x;
             let thrown = projector.see(&lenses[1], &(far + self.relative.translation))?;
-            // Both move what the projector is compared at.
+            // The predicted difference depends on both devices.
             let off = q - j * off - thrown.at;
             let (cost, weight) = huber(off.norm() / w.sigma[1], w.huber);
             sum += cost;
@@ -185,7 +187,7 @@ impl State {
         Some((jacobian, residual, sum))
     }
 
-    /// The normal equations; `None` if a corner is behind a device.
+    /// Returns the normal equations, or `None` if a corner is behind a device.
     #[must_use]
     pub fn linearized(&self, views: &[Vec<Corner>], w: &Weights) -> Option<Normal> {
         let n = self.shared();
@@ -211,7 +213,7 @@ impl State {
         Some(normal)
     }
 
-    /// Adds a device's own derivatives, times a matrix.
+    /// Adds the derivatives by a device's parameters, multiplied by a matrix.
     fn fill(
         &self,
         out: &mut DMatrix<f64>,
@@ -231,7 +233,7 @@ impl State {
     }
 }
 
-/// Derivative of R x + t by a change of the pose; `turned` is R x.
+/// Returns the derivative of R x + t by a change of the pose. `turned` is R x.
 fn moves(turned: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
     let mut m = SMatrix::<f64, 3, 6>::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(&-cross(turned));
@@ -239,7 +241,7 @@ fn moves(turned: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
     m
 }
 
-/// Huber's loss of a distance, and the weight of its square.
+/// Returns Huber's loss of a distance, and the weight of its square.
 fn huber(r: f64, bound: f64) -> (f64, f64) {
     if r <= bound || r.is_nan() {
         (0.5 * r * r, 1.0)
@@ -249,7 +251,7 @@ fn huber(r: f64, bound: f64) -> (f64, f64) {
 }
 
 impl Normal {
-    /// The step of Levenberg and Marquardt, or Gauss and Newton where `damping` is 0.
+    /// Returns the Levenberg–Marquardt step, or the Gauss–Newton step if `damping` is 0.
     fn step(&self, damping: f64) -> Option<(DVector<f64>, Vec<Vector6<f64>>)> {
         let damped = |d: f64| d + damping * d.max(1e-30);
         let mut schur = self.shared.clone();
@@ -269,7 +271,7 @@ impl Normal {
             right -= &folded * own_right;
             inverses.push(inverse);
         }
-        // Parameters differ by orders of magnitude: scaled, their diagonal is 1.
+        // Parameters differ by orders of magnitude, so scale the diagonal to 1.
         let scale = schur
             .diagonal()
             .map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
@@ -286,8 +288,9 @@ impl Normal {
     }
 }
 
-/// Minimizes the cost from a state, `most` steps at most, until one gains less than `least` of it; `None` if a corner is behind a
-/// device there.
+/// Minimizes the cost with at most `most` steps, until a step reduces it by less than the fraction `least`.
+///
+/// Returns `None` if a corner is behind a device at the start.
 #[must_use]
 pub fn minimize(
     start: &State,

@@ -1,5 +1,5 @@
-//! A calibration as a file: TOML whose `[camera]` and `[projector]` are those of scene files, with standard errors and
-//! covariances beside them; and what OpenCV's `FileStorage` reads.
+//! Calibration files: TOML with the `[camera]` and `[projector]` tables of scene files, standard errors and
+//! covariances. Also exports JSON for OpenCV's `FileStorage`.
 
 use super::device::{Device, Model};
 use super::fit::Fit;
@@ -11,39 +11,35 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A calibrated camera, and the projector beside it if there is one. The world is the camera's frame.
+/// A calibrated camera, and a projector if there is one. The world frame is the camera's frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// As in a scene file.
+    /// The `[camera]` table of a scene file.
     pub camera: DeviceTable,
-    /// As in a scene file.
+    /// The `[projector]` table of a scene file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub projector: Option<DeviceTable>,
-    /// How good it is.
     pub quality: Quality,
-    /// How sure it is.
     pub covariance: CovarianceTable,
 }
 
-/// `[camera]` or `[projector]` of a scene file.
+/// The `[camera]` or `[projector]` table of a scene file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeviceTable {
-    /// Width and height, pixels.
+    /// Width and height in pixels.
     pub resolution: [u32; 2],
-    /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], pixels, (0, 0) the centre of the first.
+    /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels. (0, 0) is the center of the first pixel.
     pub opencv_matrix: [[f64; 3]; 3],
-    /// Coefficients of the lens in OpenCV's order.
+    /// Lens coefficients in OpenCV's order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv: Option<Vec<f64>>,
-    /// Coefficients of a fisheye.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fisheye: Option<[f64; 4]>,
-    /// Where it stands.
     pub pose: PoseTable,
 }
 
-/// A pose as scene files have it.
+/// A pose in the format of scene files.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseTable {
@@ -55,57 +51,55 @@ pub struct PoseTable {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extrinsics {
-    /// Rows of the rotation.
+    /// Rows of the rotation matrix.
     #[serde(rename = "R")]
     pub rotation: [[f64; 3]; 3],
-    /// Metres.
+    /// Translation in meters.
     pub t: [f64; 3],
 }
 
-/// What is left over, and what is uncertain.
+/// Residuals and uncertainties of a calibration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quality {
-    /// Views that were used.
     pub views: usize,
-    /// Corners that a robust fit left out.
+    /// Number of corners that a robust fit left out.
     pub outliers: usize,
-    /// Root mean square of the distances of corners, pixels, by device.
+    /// Root mean square of the residual distances in pixels, by device.
     pub rms_px: Vec<f64>,
-    /// Standard deviation of a measured coordinate, pixels, by device.
+    /// Standard deviation of a measured coordinate in pixels, by device.
     pub sigma_px: Vec<f64>,
     /// Standard errors of the camera's parameters by name.
     pub camera_errors: BTreeMap<String, f64>,
-    /// Those of the projector's.
+    /// Standard errors of the projector's parameters by name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub projector_errors: Option<BTreeMap<String, f64>>,
-    /// Those of the projector's pose: three angles, radians, and three lengths, metres, in its own frame.
+    /// Standard errors of the projector's pose in its own frame: three angles (radians), three lengths
+    /// (meters).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_errors: Option<[f64; 6]>,
-    /// What the views hardly tell.
+    /// Parameters that the views determine poorly.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// Boards' poses by view: rotation vector, radians, and translation, metres, from board to camera.
+    /// Poses from board to camera, by view: rotation vector (radians) and translation (meters).
     pub poses: Vec<[f64; 6]>,
-    /// Standard errors of their changes.
+    /// Standard errors of the pose changes.
     pub poses_errors: Vec<[f64; 6]>,
-    /// Frames of the views.
+    /// Images of the views.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<String>,
 }
 
-/// The covariance of all parameters, those of fixed ones 0.
+/// The covariance of all parameters; 0 for fixed ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CovarianceTable {
-    /// `camera.fx` to `pose.z`.
+    /// Parameter names, from `camera.fx` to `pose.z`.
     pub names: Vec<String>,
-    /// Row by row.
     pub rows: Vec<Vec<f64>>,
 }
 
 impl DeviceTable {
-    /// Of a device.
     #[must_use]
     pub fn new(device: &Device, pose: &Pose) -> Self {
         let (f, c) = (device.focal, device.centre);
@@ -126,7 +120,7 @@ impl DeviceTable {
         }
     }
 
-    /// The device; `None` if its matrix or its list is none of OpenCV's, or a number is not finite.
+    /// Returns the device, or `None` if the matrix or the coefficients are invalid or not finite.
     #[must_use]
     pub fn device(&self) -> Option<Device> {
         let [[fx, skew, cx], [below, fy, cy], last] = self.opencv_matrix;
@@ -161,7 +155,7 @@ impl DeviceTable {
         })
     }
 
-    /// World to device; `None` if R is no rotation or t not finite.
+    /// Returns the pose from world to device, or `None` if R is no rotation or t is not finite.
     #[must_use]
     pub fn pose(&self) -> Option<Pose> {
         let e = &self.pose.extrinsics;
@@ -182,7 +176,7 @@ fn six(c: &nalgebra::Matrix6<f64>) -> [f64; 6] {
 }
 
 impl Calibration {
-    /// Of a fit; `files` are the images' names.
+    /// Creates the calibration of a fit. `files` are the names of the images.
     #[must_use]
     pub fn new(fit: &Fit, files: Vec<String>) -> Self {
         let named = |d: usize| {
@@ -231,16 +225,18 @@ impl Calibration {
         }
     }
 
-    /// As TOML: [`base::calibration_file::Part::Devices`] of a calibration's file.
+    /// Serializes the calibration to TOML: [`base::calibration_file::Part::Devices`] of a calibration file.
     ///
     /// # Errors
-    /// If a number cannot be written.
+    /// An error if a number cannot be written.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }
 
-    /// What `cv::FileStorage` reads as JSON: `camera_matrix` and `distortion_coefficients` of the camera, and the projector's under
-    /// names with `projector_`; R and T from camera to projector.
+    /// Returns JSON for `cv::FileStorage`.
+    ///
+    /// It contains the camera's `camera_matrix` and `distortion_coefficients`, the projector's under names
+    /// that start with `projector_`, and R and T from camera to projector.
     #[must_use]
     pub fn to_opencv_json(&self) -> String {
         let matrix = |rows: usize, cols: usize, data: &[f64]| {
@@ -283,10 +279,10 @@ impl Calibration {
         format!("{{\n    {}\n}}\n", entries.join(",\n    "))
     }
 
-    /// Reads a calibration's file, whatever else it has.
+    /// Reads a calibration file. Other tables in it are ignored.
     ///
     /// # Errors
-    /// [`InputError`] if it is no calibration, or one of no device.
+    /// [`InputError`] if the file is no calibration or has no valid device.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         let fix = "give a calibration as `sunstone calibrate` writes it";
         let text = document::read(path, "calibration", fix)?;

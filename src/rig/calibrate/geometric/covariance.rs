@@ -1,37 +1,34 @@
-//! What measurements tell of all parameters: the triangular factor of the Jacobian (QR), from which covariances come without
-//! the loss of half the digits that squaring costs. Rational lenses need them.
+//! Covariances of all parameters from the triangular factor (QR) of the Jacobian. Normal equations would lose
+//! half of the digits, which rational lenses need.
 
 use super::bundle::{Corner, Normal, State, Weights};
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, MatrixXx6, Vector6};
 
-/// Square root of the information, the poses of the views eliminated.
+/// Square root of the information matrix, with the poses of the views eliminated.
 pub struct Root {
-    /// RᵀR is the information about the shared parameters when the poses are not known.
+    /// RᵀR is the information about the shared parameters if the poses are unknown.
     shared: DMatrix<f64>,
-    /// Lengths of the Jacobian's columns.
+    /// Norms of the Jacobian's columns.
     lengths: DVector<f64>,
-    /// By view: factors of its pose, of the shared parameters beside it, and what its residuals become.
+    /// By view: the factor of its pose, the coupling to the shared parameters, and the transformed residuals.
     own: Vec<(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)>,
-    /// What the residuals become.
+    /// Transformed residuals of the shared parameters.
     right: DVector<f64>,
 }
 
-/// Covariances, in blocks.
 pub struct Covariance {
-    /// Of the shared parameters.
     pub shared: DMatrix<f64>,
-    /// Of each pose.
     pub own: Vec<Matrix6<f64>>,
-    /// Between the shared parameters and each pose.
+    /// Covariance between the shared parameters and each pose.
     pub mixed: Vec<MatrixXx6<f64>>,
 }
 
 impl Root {
-    /// Of a state; `None` if a corner is behind a device, or a number is not finite.
+    /// Factorizes a state. Returns `None` if a corner is behind a device or a number is not finite.
     #[must_use]
     pub fn of(state: &State, views: &[Vec<Corner>], w: &Weights) -> Option<Self> {
         let n = state.shared();
-        // The last column is of the residuals.
+        // The last column contains the residuals.
         let mut all = DMatrix::zeros(0, n + 1);
         let mut squares = DVector::zeros(n);
         let mut own = vec![];
@@ -41,7 +38,7 @@ impl Root {
                 return None;
             }
             let rows = jacobian.nrows();
-            // The pose first; rows of zeros where a view has fewer measurements than parameters.
+            // The pose comes first. Zero rows pad views that have fewer measurements than parameters.
             let mut ordered = DMatrix::zeros(rows.max(n + 7), n + 7);
             ordered
                 .view_mut((0, 0), (rows, 6))
@@ -75,7 +72,7 @@ impl Root {
         })
     }
 
-    /// The step of Gauss and Newton, by parameters and poses; `None` if there is none.
+    /// Returns the Gauss–Newton step of shared parameters and poses, or `None` if it does not exist.
     fn step(&self) -> Option<(DVector<f64>, Vec<Vector6<f64>>)> {
         let shared = self.shared.solve_upper_triangular(&self.right)?;
         let of = |(r, beside, right): &(Matrix6<f64>, Matrix6xX<f64>, Vector6<f64>)| {
@@ -86,8 +83,11 @@ impl Root {
         Some((shared.clone(), own?)).filter(|_| finite)
     }
 
-    /// How much is known of the least known combination of shared parameters, from 0 (nothing) to about 1, and that
-    /// combination: as singular value and vector of the root whose columns are scaled to what would be known if the poses were.
+    /// Returns the least determined combination of shared parameters and how well it is determined, from 0
+    /// (not at all) to about 1.
+    ///
+    /// These are the smallest singular value and its vector of the root. The root's columns are scaled by the
+    /// information for known poses.
     #[must_use]
     pub fn least_known(&self) -> Option<(f64, DVector<f64>)> {
         let scale = self.lengths.map(|d| if d > 0.0 { d.recip() } else { 0.0 });
@@ -96,7 +96,7 @@ impl Root {
         Some((svd.singular_values[least], svd.v_t?.row(least).transpose()))
     }
 
-    /// The covariances; `None` if there are none.
+    /// Returns the covariances, or `None` if they do not exist.
     #[must_use]
     pub fn invert(&self) -> Option<Covariance> {
         let n = self.shared.ncols();
@@ -116,7 +116,7 @@ impl Root {
 }
 
 impl Covariance {
-    /// How many parameters measurements take up whose normal equations N are `part` of all: tr(C N).
+    /// Returns how many parameters a part of the measurements with normal equations N determines: tr(C N).
     #[must_use]
     pub fn taken(&self, part: &Normal) -> f64 {
         let mut sum = self.shared.component_mul(&part.shared).sum();
@@ -128,8 +128,8 @@ impl Covariance {
     }
 }
 
-/// A few steps of Gauss and Newton from where Levenberg and Marquardt end, in the digits that their normal equations lose, as
-/// long as the cost falls.
+/// Polishes the Levenberg–Marquardt result by a few Gauss–Newton steps, to recover digits that the normal
+/// equations lose. It stops when the cost no longer falls.
 #[must_use]
 pub fn polish(mut state: State, views: &[Vec<Corner>], w: &Weights) -> State {
     let mut cost = state.cost(views, w);

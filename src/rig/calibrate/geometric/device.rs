@@ -1,4 +1,5 @@
-//! What is calibrated of a device: focal lengths, principal point, lens; which of it is free; and how pixels depend on it.
+//! Device model of a calibration: focal lengths, principal point and lens, their free parameters, and the
+//! derivatives of pixels.
 
 use super::pose::Pose;
 use glam::DVec2;
@@ -7,19 +8,18 @@ use optics::distortion::Distortion;
 use optics::distortion::fisheye::Fisheye;
 use optics::distortion::opencv::Opencv;
 
-/// Models of a lens, by OpenCV's count of coefficients.
+/// Lens models, by OpenCV's number of coefficients.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Model {
-    /// No distortion.
     Pinhole,
     /// k1, k2, p1, p2, k3: Brown–Conrady.
     #[default]
     Five,
-    /// With k4, k5, k6: rational.
+    /// Also k4, k5, k6: rational.
     Eight,
-    /// With s1 to s4: thin prism.
+    /// Also s1 to s4: thin prism.
     Twelve,
-    /// k1 to k4 of a fisheye.
+    /// k1 to k4 of a fisheye lens.
     Fisheye,
 }
 
@@ -28,7 +28,7 @@ const OPENCV: [&str; 12] = [
 ];
 
 impl Model {
-    /// Names of the coefficients, in OpenCV's order.
+    /// Returns the names of the coefficients in OpenCV's order.
     #[must_use]
     pub fn names(self) -> &'static [&'static str] {
         match self {
@@ -40,7 +40,7 @@ impl Model {
         }
     }
 
-    /// The lens with these coefficients.
+    /// Returns the lens with these coefficients.
     #[must_use]
     pub fn lens(self, k: &[f64]) -> Distortion {
         let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
@@ -49,40 +49,38 @@ impl Model {
             Self::Fisheye => Distortion::Fisheye(Fisheye {
                 k: [at(0), at(1), at(2), at(3)],
             }),
-            // Not `from`, which makes `None` of zeros: its derivatives are wanted there.
+            // Do not use `from`: it maps zeros to `None`, but the derivatives are needed there.
             Self::Five | Self::Eight | Self::Twelve => Distortion::Opencv(Opencv::from_list(k)),
         }
     }
 }
 
-/// A device's image: pixels of point p of the plane z = 1 are focal · lens(p) + centre, in continuous pixels of which the
-/// first covers 0..1 (OpenCV's centre is half a pixel less).
+/// A device: the point p of the plane z = 1 has the pixel focal · lens(p) + centre.
+///
+/// Pixels are continuous, and the first covers 0..1 (OpenCV's center is half a pixel less).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
-    /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Focal lengths along x and y, pixels.
+    /// Focal lengths along x and y in pixels.
     pub focal: Vector2<f64>,
-    /// Principal point, pixels.
+    /// Principal point in pixels.
     pub centre: Vector2<f64>,
-    /// Model of the lens.
     pub model: Model,
     /// Coefficients in the order of [`Model::names`].
     pub coefficients: Vec<f64>,
 }
 
-/// Where a point is seen, and how that depends on everything.
+/// The pixel of a point, and its derivatives.
 pub struct Seen {
-    /// Pixels.
     pub at: Vector2<f64>,
-    /// By the point in device coordinates.
+    /// Derivative by the point in device coordinates.
     pub by_point: Matrix2x3<f64>,
-    /// By fx, fy, cx, cy and the coefficients.
+    /// Derivatives by fx, fy, cx, cy and the coefficients.
     pub by_parameters: Vec<Vector2<f64>>,
 }
 
 impl Device {
-    /// Without distortion.
+    /// Creates a device without distortion.
     #[must_use]
     pub fn pinhole(size: [u32; 2], focal: [f64; 2], centre: [f64; 2], model: Model) -> Self {
         Self {
@@ -94,20 +92,19 @@ impl Device {
         }
     }
 
-    /// The lens.
     #[must_use]
     pub fn lens(&self) -> Distortion {
         self.model.lens(&self.coefficients)
     }
 
-    /// fx, fy, cx, cy and the coefficients.
+    /// Returns fx, fy, cx, cy and the coefficients.
     #[must_use]
     pub fn parameters(&self) -> Vec<f64> {
         let first = [self.focal.x, self.focal.y, self.centre.x, self.centre.y];
         first.iter().chain(&self.coefficients).copied().collect()
     }
 
-    /// Names of [`Self::parameters`].
+    /// Returns the names of [`Self::parameters`].
     #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
         ["fx", "fy", "cx", "cy"]
@@ -117,7 +114,7 @@ impl Device {
             .collect()
     }
 
-    /// With other [`Self::parameters`].
+    /// Returns the device with other [`Self::parameters`].
     #[must_use]
     pub fn with(&self, parameters: &[f64]) -> Self {
         Self {
@@ -128,7 +125,7 @@ impl Device {
         }
     }
 
-    /// Pixels of a point in device coordinates; `None` behind the device.
+    /// Returns the pixel of a point in device coordinates, or `None` if the point is behind the device.
     #[must_use]
     pub fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
         let far = x.z > 0.0;
@@ -142,7 +139,7 @@ impl Device {
         )
     }
 
-    /// [`Self::project`] with all derivatives; `lens` is [`Self::lens`].
+    /// Like [`Self::project`], with all derivatives. `lens` is [`Self::lens`].
     #[must_use]
     pub fn see(&self, lens: &Distortion, x: &Vector3<f64>) -> Option<Seen> {
         if x.z.is_nan() || x.z <= 0.0 {
@@ -174,7 +171,7 @@ impl Device {
         })
     }
 
-    /// Normalized coordinates, lens undone, of a pixel; `None` where the lens does not lead there.
+    /// Returns the undistorted normalized coordinates of a pixel, or `None` without an inverse of the lens.
     #[must_use]
     pub fn normalized(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         let q = (pixel - self.centre).component_div(&self.focal);
@@ -183,21 +180,20 @@ impl Device {
     }
 }
 
-/// What of a device the fit may change; the rest stays as it begins.
+/// The device parameters that the fit may change. The others keep their initial values.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(clippy::struct_excessive_bools)] // each is one answer
+#[allow(clippy::struct_excessive_bools)] // each is an independent option
 pub struct Free {
-    /// Focal lengths.
     pub focal: bool,
-    /// Each focal length by itself; otherwise fy/fx stays as it begins, 1 unless a beginning is given.
+    /// Fit both focal lengths independently. Otherwise fy/fx keeps its initial value, by default 1.
     pub aspect: bool,
-    /// The principal point; otherwise it stays where it begins, in the middle.
+    /// Fit the principal point. Otherwise it keeps its initial value, by default the center.
     pub centre: bool,
-    /// p1 and p2; otherwise 0.
+    /// Fit p1 and p2. Otherwise they are 0.
     pub tangential: bool,
-    /// k3; otherwise 0.
+    /// Fit k3. Otherwise it is 0.
     pub k3: bool,
-    /// The lens at all.
+    /// Fit any lens coefficient.
     pub lens: bool,
 }
 
@@ -215,13 +211,13 @@ impl Default for Free {
 }
 
 impl Free {
-    /// For each of [`Device::parameters`]: the number of the free one that moves it, and how much.
+    /// Returns the free parameter and factor that move each of [`Device::parameters`].
     #[must_use]
     pub fn ties(&self, device: &Device) -> Vec<Option<(usize, f64)>> {
         self.ties_of(device, |_| true)
     }
 
-    /// Of those alone whose names are chosen.
+    /// Like [`Self::ties`], but only for parameters with chosen names.
     pub(super) fn ties_of(
         &self,
         device: &Device,
@@ -254,13 +250,13 @@ impl Free {
     }
 }
 
-/// How many free parameters ties have.
+/// Returns the number of free parameters.
 #[must_use]
 pub fn count(ties: &[Option<(usize, f64)>]) -> usize {
     ties.iter().flatten().map(|(i, _)| i + 1).max().unwrap_or(0)
 }
 
-/// Where a device sees a board's points from a pose; `None` if one is behind it.
+/// Returns the pixels of a board's points from a pose, or `None` if a point is behind the device.
 #[must_use]
 pub fn project_all(device: &Device, pose: &Pose, points: &[Vector3<f64>]) -> Option<Vec<Vector2<f64>>> {
     points.iter().map(|x| device.project(&pose.apply(*x))).collect()

@@ -1,25 +1,26 @@
-//! Epipolar planes: every plane through both devices' centres meets camera and projector in a line each, bent by their
-//! lenses. A plane's angle about the baseline names it on both sides.
+//! Epipolar planes: planes through the centers of both devices, identified by their angle about the baseline.
+//!
+//! Each plane meets the camera and the projector in one line each, which the lenses bend.
 
 use super::device::Device;
 use super::pose::Pose;
 use nalgebra::{Vector2, Vector3};
 
-/// Angles of epipolar planes of a camera and a projector.
+/// Converts pixels of a camera and a projector to angles of epipolar planes.
 #[derive(Clone, Debug)]
 pub struct Planes {
     camera: Device,
     projector: Device,
     relative: Pose,
-    /// Across the baseline in the camera's frame: towards its axis, and perpendicular to both.
+    /// Perpendiculars to the baseline in the camera's frame: toward the optical axis, and across it.
     across: [Vector3<f64>; 2],
 }
 
-/// Which bands of planes pixels are in: `None` where the lens does not lead.
+/// For each pixel, the index of its band of planes, or `None` if the lens cannot be inverted there.
 pub type Bands = Vec<Option<u32>>;
 
 impl Planes {
-    /// Of a calibration; `None` where both centres are at one place, or one lies on the other's axis.
+    /// Creates the planes of a calibration; `None` if the baseline is zero or along the camera's axis.
     #[must_use]
     pub fn new(camera: &Device, projector: &Device, relative: &Pose) -> Option<Self> {
         let to = -(relative.rotation.transpose() * relative.translation);
@@ -37,21 +38,21 @@ impl Planes {
         ray.dot(&self.across[1]).atan2(ray.dot(&self.across[0]))
     }
 
-    /// The plane of a camera pixel, radians; the lens is undone.
+    /// Returns the plane of a camera pixel in radians, after undistortion.
     #[must_use]
     pub fn of_camera(&self, pixel: Vector2<f64>) -> Option<f64> {
         let n = self.camera.normalized(pixel)?;
         Some(self.angle(Vector3::new(n.x, n.y, 1.0)))
     }
 
-    /// The plane of a projector pixel, radians.
+    /// Returns the plane of a projector pixel in radians, after undistortion.
     #[must_use]
     pub fn of_projector(&self, pixel: Vector2<f64>) -> Option<f64> {
         let n = self.projector.normalized(pixel)?;
         Some(self.angle(self.relative.rotation.transpose() * Vector3::new(n.x, n.y, 1.0)))
     }
 
-    /// Angles of the centres of all pixels of a device, row by row.
+    /// Returns the angles of all pixel centers of a device, row by row.
     fn all(&self, device: &Device, of: impl Fn(Vector2<f64>) -> Option<f64>) -> Vec<Option<f64>> {
         let [w, h] = device.size;
         let pixels =
@@ -59,8 +60,10 @@ impl Planes {
         pixels.map(of).collect()
     }
 
-    /// Both devices' pixels in `count` bands of planes of one width each, from the first plane that the projector lights to the
-    /// last: a camera pixel sees direct light of projector pixels of its own band alone.
+    /// Assigns the pixels of both devices to `count` bands of planes of equal angular width, over the range
+    /// that the projector illuminates.
+    ///
+    /// A camera pixel receives direct light only from projector pixels of its own band.
     #[must_use]
     pub fn bands(&self, count: u32) -> [Bands; 2] {
         let camera = self.all(&self.camera, |p| self.of_camera(p));
@@ -80,13 +83,13 @@ impl Planes {
         ]
     }
 
-    /// Camera pixels whose epipolar line passes a lit projector pixel within `reach` projector pixels, row by row. Those it does
-    /// not see indirect light alone.
+    /// Returns, row by row, which camera pixels have an epipolar line within `reach` projector pixels of a
+    /// lit one. All others see only indirect light.
     #[must_use]
     pub fn lit(&self, lit: &[bool], reach: f64) -> Vec<bool> {
         let projector = self.all(&self.projector, |p| self.of_projector(p));
         let width = self.projector.size[0] as usize;
-        // Intervals of angles that a lit pixel covers: its own plane, and how planes turn from pixel to pixel there.
+        // Angular intervals of the lit pixels: each plane, plus or minus the change over `reach` pixels.
         let mut covered = vec![];
         for (i, angle) in projector.iter().enumerate() {
             let (Some(a), Some(true)) = (angle, lit.get(i)) else {
@@ -150,7 +153,8 @@ mod tests {
     }
 
     proptest! {
-        /// A point lies on one plane, seen from both sides, and its projector pixel lights its camera pixel's line.
+        /// A point has the same plane in both devices, and its projector pixel lights its camera pixel's
+        /// line.
         #[test]
         fn both_devices_name_a_point_alike(x in -0.3..0.3_f64, y in -0.25..0.25_f64, z in 0.7..3.0_f64) {
             let planes = planes();
@@ -163,7 +167,7 @@ mod tests {
             if inside(p, planes.camera.size) && inside(q, planes.projector.size) {
                 let mut lit = vec![false; 80 * 50];
                 lit[q.y as usize * 80 + q.x as usize] = true;
-                // Half a pixel of the projector, and as much of the camera's, whose pixels are 1.5 times as wide.
+                // Half a projector pixel plus half a camera pixel, which is 1.5 times as wide.
                 let seen = planes.lit(&lit, 2.0);
                 prop_assert!(seen[p.y as usize * 64 + p.x as usize]);
                 prop_assert!(seen.iter().filter(|s| **s).count() < 64 * 48 / 5);

@@ -1,4 +1,4 @@
-//! From corners to calibrated devices: a beginning, bundle adjustment, noise, covariances, and what stays open.
+//! Fits devices to corners: initial estimate, bundle adjustment, noise, covariances and notes.
 
 use super::bundle::{Corner, State, Weights, minimize};
 use super::covariance::{Covariance, Root, polish};
@@ -8,21 +8,19 @@ use super::pose::Pose;
 use super::{open, zhang};
 use nalgebra::{DMatrix, Matrix3, Matrix6, Vector2, Vector3};
 
-/// How one device is fitted.
+/// Fit settings of one device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
-    /// Width and height, pixels.
+    /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Model of the lens.
     pub model: Model,
-    /// What of it is free.
     pub free: Free,
-    /// Where to begin, and what is fixed stays there; absent: found from the views.
+    /// Initial device, with the values of fixed parameters. `None` means an estimate from the views.
     pub start: Option<Device>,
 }
 
 impl Setup {
-    /// Everything free.
+    /// Creates a setup with all parameters free.
     #[must_use]
     pub fn new(size: [u32; 2], model: Model) -> Self {
         Self {
@@ -39,41 +37,41 @@ impl Setup {
 pub struct Fit {
     /// The camera, and the projector if there is one.
     pub devices: Vec<Device>,
-    /// Camera to projector; the identity without one.
+    /// Camera to projector, or the identity without a projector.
     pub relative: Pose,
     /// Board to camera, by view.
     pub poses: Vec<Pose>,
-    /// Covariance of all parameters of the devices in the order of [`Device::parameters`], camera first, then, if there is
-    /// a projector, of the six changes of `relative` ([`Pose::changed`]). 0 for those that are fixed.
+    /// Covariance of all device parameters in the order of [`Device::parameters`], camera first; 0 for fixed
+    /// ones. With a projector, the six changes of `relative` follow ([`Pose::changed`]).
     pub covariance: DMatrix<f64>,
     /// Covariance of the change of each pose.
     pub pose_covariances: Vec<Matrix6<f64>>,
-    /// Standard deviation of a measured coordinate, pixels, by device.
+    /// Standard deviation of a measured coordinate in pixels, by device.
     pub sigma: Vec<f64>,
-    /// Root mean square of the distances of measured from fitted points, pixels, by device; OpenCV's.
+    /// Root mean square distance of measured and fitted points in pixels, by device, as in OpenCV.
     pub rms: Vec<f64>,
-    /// View and corner, from 0, of what the robust fit left out.
+    /// View and corner, from 0, of the corners that the robust fit left out.
     pub outliers: Vec<(usize, usize)>,
-    /// What the views hardly tell, a sentence each.
+    /// Poorly determined parameters, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Corners farther off than this many standard deviations are left out of a robust fit: one in 25,000 good ones.
+/// Outlier threshold of the robust fit in standard deviations. One in 25,000 valid corners exceeds it.
 const OUTLIER: f64 = 4.5;
-/// Huber's bound, standard deviations.
+/// Huber's threshold in standard deviations.
 const HUBER: f64 = 1.5;
-/// A first fit as good as this, pixels RMS, needs no other beginning.
+/// RMS in pixels below which no other initial estimate is tried.
 const GOOD: f64 = 1.0;
-/// Gain of a step, over the cost, at which a beginning is good enough, and a fit. Rational lenses have valleys in which steps
-/// gain less for long, with the same image.
+/// Relative gain of a step at which an initial estimate (`ROUGH`) and a fit (`FINE`) stop. Rational lenses
+/// have valleys with small gains over many steps, along which the image does not change.
 const ROUGH: f64 = 1e-7;
 const FINE: f64 = 1e-10;
-/// A fit worse than this part of the image's size is none.
+/// Maximum RMS of a valid fit relative to the image width.
 const HOPELESS: f64 = 0.02;
 
-/// Fits a camera, and with a second setup a projector and its pose, to corners by view.
+/// Fits a camera to corners by view. With a second setup it also fits a projector and its pose.
 ///
-/// With `robust` corners that are far off are found (Huber's loss) and left out.
+/// With `robust`, outliers are detected (Huber's loss) and left out.
 ///
 /// # Errors
 /// [`Fault`].
@@ -94,7 +92,7 @@ pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit,
     if robust {
         state = find_outliers(state, views, &mut w)?;
     }
-    // The noise of each device, which weighs it, from what is left over.
+    // Estimate the noise of each device from the residuals, to weight its measurements.
     let rounds = if setups.len() > 1 { 2 } else { 1 };
     for round in 1..=rounds {
         (state, _) = minimize(&state, views, &w, 200, FINE).ok_or_else(|| no_fit(&state, views, &w))?;
@@ -119,7 +117,7 @@ pub fn fit(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<Fit,
     finish(state, views, &w, inverse)
 }
 
-/// What must hold of the input.
+/// Checks the input.
 fn check(setups: &[Setup], views: &[Vec<Corner>]) -> Result<(), Fault> {
     if views.is_empty() || setups.is_empty() {
         return Err(Fault::NoViews);
@@ -146,7 +144,7 @@ fn no_fit(state: &State, views: &[Vec<Corner>], w: &Weights) -> Fault {
     }
 }
 
-/// Each device by itself, then the pose of one to the other.
+/// Fits each device independently, then computes their relative pose.
 fn begin(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<State, Fault> {
     let camera = alone(&setups[0], views, robust)?;
     let Some(setup) = setups.get(1) else {
@@ -189,7 +187,7 @@ fn begin(setups: &[Setup], views: &[Vec<Corner>], robust: bool) -> Result<State,
     })
 }
 
-/// The mean of rigid motions: the rotation nearest to all.
+/// Returns the mean of rigid motions. The rotation is the projection of the mean matrix onto rotations.
 fn mean(all: &[Pose]) -> Pose {
     let n = all.len() as f64;
     let sum: Matrix3<f64> = all.iter().map(|p| p.rotation).sum();
@@ -204,7 +202,7 @@ fn mean(all: &[Pose]) -> Pose {
     }
 }
 
-/// One device: from each beginning without its lens, then with it; the first good fit, or the best.
+/// Fits one device from each initial estimate, first without its lens. Returns the first good or the best.
 fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fault> {
     let pairs: Vec<_> = views
         .iter()
@@ -248,7 +246,8 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
             poses,
         };
         let mut cost = f64::INFINITY;
-        // First the pinhole, then what bends most, then all: a rational lens that begins far off finds a pole.
+        // Free the parameters in stages: pinhole, dominant lens terms, all. This avoids poles of rational
+        // lenses.
         let all = setup.free.ties(&state.devices[0]);
         let most = setup.free.ties_of(&state.devices[0], |name| {
             !name.starts_with(['k', 's']) || matches!(name, "k1" | "k2" | "k3")
@@ -274,7 +273,7 @@ fn alone(setup: &Setup, views: &[Vec<Corner>], robust: bool) -> Result<State, Fa
     }
 }
 
-/// What is fixed is at its place from the start.
+/// Sets fixed parameters to their values.
 fn hold(mut device: Device, setup: &Setup) -> Device {
     if setup.start.is_some() {
         return device;
@@ -288,7 +287,7 @@ fn hold(mut device: Device, setup: &Setup) -> Device {
     device
 }
 
-/// All measurements alike.
+/// Returns equal weights for all measurements.
 fn even(devices: usize, views: &[Vec<Corner>]) -> Weights {
     Weights {
         sigma: vec![1.0; devices],
@@ -297,7 +296,7 @@ fn even(devices: usize, views: &[Vec<Corner>]) -> Weights {
     }
 }
 
-/// Huber's fit with the scale of the median, and which corners are then far off.
+/// Fits with Huber's loss, scaled by the median, and marks the outliers.
 fn find_outliers(mut state: State, views: &[Vec<Corner>], w: &mut Weights) -> Result<State, Fault> {
     for _ in 0..3 {
         for device in 0..w.sigma.len() {
@@ -306,7 +305,7 @@ fn find_outliers(mut state: State, views: &[Vec<Corner>], w: &mut Weights) -> Re
                 .map(|(_, d)| d)
                 .collect();
             all.sort_by(f64::total_cmp);
-            // The median of a distance in the plane is 1.1774 standard deviations of a coordinate.
+            // The median distance in the plane is 1.1774 standard deviations of a coordinate.
             let middle = all.get(all.len() / 2).copied().unwrap_or(1.0);
             w.sigma[device] = (middle / 1.1774).max(1e-9);
         }
@@ -327,7 +326,7 @@ fn find_outliers(mut state: State, views: &[Vec<Corner>], w: &mut Weights) -> Re
     Ok(state)
 }
 
-/// Distances of a device's points, pixels, by view and corner.
+/// Returns the residual distances of a device in pixels, by view and corner.
 fn distances(state: &State, views: &[Vec<Corner>], device: usize) -> Vec<((usize, usize), f64)> {
     let mut all = vec![];
     for (v, corners) in views.iter().enumerate() {
@@ -340,7 +339,7 @@ fn distances(state: &State, views: &[Vec<Corner>], device: usize) -> Vec<((usize
     all
 }
 
-/// Sum of squares and number of points of a device, without outliers.
+/// Returns the sum of squares and the number of points of a device, without outliers.
 fn squares(state: &State, views: &[Vec<Corner>], w: &Weights, device: usize) -> (f64, usize) {
     let all = distances(state, views, device);
     let kept = all.iter().filter(|((v, c), _)| !w.out[*v][*c]);
@@ -355,8 +354,8 @@ fn rms(state: &State, views: &[Vec<Corner>], w: &Weights) -> Vec<f64> {
     (0..state.devices.len()).map(of).collect()
 }
 
-/// The noise of each device from what is left over, and how many parameters its measurements take up (Helmert's variance
-/// components).
+/// Estimates the noise of each device from its residuals and the number of parameters that its measurements
+/// account for (Helmert's variance components).
 fn noise(state: &State, views: &[Vec<Corner>], w: &mut Weights, inverse: &Covariance) {
     let mut sigma = w.sigma.clone();
     for (device, sigma) in sigma.iter_mut().enumerate() {
@@ -371,13 +370,13 @@ fn noise(state: &State, views: &[Vec<Corner>], w: &mut Weights, inverse: &Covari
         };
         let (sum, n) = squares(state, views, w, device);
         let left = 2.0 * n as f64 - inverse.taken(&part);
-        // Exact points have no noise; a floor keeps the weights finite.
+        // Exact points have no noise. A floor keeps the weights finite.
         *sigma = (sum / left.max(1.0)).sqrt().max(1e-9);
     }
     w.sigma = sigma;
 }
 
-/// From free parameters to all, and what is to be said.
+/// Expands the free parameters to all parameters and adds notes.
 fn finish(state: State, views: &[Vec<Corner>], w: &Weights, inverse: Covariance) -> Result<Fit, Fault> {
     let rms = rms(&state, views, w);
     let total: usize = state.ties.iter().map(Vec::len).sum();
@@ -411,7 +410,7 @@ fn finish(state: State, views: &[Vec<Corner>], w: &Weights, inverse: Covariance)
 }
 
 impl Fit {
-    /// Standard errors of a device's parameters, in the order of [`Device::parameters`].
+    /// Returns the standard errors of a device's parameters, in the order of [`Device::parameters`].
     #[must_use]
     pub fn errors(&self, device: usize) -> Vec<f64> {
         let first: usize = self.devices[..device].iter().map(|d| d.parameters().len()).sum();
@@ -421,7 +420,8 @@ impl Fit {
             .collect()
     }
 
-    /// Standard errors of the change of `relative`: three angles, radians, and three lengths, metres; `None` without a projector.
+    /// Returns the standard errors of the change of `relative`: three angles in radians and three lengths in
+    /// meters. Returns `None` without a projector.
     #[must_use]
     pub fn relative_errors(&self) -> Option<[f64; 6]> {
         let n = self.covariance.nrows();

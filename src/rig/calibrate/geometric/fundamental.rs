@@ -1,23 +1,23 @@
-//! The fundamental matrix: from points (Hartley's normalized eight-point algorithm, refined by Sampson's distance) and from a
-//! calibration.
+//! The fundamental matrix, from points (Hartley's normalized eight-point algorithm, refined by Sampson's
+//! distance) or from a calibration.
 //!
-//! Pixels are those of devices without distortion: [`undistorted`] makes them.
+//! Pixels are those of devices without distortion; see [`undistorted`].
 
 use super::device::Device;
 use super::homography::{apply, normalization, null_vector};
 use super::pose::{Pose, cross};
 use nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
-/// q̃ᵀ F p̃ = 0 of camera pixels p and projector pixels q; its norm is 1.
+/// q̃ᵀ F p̃ = 0 for camera pixels p and projector pixels q; F has norm 1.
 pub type Fundamental = Matrix3<f64>;
 
-/// The pixel that a device without distortion would see there; `None` where the lens does not lead.
+/// Returns the pixel of a distortion-free device, or `None` if the lens cannot be inverted there.
 #[must_use]
 pub fn undistorted(device: &Device, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
     Some(device.normalized(pixel)?.component_mul(&device.focal) + device.centre)
 }
 
-/// Of a calibration: K'⁻ᵀ T R K⁻¹, T the matrix of t ×; `None` where both devices are at one place.
+/// Returns the matrix of a calibration: K'⁻ᵀ T R K⁻¹, T the matrix of t ×. `None` if the devices coincide.
 #[must_use]
 pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> Option<Fundamental> {
     let k = |d: &Device| {
@@ -31,7 +31,7 @@ pub fn of_calibration(camera: &Device, projector: &Device, relative: &Pose) -> O
     f.iter().all(|x| x.is_finite()).then_some(f)
 }
 
-/// Sampson's distance, pixels, with its sign.
+/// Returns the signed Sampson distance in pixels.
 #[must_use]
 pub fn sampson(f: &Fundamental, p: Vector2<f64>, q: Vector2<f64>) -> f64 {
     let (p, q) = (Vector3::new(p.x, p.y, 1.0), Vector3::new(q.x, q.y, 1.0));
@@ -39,7 +39,7 @@ pub fn sampson(f: &Fundamental, p: Vector2<f64>, q: Vector2<f64>) -> f64 {
     q.dot(&line) / (line.xy().norm_squared() + back.xy().norm_squared()).sqrt()
 }
 
-/// From eight points or more, refined; `None` if they do not determine one (points of one plane do not).
+/// Returns the refined matrix of at least eight points, or `None` if undetermined (coplanar points).
 #[must_use]
 pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     if p.len() < 8 || p.len() != q.len() {
@@ -62,7 +62,7 @@ pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> 
         ]);
     }
     let design = DMatrix::from_row_slice(p.len(), 9, &rows);
-    // Of points on a plane, three more singular values are 0.
+    // Coplanar points make three more singular values zero.
     let eigen = design.tr_mul(&design).symmetric_eigenvalues();
     let mut sorted: Vec<f64> = eigen.iter().copied().collect();
     sorted.sort_by(f64::total_cmp);
@@ -79,7 +79,7 @@ pub fn of_points(p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> 
     Some(f / f.norm())
 }
 
-/// Levenberg and Marquardt over the matrices of rank 2: F = U diag(1, s, 0) Vᵀ, both rotations turned and s changed.
+/// Refines by Levenberg–Marquardt over U, V and s of the rank-2 matrices F = U diag(1, s, 0) Vᵀ.
 fn refine(f: Matrix3<f64>, p: &[Vector2<f64>], q: &[Vector2<f64>]) -> Option<Fundamental> {
     let svd = f.svd(true, true);
     let (mut u, mut v) = (svd.u?, svd.v_t?.transpose());
@@ -197,7 +197,7 @@ mod tests {
         assert!((exact - want).norm().min((exact + want).norm()) < 1e-8);
         assert!(p.iter().zip(&q).all(|(p, q)| sampson(&want, *p, *q).abs() < 1e-8));
         assert!(exact.determinant().abs() < 1e-15);
-        // With noise of ±0.5 pixels in all four numbers: a line is off by half of it.
+        // With noise of ±0.5 pixels in all four coordinates, the error of a line is below half of that.
         let (p, q) = points(400, 1.0);
         let noisy = of_points(&p, &q).unwrap();
         let (p, q) = points(400, 0.0);

@@ -1,8 +1,9 @@
-//! Plane to plane (Hartley & Zisserman 2004, ch. 4): normalized linear estimate and its refinement.
+//! Homographies between planes (Hartley & Zisserman 2004, ch. 4): normalized linear estimate, refined.
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-/// Similarity that brings points to mean 0 and mean distance √2; `None` if they are all one point or not finite.
+/// Returns the similarity that maps points to mean 0 and mean distance √2. Returns `None` if they all
+/// coincide or are not finite.
 #[must_use]
 pub fn normalization(points: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     let n = points.len() as f64;
@@ -13,7 +14,7 @@ pub fn normalization(points: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
         .then(|| Matrix3::new(s, 0.0, -s * mean.x, 0.0, s, -s * mean.y, 0.0, 0.0, 1.0))
 }
 
-/// The image of a point under a homography.
+/// Returns the image of a point under a homography.
 #[inline]
 #[must_use]
 pub fn apply(h: &Matrix3<f64>, p: Vector2<f64>) -> Vector2<f64> {
@@ -21,7 +22,7 @@ pub fn apply(h: &Matrix3<f64>, p: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(v.x / v.z, v.y / v.z)
 }
 
-/// Derivative of [`apply`] by the point.
+/// Returns the derivative of [`apply`] by the point.
 #[must_use]
 pub fn slope(h: &Matrix3<f64>, p: Vector2<f64>) -> Matrix2<f64> {
     let v = h * Vector3::new(p.x, p.y, 1.0);
@@ -34,17 +35,18 @@ pub fn slope(h: &Matrix3<f64>, p: Vector2<f64>) -> Matrix2<f64> {
     ) / v.z
 }
 
-/// How small the second smallest singular value may be against the largest: below, points are on a line.
+/// Minimum ratio of the second smallest to the largest singular value. Below it, points are collinear.
 const FLAT: f64 = 1e-6;
 
-/// The homography that takes `from` to `to` with least squares of the distances in `to`, scaled so that its last element
-/// is 1 (or its norm, where that is 0); `None` if the points do not determine one.
+/// Returns the homography from `from` to `to` with the least sum of squared distances in `to`.
+///
+/// Its last element is 1, or its norm if that element is 0. `None` if the points do not determine it.
 #[must_use]
 pub fn fit(from: &[Vector2<f64>], to: &[Vector2<f64>]) -> Option<Matrix3<f64>> {
     weighted(from, to, &vec![1.0; from.len()])
 }
 
-/// The same with weights of the points.
+/// Like [`fit`], with weights of the points.
 #[must_use]
 pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> Option<Matrix3<f64>> {
     if from.len() < 4 || from.len() != to.len() {
@@ -89,7 +91,7 @@ pub fn weighted(from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> 
     h.iter().all(|x| x.is_finite()).then_some(h)
 }
 
-/// Gauss–Newton on the distances, a few steps as long as they help.
+/// Refines by Gauss–Newton steps on the distances, as long as they reduce the cost.
 fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weights: &[f64]) -> Matrix3<f64> {
     let cost = |h: &Matrix3<f64>| -> f64 {
         let each = from.iter().zip(to).zip(weights);
@@ -116,7 +118,7 @@ fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weigh
                 right += row * (e * *w);
             }
         }
-        // The scale is held by a pull toward no change of it.
+        // A penalty on changes of scale fixes the gauge.
         let gauge = SVector::<f64, 9>::from_row_slice(h.transpose().as_slice());
         normal += gauge * gauge.transpose() * normal.trace();
         let Some(step) = normal.cholesky().map(|c| c.solve(&right)) else {
@@ -136,7 +138,7 @@ fn refine(mut h: Matrix3<f64>, from: &[Vector2<f64>], to: &[Vector2<f64>], weigh
     h
 }
 
-/// The right singular vector of the least singular value, of a matrix with at least as many rows as columns.
+/// Returns the right singular vector of the smallest singular value. There must be rows ≥ columns.
 #[must_use]
 pub fn null_vector(m: &DMatrix<f64>) -> Option<Vec<f64>> {
     if !m.iter().all(|x| x.is_finite()) {

@@ -1,36 +1,31 @@
-//! Grey images to find things in: PNG of 8 or 16 bits, JPEG, and .npy.
+//! Gray images for corner detection, from PNG of 8 or 16 bits, JPEG, or .npy.
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use store::numpy::NumpyReader;
 
-/// A grey image, row by row from the top.
+/// A gray image, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
-    /// Pixels a row.
     pub width: usize,
-    /// Rows.
     pub height: usize,
-    /// Values, in any unit.
     pub values: Vec<f32>,
 }
 
-/// Why there is no image.
+/// An error while reading an image.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {message}", path.display())]
 pub struct ImageError {
-    /// The file.
     pub path: PathBuf,
-    /// What is wrong with it, and the fix.
     pub message: String,
 }
 
-/// Most pixels of an image.
+/// Maximum number of pixels of an image.
 const MOST: usize = 1 << 30;
 
 impl Image {
-    /// Of values, row by row; `None` if their number is not width × height.
+    /// Creates an image from values row by row, or returns `None` if their number is not width × height.
     #[must_use]
     pub fn new(width: usize, height: usize, values: Vec<f32>) -> Option<Self> {
         (width.checked_mul(height) == Some(values.len())).then_some(Self {
@@ -40,13 +35,12 @@ impl Image {
         })
     }
 
-    /// Width and height.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
         [self.width as u32, self.height as u32]
     }
 
-    /// The value of a pixel, that of the nearest one beyond the edges.
+    /// Returns the value of a pixel. Coordinates are clamped to the image.
     #[inline]
     #[must_use]
     pub fn at(&self, x: isize, y: isize) -> f32 {
@@ -55,7 +49,7 @@ impl Image {
         self.values[y * self.width + x]
     }
 
-    /// Between pixels, bilinearly; (0.5, 0.5) is the centre of the first one.
+    /// Interpolates bilinearly; (0.5, 0.5) is the center of the first pixel.
     #[inline]
     #[must_use]
     pub fn between(&self, x: f64, y: f64) -> f32 {
@@ -67,7 +61,7 @@ impl Image {
         row(j) * (1.0 - b) + row(j + 1) * b
     }
 
-    /// Blurred by a Gaussian of standard deviation `sigma`, pixels.
+    /// Blurs with a Gaussian of standard deviation `sigma` in pixels.
     #[must_use]
     pub fn blurred(&self, sigma: f32) -> Self {
         let reach = (3.0 * sigma).ceil() as isize;
@@ -92,11 +86,13 @@ impl Image {
         pass(&pass(self, 1, 0), 0, 1)
     }
 
-    /// Reads a .png of 8 or 16 bits or a .jpg (of colours the mean of red, green and blue), or a .npy of shape (height, width),
-    /// with one further axis at most, over which it is averaged. PNG and JPEG are rotated as their EXIF orientation says.
+    /// Reads a .png of 8 or 16 bits, a .jpg, or a .npy of shape (height, width) with at most one more axis.
+    ///
+    /// Colors are averaged over red, green and blue, and .npy files over the third axis. PNG and JPEG are
+    /// rotated by their EXIF orientation.
     ///
     /// # Errors
-    /// [`ImageError`] if it is none of these, damaged, or has values that are not finite.
+    /// [`ImageError`] if the format is another one, the file is damaged, or values are not finite.
     pub fn load(path: &Path) -> Result<Loaded, ImageError> {
         let error = |message: String| ImageError {
             path: path.to_owned(),
@@ -122,16 +118,15 @@ impl Image {
     }
 }
 
-/// An image of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {
     /// The image as viewers show it.
     pub image: Image,
-    /// How the file stores it, by EXIF's number (1 to 8): 1 if it is stored as it is shown.
+    /// EXIF orientation of the stored image (1 to 8); 1 if it is stored as shown.
     pub orientation: u8,
 }
 
-/// True of names of files that [`Image::load`] reads.
+/// Returns whether [`Image::load`] reads files with this extension.
 #[must_use]
 pub fn is_image(path: &Path) -> bool {
     ["png", "jpg", "jpeg", "npy"].contains(&extension(path).as_str())
@@ -142,7 +137,7 @@ fn extension(path: &Path) -> String {
     extension.unwrap_or("").to_ascii_lowercase()
 }
 
-/// True if a JPEG ends after its last scan has begun: the decoder would fill what is missing.
+/// Returns whether a JPEG ends within its last scan. The decoder would fill the missing part.
 fn is_cut_off(jpeg: &[u8]) -> bool {
     let marker = |bytes: &[u8], kind: u8| bytes.windows(2).rposition(|w| w == [0xff, kind]);
     let (scan, end) = (marker(jpeg, 0xda), marker(jpeg, 0xd9));
@@ -177,7 +172,7 @@ fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
     let mut photo = DynamicImage::from_decoder(decoder).map_err(bad)?;
     photo.apply_orientation(orientation);
     let (width, height) = (photo.width() as usize, photo.height() as usize);
-    // Samples as they are stored: opacity is not used.
+    // Stored samples without opacity.
     let grey = |samples: &[f32], channels: usize| -> Vec<f32> {
         let colours = if channels < 3 { 1 } else { 3 };
         let mean = |p: &[f32]| p[..colours].iter().sum::<f32>() / colours as f32;
@@ -228,7 +223,7 @@ fn npy(path: &Path) -> Result<Image, String> {
     Image::new(width, height, values).ok_or_else(|| "it is damaged".into())
 }
 
-/// An image as the bytes of a grey PNG of 8 bits.
+/// Encodes an image as a gray PNG of 8 bits.
 #[must_use]
 pub fn png_bytes(width: u32, height: u32, values: &[u8]) -> Option<Vec<u8>> {
     let mut out = vec![];
@@ -290,12 +285,12 @@ mod tests {
         assert!((image.blurred(0.8).at(1, 1) - 11.0).abs() < 0.8);
     }
 
-    /// A smooth image, so that compression changes it little; no two of its corners are alike.
+    /// A smooth image, which compression changes little. All of its corners differ.
     fn smooth(x: u32, y: u32) -> u8 {
         (20.0 + 4.0 * f64::from(x) + 2.0 * f64::from(y)) as u8
     }
 
-    /// A JPEG of 24 × 16 pixels, with an EXIF orientation if it is not 0.
+    /// Returns a JPEG of 24 × 16 pixels, with an EXIF orientation unless it is 0.
     fn jpeg(colours: bool, orientation: u8) -> Vec<u8> {
         let grey = image::GrayImage::from_fn(24, 16, |x, y| image::Luma([smooth(x, y)]));
         let mut photo = DynamicImage::ImageLuma8(grey);
@@ -306,7 +301,7 @@ mod tests {
         let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 98);
         photo.write_with_encoder(encoder).unwrap();
         if orientation > 0 {
-            // APP1: a TIFF header of little endian, and one entry: tag 0x0112, a short.
+            // APP1: a little-endian TIFF header and one entry, tag 0x0112 (a short).
             let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
             exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
             let mut segment = vec![0xff, 0xe1];
@@ -336,7 +331,7 @@ mod tests {
         }
     }
 
-    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274): where the stored first row and column are in the shown image.
+    /// The eight orientations of EXIF 2.32 (4.6.5, tag 274): places of the stored first row and column.
     #[test]
     fn images_are_rotated_as_exif_says() {
         for orientation in 1..=8 {
@@ -363,7 +358,7 @@ mod tests {
         }
     }
 
-    /// A decoder that fills what is missing with grey does not decide what the image is.
+    /// Truncated images are errors, although the decoder would fill the missing part with gray.
     #[test]
     fn damaged_and_misnamed_images_are_refused() {
         let whole = jpeg(true, 0);

@@ -1,7 +1,8 @@
-//! Cameras and projectors: intrinsics with distortion, poses, epipolar geometry, from boards and structured light.
+//! Geometric calibration of cameras and projectors from boards and structured light: intrinsics with
+//! distortion, poses and epipolar geometry.
 //!
-//! Pixels are continuous ones, of which the first covers 0..1; only what is written for OpenCV counts from its centre. A pose
-//! takes board or world to device: x_device = R x + t, device axes as in `CONVENTIONS.md`.
+//! Pixels are continuous, and the first one covers 0..1. Only OpenCV exports count from its center. A pose
+//! maps board or world to device: x_device = R x + t, with device axes as in `CONVENTIONS.md`.
 
 pub mod board;
 pub mod bundle;

@@ -1,5 +1,4 @@
-//! What the views leave open: combinations of parameters that no measurement tells apart, and parameters known too badly to
-//! be used.
+//! Detects parameters that the views do not determine, and parameters that are too uncertain.
 
 use super::bundle::State;
 use super::covariance::Root;
@@ -7,18 +6,18 @@ use super::device::Model;
 use super::fault::Fault;
 use nalgebra::DMatrix;
 
-/// Below, a singular value of the scaled root of information is rounding.
+/// Singular values of the scaled information root below this are rounding errors.
 const ROUNDING: f64 = 1e-12;
-/// Standard error of a focal length, over it, from which a calibration is refused.
+/// Maximum relative standard error of a focal length.
 const WORST_FOCAL: f64 = 0.05;
-/// That of the principal point, over the image's width.
+/// Maximum standard error of the principal point relative to the image width.
 const WORST_CENTRE: f64 = 0.1;
-/// That of the angles between camera and projector, radians.
+/// Maximum standard error of the angles between camera and projector, in radians.
 const WORST_ANGLE: f64 = 0.05;
 
 const TILT: &str = "tilt the board by 20 to 45 degrees in different directions, over all of the image";
 
-/// Names of the shared free parameters.
+/// Returns the names of the shared free parameters.
 fn names(state: &State) -> Vec<String> {
     let mut names = vec![String::new(); state.free];
     for (d, (device, ties)) in state.devices.iter().zip(&state.ties).enumerate() {
@@ -50,7 +49,7 @@ fn title(device: usize) -> &'static str {
     }
 }
 
-/// The equations cannot be solved.
+/// Returns the fault of a singular system.
 pub(super) fn singular() -> Fault {
     Fault::NotDetermined {
         what: "all parameters apart".into(),
@@ -58,7 +57,7 @@ pub(super) fn singular() -> Fault {
     }
 }
 
-/// Refuses where a combination of parameters changes nothing that is measured.
+/// Returns a fault if a combination of parameters does not affect the measurements.
 pub(super) fn refuse_undetermined(state: &State, root: &Root) -> Result<(), Fault> {
     if state.shared() == 0 {
         return Ok(());
@@ -90,7 +89,7 @@ pub(super) fn refuse_undetermined(state: &State, root: &Root) -> Result<(), Faul
     })
 }
 
-/// Refuses where noise alone makes up the result.
+/// Returns a fault if a parameter's standard error is too large.
 pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Result<(), Fault> {
     let mut first = 0;
     for (d, device) in state.devices.iter().enumerate() {
@@ -131,7 +130,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
     Ok(())
 }
 
-/// Coefficients of lenses that may as well be 0, and lenses that go wrong where no view reaches.
+/// Returns notes on insignificant lens coefficients, and on lenses that fold over outside the views.
 pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
     let mut first = 0;
     let mut notes = vec![];

@@ -2,12 +2,12 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// x ↦ R x + t, metres: world (or board) to device.
+/// x ↦ R x + t in meters: world (or board) to device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// R.
     pub rotation: Matrix3<f64>,
-    /// t, metres.
+    /// t in meters.
     pub translation: Vector3<f64>,
 }
 
@@ -21,7 +21,7 @@ impl Default for Pose {
 }
 
 impl Pose {
-    /// Of a rotation vector (axis times angle, radians) and a translation, as OpenCV's rvec and tvec.
+    /// Creates a pose from OpenCV's rvec (axis times angle, in radians) and tvec.
     #[must_use]
     pub fn new(rotation_vector: [f64; 3], translation: [f64; 3]) -> Self {
         Self {
@@ -30,14 +30,14 @@ impl Pose {
         }
     }
 
-    /// The point in device coordinates.
+    /// Returns the point in device coordinates.
     #[inline]
     #[must_use]
     pub fn apply(&self, x: Vector3<f64>) -> Vector3<f64> {
         self.rotation * x + self.translation
     }
 
-    /// First `inner`, then this.
+    /// Returns the composition: first `inner`, then this.
     #[must_use]
     pub fn after(&self, inner: &Self) -> Self {
         Self {
@@ -46,7 +46,7 @@ impl Pose {
         }
     }
 
-    /// The way back.
+    /// Returns the inverse.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let back = self.rotation.transpose();
@@ -56,8 +56,8 @@ impl Pose {
         }
     }
 
-    /// Turned by exp(ω) in the device's frame and shifted: the six parameters of a change, (ω, δt), of which
-    /// covariances are.
+    /// Returns the pose rotated by exp(ω) in the device's frame and translated. Covariances refer to these
+    /// six parameters (ω, δt).
     #[must_use]
     pub fn changed(&self, change: [f64; 6]) -> Self {
         let [a, b, c, x, y, z] = change;
@@ -68,7 +68,7 @@ impl Pose {
         }
     }
 
-    /// The change that leads from `from` to this.
+    /// Returns the change from `from` to this pose.
     #[must_use]
     pub fn change_from(&self, from: &Self) -> [f64; 6] {
         let w = logarithm(&(self.rotation * from.rotation.transpose()));
@@ -76,24 +76,24 @@ impl Pose {
         [w.x, w.y, w.z, d.x, d.y, d.z]
     }
 
-    /// Axis times angle, radians: OpenCV's rvec.
+    /// Returns axis times angle in radians, as OpenCV's rvec.
     #[must_use]
     pub fn rotation_vector(&self) -> Vector3<f64> {
         logarithm(&self.rotation)
     }
 }
 
-/// Axis times angle of a rotation.
+/// Returns axis times angle of a rotation.
 fn logarithm(r: &Matrix3<f64>) -> Vector3<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*r)).scaled_axis()
 }
 
-/// One step of Newton–Schulz, which squares what rounding takes a rotation off being one.
+/// One Newton–Schulz step, which squares the deviation from orthogonality due to rounding.
 fn nearest_rotation(r: Matrix3<f64>) -> Matrix3<f64> {
     r * (Matrix3::identity() * 3.0 - r.transpose() * r) * 0.5
 }
 
-/// The matrix of v ×.
+/// Returns the matrix of v ×.
 #[must_use]
 pub fn cross(v: &Vector3<f64>) -> Matrix3<f64> {
     v.cross_matrix()

@@ -1,4 +1,4 @@
-//! What fits claim against what they are: z-scores of many repeats, planted faults, degenerate views.
+//! Tests of claimed uncertainties: z-scores over many repeats, planted outliers and degenerate views.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::board::Board;
@@ -18,7 +18,7 @@ fn board() -> Board {
     Board::new(9, 6, 0.04).unwrap()
 }
 
-/// Brown's lens as photographers have it, and a wide one that takes the rational model.
+/// A typical Brown–Conrady lens, and a wide lens that needs the rational model.
 fn lens(model: Model) -> &'static [f64] {
     match model {
         Model::Eight => &[0.5, 0.05, 0.001, -0.0015, 0.002, 0.85, 0.25, 0.01],
@@ -42,7 +42,7 @@ fn relative() -> Pose {
     Pose::new([0.05, -0.25, 0.02], [0.12, 0.05, 0.06])
 }
 
-/// Boards all over the image and beyond its edges, tilted in all directions.
+/// Poses of boards all over the image and beyond its edges, tilted in all directions.
 fn poses(n: usize) -> Vec<Pose> {
     let middle = Pose::new([0.0; 3], [-0.16, -0.1, 0.0]);
     (0..n)
@@ -73,7 +73,7 @@ impl Noise {
     }
 }
 
-/// Corners with noise of the camera, and of the projector's map.
+/// Corners with noise of the camera and of the projector's map.
 fn views(devices: &[Device], poses: &[Pose], sigma: [f64; 2], noise: &mut Noise) -> Vec<Vec<Corner>> {
     let board = board().points();
     poses
@@ -136,7 +136,7 @@ impl Classes {
                     &covariance.view((at, at), (len, len)).into_owned(),
                 );
             }
-            // What the lens does, as a device of these parameters shows it.
+            // The pixel errors that the lens causes for a device of these parameters.
             let mut seen_there = vec![];
             for (x, y) in [(-0.4, 0.2), (0.1, -0.3), (0.5, 0.4), (0.3, 0.0)] {
                 let p = Vector3::new(x, y, 1.0);
@@ -194,8 +194,8 @@ fn hold(what: &str, devices: &[Device], count: u32, noise: f64, coefficients: bo
 fn errors_of_cameras_are_what_they_claim() {
     hold("camera, 5 coefficients", &[camera(Model::Five)], 128, 0.05, true);
     hold("camera, 8 coefficients", &[camera(Model::Eight)], 64, 0.05, false);
-    // The rational model's own numbers are linear in the noise only where that is very small: at 0.05 pixels k1 and k4 slide
-    // along each other by 15, with the same image.
+    // The parameters of the rational model depend linearly on the noise only if it is very small. At 0.05
+    // pixels, k1 and k4 vary together by 15 without a change of the image.
     hold(
         "camera, 8 coefficients, little noise",
         &[camera(Model::Eight)],
@@ -210,8 +210,9 @@ fn errors_of_cameras_are_what_they_claim() {
 fn errors_of_projectors_are_what_they_claim() {
     let pair = |model| [camera(model), projector(model)];
     hold("pair, 5 coefficients", &pair(Model::Five), 128, 0.05, true);
-    // At 0.05 pixels one in a hundred rational lenses of the projector runs off to infinite coefficients, and is refused; at 0.01
-    // one in some hundreds. Leaving these out would choose among repeats: there is less noise instead.
+    // At 0.05 pixels, one in a hundred rational projector lenses diverges to infinite coefficients and is
+    // rejected; at 0.01 pixels one in several hundred. Leaving these out would bias the statistics, so the
+    // noise is smaller instead.
     hold("pair, 8 coefficients", &pair(Model::Eight), 128, 0.002, false);
 }
 
@@ -264,7 +265,7 @@ fn what_is_fixed_stays() {
     assert!((d.focal.x - truth.focal.x).abs() < 5.0 * errors[0]);
 }
 
-/// k1 to k4 of OpenCV's fisheye, 60° off the axis.
+/// k1 to k4 of OpenCV's fisheye model, up to 60° off axis.
 #[test]
 fn fisheyes_are_found() {
     let mut truth = Device::pinhole([1280, 960], [420.0, 421.0], [645.0, 477.0], Model::Fisheye);
@@ -300,13 +301,13 @@ fn views_that_do_not_tell_are_refused() {
             .collect();
         views(&devices, &poses, [sigma, 0.0], &mut Noise::new(6))
     };
-    // Boards square to the axis: distance and focal length are one, with noise and without.
+    // Boards perpendicular to the axis do not separate distance from focal length, with or without noise.
     for sigma in [0.0, 0.05] {
         let fault = refused(&flat(0.0, sigma), Model::Five);
         assert!(matches!(&fault, Fault::NotDetermined { .. }), "{fault}");
         assert!(fault.to_string().contains("tilt the board"), "{fault}");
     }
-    // One view, with the centre free.
+    // One view with a free principal point.
     let one = views(&devices, &poses(1), [0.05, 0.0], &mut Noise::new(6));
     let fault = refused(&one, Model::Five);
     assert!(matches!(fault, Fault::NotDetermined { .. }), "{fault}");
@@ -324,7 +325,7 @@ fn wrong_points_are_refused() {
     assert_eq!(refused(&line, Model::Five), Fault::Collinear { view: 2 });
     line[1].truncate(2);
     assert_eq!(refused(&line, Model::Five), Fault::Collinear { view: 2 });
-    // Corners in no order fit no camera.
+    // Corners in random order fit no camera.
     let mut mixed = good;
     let mut x = 1_usize;
     for view in &mut mixed {
@@ -345,7 +346,7 @@ fn wrong_points_are_refused() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
-    /// Points from anywhere: an answer or a fault, no panic.
+    /// Arbitrary points yield a result or a fault, without a panic.
     #[test]
     fn any_views_are_survived(points in prop::collection::vec(prop::array::uniform4(-1e3..1e3_f64), 0..60), split in 1_usize..20,
         eight in any::<bool>(), robust in any::<bool>(), far in any::<bool>()) {

@@ -1,11 +1,12 @@
-//! Where a fit begins: focal lengths from homographies of the board (Zhang 2000), poses from both.
+//! Initial estimates: focal lengths from homographies of the board (Zhang 2000), then poses.
 
 use super::device::{Device, Model};
 use super::homography::{self, null_vector};
 use super::pose::Pose;
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
-/// Beginnings to try, the likeliest first: the principal point in the middle, all of it free, and three lenses by guess.
+/// Returns initial devices, the most likely first: principal point in the center, all intrinsics free, and
+/// three guessed focal lengths.
 #[must_use]
 pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -> Vec<Device> {
     let [w, h] = size.map(f64::from);
@@ -24,7 +25,7 @@ pub fn beginnings(size: [u32; 2], model: Model, homographies: &[Matrix3<f64>]) -
     .collect()
 }
 
-/// Focal lengths where the principal point is known: least squares of 1/f².
+/// Returns the focal lengths for a known principal point, by least squares of 1/f².
 fn focal_lengths(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> Option<Vector2<f64>> {
     let scale = centre.norm();
     let mut normal = Matrix2::zeros();
@@ -45,7 +46,7 @@ fn focal_lengths(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> Option<
         let (a, b) = (h.column(0), h.column(1));
         let (n, m) = ((a + b).normalize(), (a - b).normalize());
         let (a, b) = (a.normalize(), b.normalize());
-        // Columns are perpendicular, and so are their sum and difference once both are of one length.
+        // The columns are orthogonal, and so are their sum and difference after normalization.
         for (p, q) in [(a, b), (n, m)] {
             let row = Vector2::new(p.x * q.x, p.y * q.y);
             normal += row * row.transpose();
@@ -57,7 +58,7 @@ fn focal_lengths(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> Option<
     f.iter().all(|x| x.is_finite()).then_some(f)
 }
 
-/// Focal lengths and principal point (skew is found, and left out).
+/// Returns focal lengths and principal point. The estimated skew is dropped.
 fn intrinsics(homographies: &[Matrix3<f64>], scale: f64) -> Option<(Vector2<f64>, Vector2<f64>)> {
     if homographies.len() < 3 {
         return None;
@@ -97,7 +98,7 @@ fn intrinsics(homographies: &[Matrix3<f64>], scale: f64) -> Option<(Vector2<f64>
         .then(|| (Vector2::new(all[0], all[1]), Vector2::new(all[2], all[3])))
 }
 
-/// The pose of the board's plane z = 0 that its homography to the pixels shows.
+/// Returns the pose of the board's plane z = 0 from its homography to the pixels.
 #[must_use]
 pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     let (f, c) = (device.focal, device.centre);
@@ -135,13 +136,13 @@ pub fn pose(device: &Device, h: &Matrix3<f64>) -> Option<Pose> {
     })
 }
 
-/// Points of a view on the board, and in pixels.
+/// Points of a view on the board and in pixels.
 pub type Matched = (Vec<Vector2<f64>>, Vec<Vector2<f64>>);
 
-/// Homographies of all views, from the board's plane.
+/// Returns the homographies of all views from the board's plane.
 ///
 /// # Errors
-/// The number, from 0, of a view whose points lie on a line.
+/// The index (from 0) of a view with collinear points.
 pub fn homographies(views: &[Matched]) -> Result<Vec<Matrix3<f64>>, usize> {
     let all = views.iter().enumerate();
     all.map(|(i, (board, pixels))| homography::fit(board, pixels).ok_or(i))

@@ -1,8 +1,8 @@
-//! Polarizers, retarders, beamsplitter and mirrors: their imperfections from captures of known samples.
+//! Polarimetric calibration: imperfections of the optical elements, from captures of known samples.
 //!
-//! Captures of things whose Mueller matrix is known (air, a mirror, a plate) say what the elements are: axis offsets,
-//! retardances, extinctions, the shared optics of a coaxial rig. All are fitted together, a brightness for each sample beside
-//! them, and what the samples cannot tell is named.
+//! Samples with known Mueller matrices (air, a mirror, a plate) determine axis offsets, retardances and
+//! extinctions, and the beamsplitter and mirrors of a coaxial rig. All are fitted together with a brightness
+//! per sample. Undetermined parameters are reported.
 
 pub mod parameters;
 pub mod samples;

@@ -1,4 +1,4 @@
-//! The imperfections of a scheme as a list of numbers that have names.
+//! The imperfections of a scheme as a list of named numbers.
 
 use polarimetry::capture::coaxial::{Arm, Coaxial};
 use polarimetry::capture::element::ElementKind;
@@ -8,28 +8,28 @@ use polarimetry::capture::spectral_value::SpectralValue;
 /// One imperfection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
-    /// Angle of an element's axis when its stage reads zero, degrees.
+    /// Angle of an element's axis at the zero of its stage, in degrees.
     AxisOffset(Side, usize),
-    /// What a retarder's retardance has beyond the nominal one, degrees.
+    /// Deviation of a retarder's retardance from the nominal value, in degrees.
     Retardance(Side, usize),
-    /// Least over greatest transmittance of a polarizer.
+    /// Minimum over maximum transmittance of a polarizer.
     Extinction(Side, usize),
-    /// Of the polarizers on a sensor.
+    /// Extinction of the polarizers on a sensor.
     SensorExtinction,
-    /// Of one of them, degrees; that at 0° is the frame's and has none.
+    /// Axis offset of one of them in degrees. The one at 0° defines the frame and has no offset.
     SensorOffset(usize),
-    /// Diattenuation of a beamsplitter's arm, transmission or reflection.
+    /// Diattenuation of a beamsplitter's arm (true: transmission, false: reflection).
     Diattenuation(bool),
-    /// Its retardance, degrees.
+    /// Retardance of the arm in degrees.
     ArmRetardance(bool),
-    /// Refractive index of the galvo's metal.
+    /// Refractive index of the galvo mirrors' metal.
     GalvoIndex,
-    /// Its extinction coefficient.
+    /// Extinction coefficient of that metal.
     GalvoAbsorption,
 }
 
 impl Parameter {
-    /// All that a scheme can have.
+    /// Returns all parameters of a scheme.
     #[must_use]
     pub fn all(scheme: &Scheme) -> Vec<Self> {
         let mut all = vec![];
@@ -63,7 +63,7 @@ impl Parameter {
         all
     }
 
-    /// Its name, by that of its element.
+    /// Returns the parameter's name, which includes that of its element.
     #[must_use]
     pub fn name(&self, scheme: &Scheme) -> String {
         let of = |side: Side, i: usize| match side {
@@ -90,7 +90,6 @@ impl Parameter {
         }
     }
 
-    /// Its unit, for tables.
     #[must_use]
     pub fn unit(&self) -> &'static str {
         match self {
@@ -101,7 +100,7 @@ impl Parameter {
         }
     }
 
-    /// Step of derivatives by its number in a fit ([`Self::to_fit`]).
+    /// Returns the step of derivatives by the fitted number ([`Self::to_fit`]).
     #[must_use]
     pub fn step(&self) -> f64 {
         match self {
@@ -114,7 +113,7 @@ impl Parameter {
         }
     }
 
-    /// Its value at a wavelength.
+    /// Returns the value at a wavelength.
     #[must_use]
     pub fn get(&self, scheme: &Scheme, nm: f64) -> f64 {
         let of = |side: Side, i: usize| match side {
@@ -148,13 +147,14 @@ impl Parameter {
         }
     }
 
-    /// Whether it may be another one at every wavelength: where an axis lies does not depend on it, glass and metal do.
+    /// Returns whether the parameter may depend on the wavelength: axes do not, optical properties do.
     #[must_use]
     pub fn is_spectral(&self) -> bool {
         !matches!(self, Self::AxisOffset(..) | Self::SensorOffset(_))
     }
 
-    /// Gives a scheme its values at several wavelengths, rows of [nm, value] in rising order; one is for all of them.
+    /// Sets a scheme's values at several wavelengths, as rows of [nm, value] in ascending order. A single row
+    /// applies to all wavelengths.
     pub fn set_table(&self, scheme: &mut Scheme, rows: &[[f64; 2]]) {
         match rows {
             [] => {}
@@ -165,7 +165,7 @@ impl Parameter {
         }
     }
 
-    /// Gives a scheme this value; one that depended on the wavelength is then the same at all.
+    /// Sets a scheme's value at all wavelengths.
     pub fn set(&self, scheme: &mut Scheme, value: f64) {
         match *self {
             Self::AxisOffset(side, i) => scheme.imperfect(side, i, |e| e.axis_offset = value.to_radians()),
@@ -178,7 +178,7 @@ impl Parameter {
         }
     }
 
-    /// Gives a scheme what may depend on the wavelength; `of` makes it, in its unit over the scheme's.
+    /// Sets a spectral value of a scheme. `of` creates it from the factor between both units.
     fn put(&self, scheme: &mut Scheme, of: impl Fn(f64) -> SpectralValue) {
         let plain = || of(1.0);
         match *self {
@@ -221,8 +221,10 @@ impl Parameter {
         }
     }
 
-    /// The number that a fit moves, for a value. Metals' n and k are above 0 and their logarithms are fitted: on the other side of 0,
-    /// where light would gain, there are other minima.
+    /// Returns the fitted number of a value.
+    ///
+    /// n and k of metals are fitted as logarithms, to keep them positive. Negative values, where light would
+    /// be amplified, have other minima.
     #[must_use]
     pub fn to_fit(&self, value: f64) -> f64 {
         match self {
@@ -231,7 +233,7 @@ impl Parameter {
         }
     }
 
-    /// The value of a fit's number, and its derivative.
+    /// Returns the value of a fitted number, and its derivative.
     #[must_use]
     pub fn from_fit(&self, number: f64) -> [f64; 2] {
         match self {
@@ -240,7 +242,7 @@ impl Parameter {
         }
     }
 
-    /// The nearest value that can be: extinctions are not negative.
+    /// Returns the nearest physically possible value, for example a nonnegative extinction.
     #[must_use]
     pub fn possible(&self, value: f64) -> f64 {
         match self {

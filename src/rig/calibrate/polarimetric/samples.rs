@@ -1,4 +1,4 @@
-//! The fit: captures of known samples → imperfections of the elements, with covariances.
+//! Fits the imperfections of the elements, with covariances, to captures of known samples.
 
 use super::super::least_squares::{Fit, FitError, fit};
 use super::parameters::Parameter;
@@ -9,110 +9,89 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-/// Captures of something that is known.
+/// Captures of a known sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
-    /// What it is, e.g. `air`.
+    /// Name of the sample, e.g. `air`.
     pub name: String,
-    /// Its Mueller matrix, row-major, up to brightness.
+    /// Row-major Mueller matrix, up to a brightness factor.
     pub mueller: [f64; 16],
-    /// The elements as their stages stood, with imperfections as they are believed.
+    /// The elements at their stages' angles, with their assumed imperfections.
     pub scheme: Scheme,
-    /// The ray on which it was captured.
     pub ray: Ray,
-    /// Intensities, one a measurement.
+    /// Intensities, one per measurement.
     pub intensities: Vec<f64>,
-    /// Their standard deviations.
+    /// Standard deviations of the intensities.
     pub sigmas: Vec<f64>,
-    /// Readings of all measurements, and those of them that are not in the means: saturated, or unknown.
+    /// Number of readings of all measurements.
     pub readings: usize,
-    /// See [`Self::readings`].
+    /// Number of readings that are not in the means because they are saturated or unknown.
     pub left_out: usize,
 }
 
-/// Why there is no calibration.
+/// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CalibrationError {
-    /// Nothing was measured.
     #[error("there is no sample; capture air, a mirror or a known plate")]
     NoSample,
-    /// A sample has not a number for each measurement.
     #[error("sample `{name}` has {found} intensities, its scheme {want} measurements")]
-    Lengths {
-        /// The sample.
-        name: String,
-        /// Its intensities.
-        found: usize,
-        /// Measurements.
-        want: usize,
-    },
-    /// A sample shows nothing.
+    Lengths { name: String, found: usize, want: usize },
     #[error(
         "sample `{name}` is dark, or its noise is not positive; light it, and leave saturated captures out"
     )]
-    Dark {
-        /// The sample.
-        name: String,
-    },
-    /// Samples are of different rigs.
+    Dark { name: String },
     #[error("samples `{first}` and `{other}` were captured with other elements")]
-    Elements {
-        /// A sample.
-        first: String,
-        /// Another.
-        other: String,
-    },
-    /// The fit failed.
+    Elements { first: String, other: String },
     #[error(transparent)]
     Fit(#[from] FitError),
 }
 
-/// A found imperfection.
+/// A fitted imperfection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// What.
     pub parameter: Parameter,
-    /// At which wavelength, nanometres, where samples of several tell it at each.
+    /// Wavelength in nanometers, if fitted per wavelength.
     pub nm: Option<f64>,
-    /// By its element's name.
+    /// Name, which includes that of the element.
     pub name: String,
-    /// Value, in its unit.
+    /// Value in the parameter's unit.
     pub value: f64,
-    /// Standard deviation; `None` where the samples do not tell it alone.
+    /// Standard deviation, or `None` if the samples do not determine the parameter alone.
     pub sigma: Option<f64>,
 }
 
 /// A calibrated scheme.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibrated {
-    /// The first sample's scheme with what was found.
+    /// The first sample's scheme with the fitted imperfections.
     pub scheme: Scheme,
-    /// Everything that was free.
+    /// All free parameters.
     pub found: Vec<Found>,
-    /// What these samples cannot tell, in words.
+    /// Descriptions of the undetermined parameters.
     pub untold: Vec<String>,
-    /// The fit: parameters in the order of `found`, then a brightness for each sample.
+    /// The fit: parameters in the order of `found`, then a brightness per sample.
     pub fit: Fit,
 }
 
-/// A number of the fit: an imperfection, at one wavelength or at all of them.
+/// A number of the fit: an imperfection at one wavelength or at all.
 #[derive(Clone, Copy)]
 struct Unknown {
     parameter: Parameter,
     nm: Option<f64>,
 }
 
-/// What a sample should show, for the numbers of the fit that it depends on. Derivatives move one number at a time, and most numbers
-/// are of other samples: the last predictions are kept.
+/// Cached predictions of a sample for the fitted numbers that it depends on.
+///
+/// Numerical derivatives change one number at a time, and most numbers do not affect this sample. The last
+/// predictions are therefore cached.
 struct Predictions {
     own: Vec<usize>,
     kept: RefCell<VecDeque<Kept>>,
 }
 
-/// Numbers, and what they predict.
+/// Fitted numbers and their prediction.
 type Kept = (Vec<f64>, Rc<Vec<f64>>);
 
-/// Predictions of a sample that are kept.
 const KEPT: usize = 4;
 
 impl Predictions {
@@ -138,7 +117,7 @@ impl Predictions {
     }
 }
 
-/// Those of the samples, rising.
+/// Returns the wavelengths of the samples in ascending order.
 fn wavelengths(samples: &[Sample]) -> Vec<f64> {
     let mut wavelengths: Vec<f64> = samples.iter().map(|s| s.ray.nm).collect();
     wavelengths.sort_by(f64::total_cmp);
@@ -146,7 +125,7 @@ fn wavelengths(samples: &[Sample]) -> Vec<f64> {
     wavelengths
 }
 
-/// The numbers of a fit: what depends on the wavelength once for each at which there are samples.
+/// Returns the numbers of a fit. Spectral parameters occur once per wavelength of the samples.
 fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
     let wavelengths = wavelengths(samples);
     let several = wavelengths.len() > 1;
@@ -164,8 +143,10 @@ fn unknowns(samples: &[Sample], free: &[Parameter]) -> Vec<Unknown> {
     free.iter().flat_map(each).collect()
 }
 
-/// Fits imperfections to samples; `free` are those that may differ from what the schemes believe. Axes are those of all
-/// samples; what depends on the wavelength is found at each at which there are samples, all of it together.
+/// Fits imperfections to samples. `free` are the parameters that may differ from the assumed ones.
+///
+/// Axis offsets are shared by all samples. Spectral parameters are fitted at each wavelength that has
+/// samples. All numbers are fitted jointly.
 ///
 /// # Errors
 /// [`CalibrationError`].
@@ -281,7 +262,7 @@ pub fn calibrate(samples: &[Sample], free: &[Parameter]) -> Result<Calibrated, C
         of[0].parameter.set_table(&mut scheme, &rows);
     }
     if let (Some(now), Some(before)) = (&mut scheme.coaxial, &first.scheme.coaxial) {
-        // The brightness of every sample is a number of the fit.
+        // The brightness of each sample is a number of the fit, so keep that of the optics.
         now.keep_brightness(before, &wavelengths(samples));
     }
     Ok(Calibrated {

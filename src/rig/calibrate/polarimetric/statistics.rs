@@ -1,50 +1,49 @@
-//! `[polarimetric]` of a calibration's file: what was found of the elements, with its covariance.
+//! The `[polarimetric]` table of a calibration file: fitted imperfections with their covariance.
 
 use super::samples::Calibrated;
 use serde::{Deserialize, Serialize};
 
-/// How sure the elements of a calibration are. Lists have one entry a parameter.
+/// Statistics of a polarimetric calibration. Lists have one entry per parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Statistics {
-    /// Σ of squared residuals over their variances.
+    /// Sum of squared residuals divided by their variances.
     pub chi_squared: f64,
-    /// Measurements less parameters.
+    /// Number of measurements minus parameters.
     pub freedom: usize,
-    /// Parameters by their elements' names.
+    /// Names of the parameters, which include those of their elements.
     pub names: Vec<String>,
-    /// At which wavelength, nanometres, where captures of several tell a parameter at each; else `nan`.
+    /// Wavelength in nanometers of a parameter that is fitted per wavelength, otherwise `nan`.
     pub wavelengths_nm: Vec<f64>,
-    /// `°`, or nothing.
+    /// `°` or empty.
     pub units: Vec<String>,
-    /// What was found, in these units.
+    /// Fitted values in these units.
     pub values: Vec<f64>,
-    /// Standard deviations; `nan` where the samples do not tell a parameter alone.
+    /// Standard deviations; `nan` if the samples do not determine a parameter alone.
     pub sigma: Vec<f64>,
-    /// Their covariance, row by row; of what is not told it is zero.
+    /// Covariance row by row; zero along undetermined directions.
     pub covariance: Vec<Vec<f64>>,
-    /// What the samples cannot tell, in words.
+    /// Descriptions of the undetermined parameters.
     pub untold: Vec<String>,
 }
 
-/// The table by its name.
 #[derive(Serialize)]
 struct Named<'a> {
     polarimetric: &'a Statistics,
 }
 
 impl Statistics {
-    /// As TOML with its header.
+    /// Serializes the table to TOML with its header.
     ///
     /// # Errors
-    /// If a number cannot be written.
+    /// An error if a number cannot be written.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(&Named { polarimetric: self })
     }
 }
 
 impl Calibrated {
-    /// What a file keeps of it beside the scheme.
+    /// Returns the statistics that the calibration file contains in addition to the scheme.
     #[must_use]
     pub fn statistics(&self) -> Statistics {
         let n = self.found.len();

@@ -1,4 +1,4 @@
-//! Elements with planted imperfections: what is found of them, how far off it is in stated errors, and what samples cannot tell.
+//! Tests with planted imperfections: fitted values, stated errors, and undetermined parameters.
 
 use super::super::least_squares::FitError;
 use super::super::z_scores::{ZScores, repeats};
@@ -20,7 +20,7 @@ const MIRROR: [f64; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., -1., 0., 0., 
 /// At 0°.
 const POLARIZER: [f64; 16] = [0.5, 0.5, 0., 0., 0.5, 0.5, 0., 0., 0., 0., 0., 0., 0., 0., 0., 0.];
 
-/// Turns linear polarization by 22.5°.
+/// Rotates linear polarization by 22.5°.
 const PLATE: [f64; 16] = {
     let h = std::f64::consts::FRAC_1_SQRT_2;
     [1., 0., 0., 0., 0., h, h, 0., 0., -h, h, 0., 0., 0., 0., 1.0]
@@ -76,7 +76,7 @@ fn sample_along(
     }
 }
 
-/// Repeats with other truths and other noise: errors over stated sigmas have variance 1, for every parameter by itself.
+/// Over repeats with different truths and noise, every parameter's errors over its sigmas have variance 1.
 #[test]
 fn stated_errors_are_those_that_are_made() {
     let count = repeats(128);
@@ -140,7 +140,7 @@ fn air_alone_cannot_tell_a_common_rotation() {
     assert!(told("retarder_2 retardance error").is_some());
 }
 
-/// Half of a beamsplitter that does nothing else.
+/// Returns one arm of an ideal 50:50 beamsplitter.
 fn arm() -> Arm {
     Arm {
         efficiency: SpectralValue::Same(0.5),
@@ -149,10 +149,10 @@ fn arm() -> Arm {
     }
 }
 
-/// A coaxial rig whose every part is another one at every wavelength.
+/// Returns a coaxial rig whose optical parameters depend on the wavelength.
 fn dispersive() -> Scheme {
     let mut nominal = Scheme::quad(16, false).expect("a scheme");
-    // Protected silver, as it is believed to be.
+    // Protected silver with assumed values.
     nominal.coaxial = Some(Coaxial {
         transmission: arm(),
         reflection: arm(),
@@ -166,7 +166,7 @@ fn dispersive() -> Scheme {
 
 const WAVELENGTHS: [f64; 2] = [450.0, 660.0];
 
-/// Truths with an own value at every wavelength, in the order of the fit's numbers.
+/// Returns a truth with separate values per wavelength, in the order of the fit's numbers.
 fn dispersive_truth(nominal: &Scheme, seed: u32) -> (Scheme, Vec<f64>) {
     let mut random = stream(12, 0, seed);
     let (mut out, mut values) = (nominal.clone(), vec![]);
@@ -226,8 +226,8 @@ fn dispersive_samples(
     samples
 }
 
-/// n and k of the mirrors, and both arms, at two wavelengths, jointly with the elements: errors over stated ones have variance 1,
-/// whitened by the whole covariance, of whatever is told.
+/// n and k of the mirrors and both arms at two wavelengths, fitted jointly with the elements: whitened by the
+/// whole covariance, errors over stated ones have variance 1 for all determined parameters.
 #[test]
 fn dispersion_is_found_with_its_errors() {
     let nominal = dispersive();
@@ -251,7 +251,7 @@ fn dispersion_is_found_with_its_errors() {
         }
     }
     scores.hold("two wavelengths");
-    // What a file keeps of it: a table over wavelengths.
+    // The calibration file contains a table over wavelengths.
     let (real, _, found) = &all[0];
     let galvo = |s: &Scheme| s.coaxial.as_ref().and_then(|c| c.galvo.clone()).expect("a galvo");
     let sigma = |p: Parameter, nm: f64| {
@@ -268,7 +268,7 @@ fn dispersion_is_found_with_its_errors() {
         );
     }
     assert!(is.k.at(660.0) > 1.2 * is.k.at(450.0));
-    // Samples of unknown brightness leave that of the optics what it was believed to be; the mirrors alone say another.
+    // Samples of unknown brightness do not change the brightness of the optics. That of the mirrors differs.
     let believed = nominal.coaxial.as_ref().expect("coaxial optics");
     let optics = found.scheme.coaxial.as_ref().expect("coaxial optics");
     for nm in WAVELENGTHS {
@@ -282,7 +282,7 @@ fn dispersion_is_found_with_its_errors() {
     }
 }
 
-/// Along one direction mirrors and beamsplitter act together alone, and that is said.
+/// Along one direction, mirrors and beamsplitter act only in combination, which is reported.
 #[test]
 fn one_direction_does_not_tell_mirrors_from_the_beamsplitter() {
     let nominal = dispersive();
@@ -296,7 +296,7 @@ fn one_direction_does_not_tell_mirrors_from_the_beamsplitter() {
     );
 }
 
-/// A coaxial rig's beamsplitter is found with a mirror and a plate.
+/// A mirror and a plate determine a coaxial rig's beamsplitter.
 #[test]
 fn a_beamsplitter_is_found() {
     let mut nominal = Scheme::quad(40, false).expect("a scheme");

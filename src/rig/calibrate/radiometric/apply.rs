@@ -1,4 +1,4 @@
-//! The calibration of a camera, and frames corrected by it.
+//! Radiometric calibration of a camera, and correction of its frames.
 
 use super::dark::Dark;
 use super::error::RadiometricError;
@@ -9,18 +9,17 @@ use super::stack::{Stack, check};
 use super::transfer::Transfer;
 use serde::{Deserialize, Serialize};
 
-/// Readings from this share of the saturation's signal on tell nothing.
+/// Readings above this fraction of the saturation signal are not used.
 const SATURATED: f64 = 0.95;
 const MOST_DEGREE: usize = 8;
 
-/// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Coefficients of the polynomial by which the camera departs from a line.
+    /// Number of coefficients of the nonlinearity polynomial.
     pub degree: usize,
-    /// Standard error of the light from level to level, relative.
+    /// Relative standard error of the light between levels.
     pub light_sigma: f64,
-    /// Standard deviations by which a pixel stands out that is not used.
+    /// Outlier threshold for pixels in standard deviations.
     pub limit: f64,
 }
 
@@ -38,37 +37,35 @@ impl Default for Options {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Radiometry {
-    /// Readings from here on are saturated, DN.
+    /// Readings from this value on are saturated, in DN.
     pub saturated_from_dn: u32,
-    /// Signal over the dark frame at which the camera saturates, DN, if that was reached.
+    /// Signal above the dark frame at which the camera saturates, in DN, if it was reached.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation_dn: Option<f64>,
-    /// What these frames cannot tell, in words.
+    /// Descriptions of quantities that the frames do not determine.
     pub untold: Vec<String>,
-    /// Dark frame.
     pub dark: Dark,
-    /// Departure from a line.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub linearity: Option<Linearity>,
-    /// Gain.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transfer: Option<Transfer>,
-    /// Flat field.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flat: Option<Flat>,
 }
 
-/// A corrected frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Corrected {
-    /// Electrons of light (linear DN where the gain is not known), dark signal off, response evened; NaN where nothing is told.
+    /// Signal in electrons (linear DN without a gain), corrected for dark signal and response. NaN if
+    /// unknown.
     pub signal: Vec<f64>,
-    /// Its variance by noise, infinite where nothing is told. The calibration's own errors, alike in all frames, are not in it.
+    /// Variance due to noise; infinite if unknown. It excludes errors of the calibration.
     pub variance: Vec<f64>,
 }
 
-/// Calibrates a camera by dark frames at one exposure or more and frames of even light at several levels; without the latter the
-/// dark frame alone. What they do not tell is said and left as a perfect camera's.
+/// Calibrates a camera from dark frames at one or more exposures and uniformly lit frames at several levels.
+///
+/// Without lit frames only the dark frame is calibrated. Undetermined quantities are reported and keep the
+/// values of an ideal camera.
 ///
 /// # Errors
 /// [`RadiometricError`].
@@ -150,11 +147,11 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
 }
 
 impl Radiometry {
-    /// A frame's light.
+    /// Returns the light of a frame.
     ///
     /// # Errors
-    /// [`RadiometricError::Size`] if it has not the calibration's pixels; [`RadiometricError::Setting`] for an exposure that is
-    /// no time.
+    /// [`RadiometricError::Size`] if the number of pixels differs from that of the calibration.
+    /// [`RadiometricError::Setting`] if the exposure is not a positive time.
     pub fn correct(&self, frame: &[u32], exposure_s: f64) -> Result<Corrected, RadiometricError> {
         let pixels = self.dark.offset.len();
         if frame.len() != pixels {
@@ -187,7 +184,7 @@ impl Radiometry {
             }
             let signal = f64::from(*dn) - self.dark.at(p, exposure_s);
             let (linear, slope) = (line.linear(signal), line.slope(signal));
-            // Shot noise of a reading below the dark level is none.
+            // A reading below the dark level has no shot noise.
             let (gain, variance) = match &self.transfer {
                 Some(t) => (t.gain_e_per_dn, t.variance(linear.max(0.0) + rate * exposure_s)),
                 None => (1.0, self.dark.variance.at(p) * slope * slope),

@@ -1,37 +1,33 @@
-//! The dark frame: each pixel's offset, dark current and noise, and pixels that are not to be used.
+//! The dark frame: offset, dark current and noise per pixel, and pixels to leave out.
 
 use super::error::RadiometricError;
 use super::stack::{Stack, check};
 use crate::calibrate::pixel_map::PixelMap;
 use serde::{Deserialize, Serialize};
 
-/// Standard deviations per median absolute deviation of normal numbers.
+/// Ratio of standard deviation to median absolute deviation of a normal distribution.
 const SIGMA_PER_MAD: f64 = 1.4826;
 
-/// What a camera reads without light.
+/// Readings of a camera without light.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dark {
-    /// Exposures of the dark frames, s.
     pub exposures_s: Vec<f64>,
-    /// Pixels whose dark signal stands out.
+    /// Pixels whose dark signal is an outlier.
     pub hot: Vec<u32>,
-    /// Pixels whose noise stands out.
+    /// Pixels whose noise is an outlier.
     pub noisy: Vec<u32>,
-    /// Pixels that never change while others do.
+    /// Pixels that never change.
     pub stuck: Vec<u32>,
-    /// Offset at no exposure, DN; at the exposure of the dark frames if they have one alone.
+    /// Offset at zero exposure in DN, or at the exposure of the dark frames if there is only one.
     pub offset: PixelMap,
-    /// Its standard error.
     pub offset_sigma: PixelMap,
-    /// Variance from frame to frame at the shortest exposure, DN².
+    /// Variance between frames at the shortest exposure in DN².
     pub variance: PixelMap,
-    /// Its standard error.
     pub variance_sigma: PixelMap,
-    /// Dark current, DN/s, from two exposures or more.
+    /// Dark current in DN/s; needs at least two exposures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rate: Option<PixelMap>,
-    /// Its standard error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rate_sigma: Option<PixelMap>,
 }
@@ -46,9 +42,10 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 impl Dark {
-    /// The dark frame of stacks at one exposure or more; pixels that stand out by `limit` standard deviations are listed.
+    /// Computes the dark frame from stacks at one or more exposures. Pixels that deviate by `limit` standard
+    /// deviations are listed.
     ///
-    /// Exposures are weighted by the whole sensor's noise; standard errors are by each pixel's own at each exposure.
+    /// Exposures are weighted by the sensor's noise. Standard errors use each pixel's noise at each exposure.
     ///
     /// # Errors
     /// [`RadiometricError`].
@@ -70,7 +67,7 @@ impl Dark {
         );
         let determinant = s0 * s2 - s1 * s1;
         let several = determinant > 1e-6 * s0 * s2;
-        // Offset and rate are sums over stacks of means times these.
+        // Weights of the stacks' means in the offset and the rate.
         let parts: Vec<[f64; 2]> = stacks
             .iter()
             .zip(&weights)
@@ -139,21 +136,22 @@ impl Dark {
         })
     }
 
-    /// A pixel's reading without light, DN.
+    /// Returns a pixel's reading without light in DN.
     #[must_use]
     pub fn at(&self, pixel: usize, exposure_s: f64) -> f64 {
         self.offset.at(pixel) + self.rate.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s)
     }
 
-    /// Variance of [`Self::at`] by the dark frames' noise; the covariance of offset and rate, which makes it less within their
-    /// exposures, is left out.
+    /// Returns the variance of [`Self::at`] due to the noise of the dark frames.
+    ///
+    /// It ignores the covariance of offset and rate, an overestimate within the range of exposures.
     #[must_use]
     pub fn variance_of_mean(&self, pixel: usize, exposure_s: f64) -> f64 {
         let rate = self.rate_sigma.as_ref().map_or(0.0, |r| r.at(pixel) * exposure_s);
         self.offset_sigma.at(pixel).powi(2) + rate.powi(2)
     }
 
-    /// Mean dark current of the pixels that are used, DN/s; 0 if it is not told.
+    /// Returns the mean dark current of the usable pixels in DN/s, or 0 if it is unknown.
     #[must_use]
     pub fn mean_rate(&self) -> f64 {
         let Some(rate) = &self.rate else { return 0.0 };
@@ -163,7 +161,7 @@ impl Dark {
         sum / n
     }
 
-    /// Whether each pixel is to be used.
+    /// Returns whether each pixel is usable.
     #[must_use]
     pub fn usable(&self) -> Vec<bool> {
         let mut out = vec![true; self.offset.len()];

@@ -1,4 +1,4 @@
-//! The flat field: each pixel's response over the mean.
+//! The flat field: each pixel's response relative to the mean.
 
 use super::dark::Dark;
 use super::levels::Level;
@@ -8,28 +8,25 @@ use super::transfer::Transfer;
 use crate::calibrate::pixel_map::PixelMap;
 use serde::{Deserialize, Serialize};
 
-/// Signals that are used, of saturation.
+/// Signals used, as fractions of saturation.
 const USED: [f64; 2] = [0.05, 0.7];
 
-/// Each pixel's response.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Flat {
-    /// Standard deviation of the response over pixels, noise taken off (PRNU, with the light's unevenness).
+    /// Standard deviation of the response over pixels without noise (PRNU, including uneven light).
     pub prnu: f64,
-    /// Its standard error.
     pub prnu_sigma: f64,
-    /// Response over the mean; NaN of pixels that are not used.
+    /// Response relative to the mean; NaN for unusable pixels.
     pub response: PixelMap,
-    /// Its standard error.
     pub sigma: PixelMap,
 }
 
 impl Flat {
-    /// The response of stacks under even light.
+    /// Computes the response from uniformly lit stacks.
     ///
     /// # Errors
-    /// In words, what is missing.
+    /// A message that names the missing frames.
     pub fn of(
         dark: &Dark,
         stacks: &[Stack],
@@ -54,7 +51,7 @@ impl Flat {
             }
             let linear = linearity.linear(mean);
             let noise = transfer.variance(linear + rate * s.exposure_s()) / f64::from(s.frames());
-            // The weights of the least error of a ratio.
+            // These weights minimize the error of a ratio.
             let w = linear / noise;
             whole += w * linear;
             for p in 0..pixels {
@@ -72,7 +69,7 @@ impl Flat {
         let response: Vec<f64> = (0..pixels)
             .map(|p| if usable[p] { sum[p] / mean } else { f64::NAN })
             .collect();
-        // The dark frame's error is that of all stacks alike.
+        // The error of the dark frame is common to all stacks.
         let sigma: Vec<f64> = (0..pixels)
             .map(|p| {
                 let r = (sum[p] / mean).max(0.0);

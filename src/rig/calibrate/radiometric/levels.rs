@@ -1,28 +1,26 @@
-//! Stacks under light as points of a curve: mean signal and mean variance over the pixels that are used.
+//! Reduces lit stacks to points of a curve: mean signal and mean variance over the usable pixels.
 
 use super::dark::Dark;
 use super::stack::Stack;
 
-/// A stack under light.
+/// A lit stack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
     /// Irradiance times exposure.
     pub light: f64,
-    /// Mean signal over the dark frame, DN.
+    /// Mean signal above the dark frame in DN.
     pub signal: f64,
-    /// Mean signal of the dark current, DN, which is not in `signal`.
+    /// Mean signal of the dark current in DN, which `signal` excludes.
     pub dark: f64,
-    /// Mean variance from frame to frame, DN².
+    /// Mean variance between frames in DN².
     pub variance: f64,
-    /// Share of pixels that reached the largest number.
+    /// Fraction of pixels that reached the maximum digital number.
     pub clipped: f64,
-    /// Frames.
     pub frames: f64,
-    /// Pixels.
     pub pixels: f64,
 }
 
-/// Levels in the order of their light; dark frames are such of none.
+/// Returns the levels in ascending order of light. Dark frames are levels without light.
 #[must_use]
 pub fn levels(dark: &Dark, stacks: &[Stack]) -> Vec<Level> {
     let (usable, rate) = (dark.usable(), dark.mean_rate());
@@ -48,8 +46,10 @@ pub fn levels(dark: &Dark, stacks: &[Stack]) -> Vec<Level> {
     all
 }
 
-/// The signal at which the camera saturates, DN: that of the greatest variance (EMVA 1288, 6.6), if a brighter level has a smaller
-/// one.
+/// Returns the saturation signal in DN, or `None` if it was not reached.
+///
+/// Saturation is at the level of maximum variance (EMVA 1288, 6.6), if a brighter level has a smaller
+/// variance.
 #[must_use]
 pub fn saturation(levels: &[Level]) -> Option<f64> {
     let top = levels

@@ -1,42 +1,37 @@
-//! How far the signal departs from a line over the light.
+//! Nonlinearity of the signal as a function of light.
 
 use super::levels::Level;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-/// Levels up to this share of the saturation are used (EMVA 1288, 9.2: 95 %).
+/// Maximum signal used, as a fraction of saturation (EMVA 1288, 9.2: 95 %).
 const USED: f64 = 0.95;
 
-/// A polynomial that makes signals linear: y (1 + Σ c_j (y/Y)^j).
+/// A polynomial that linearizes signals: y (1 + Σ c_j (y/Y)^j).
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Linearity {
-    /// Y, DN.
+    /// Y in DN.
     pub scale_dn: f64,
     /// c₁, c₂, …
     pub coefficients: Vec<f64>,
-    /// Their standard errors.
     pub sigma: Vec<f64>,
-    /// Their covariance.
     pub covariance: Vec<Vec<f64>>,
-    /// Signal without light after the dark frame, DN: stray light, or a shutter that opens longer than it says.
+    /// Signal without light above the dark frame in DN, due to stray light or an exposure longer than stated.
     pub stray_dn: f64,
-    /// Its standard error.
     pub stray_sigma: f64,
-    /// DN per unit of light, of small signals.
+    /// DN per unit of light for small signals.
     pub response: f64,
-    /// Its standard error.
     pub response_sigma: f64,
-    /// Mean distance of signals from the straight line that fits them best, of the signal (EMVA 1288: LE).
+    /// Mean relative deviation of signals from the best straight line (EMVA 1288: LE).
     pub linearity_error: f64,
-    /// Σ of squared residuals over their standard deviations.
+    /// Sum of squared residuals divided by their variances.
     pub chi_squared: f64,
-    /// Its degrees of freedom.
     pub freedom: usize,
 }
 
 impl Linearity {
-    /// The straight line.
+    /// Returns the identity (no nonlinearity).
     #[must_use]
     pub fn none(scale_dn: f64) -> Self {
         Self {
@@ -54,14 +49,14 @@ impl Linearity {
         }
     }
 
-    /// The linear signal of a signal, DN.
+    /// Returns the linearized signal in DN.
     #[must_use]
     pub fn linear(&self, signal: f64) -> f64 {
         let u = signal / self.scale_dn;
         signal * (1.0 + self.coefficients.iter().rev().fold(0.0, |sum, c| (sum + c) * u))
     }
 
-    /// Its derivative.
+    /// Returns the derivative of [`Self::linear`].
     #[must_use]
     pub fn slope(&self, signal: f64) -> f64 {
         let u = signal / self.scale_dn;
@@ -71,11 +66,13 @@ impl Linearity {
             .sum::<f64>()
     }
 
-    /// Fits a polynomial of so many coefficients to levels below saturation (`scale_dn` where none was reached: the largest signal).
-    /// `light_sigma` is the light's own standard error from level to level, relative. What is missing is said where there is none.
+    /// Fits a polynomial of `degree` coefficients to levels below saturation.
+    ///
+    /// Without saturation, `scale_dn` is the largest signal. `light_sigma` is the relative standard error of
+    /// the light between levels.
     ///
     /// # Errors
-    /// In words, what more is needed.
+    /// A message that states which levels are missing.
     pub fn of(
         levels: &[Level],
         saturation: Option<f64>,
@@ -99,7 +96,8 @@ impl Linearity {
                 unknown + 1
             ));
         }
-        // s H + stray - Σ c y u^j = y, each row over the standard deviation of y; the error of y within the sum is of second order.
+        // s H + stray - Σ c y u^j = y, with each row divided by the standard deviation of y. The error of y
+        // in the sum is of second order.
         let greatest = lights[lights.len() - 1];
         let row = |l: &Level, k: usize| match k {
             0 => l.light / greatest,
@@ -132,7 +130,7 @@ impl Linearity {
             chi_squared = (&m * &x - y).norm_squared();
         }
         let sigma = |k: usize| inverse[(k, k)].sqrt();
-        // Column k of the polynomial holds c · Y, since its row is over Y once more.
+        // Column k of the polynomial contains c · Y, since its row has another factor 1/Y.
         let coefficients = (2..unknown).map(|k| x[k] / scale_dn).collect();
         let over = scale_dn * scale_dn;
         Ok(Self {
@@ -153,7 +151,8 @@ impl Linearity {
     }
 }
 
-/// Mean relative distance from the straight line with the least relative squares, of levels from 5 % of the largest signal on.
+/// Returns the mean relative deviation from the straight line of least relative squares, over levels above 5
+/// % of the largest signal.
 fn from_line(levels: &[&Level]) -> f64 {
     let top = levels.iter().map(|l| l.signal).fold(0.0, f64::max);
     let near: Vec<_> = levels.iter().filter(|l| l.signal >= 0.05 * top).collect();

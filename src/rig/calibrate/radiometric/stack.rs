@@ -1,4 +1,4 @@
-//! Frames of one setting, reduced to means and variances of each pixel as they come.
+//! Accumulates frames of one setting into the mean and variance of each pixel.
 
 use super::error::RadiometricError;
 use crate::instrument::{RawFrame, pixels};
@@ -16,8 +16,10 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// An empty stack of frames of so many pixels. `light` is the irradiance in any unit that all stacks share, 0 for dark frames;
-    /// `top_dn` the largest digital number of the format.
+    /// Creates an empty stack of frames with `pixels` pixels.
+    ///
+    /// `light` is the irradiance in any unit shared by all stacks, or 0 for dark frames. `top_dn` is the
+    /// maximum digital number of the format.
     ///
     /// # Errors
     /// [`RadiometricError::Setting`].
@@ -59,8 +61,8 @@ impl Stack {
     /// Adds a frame, rows from the top.
     ///
     /// # Errors
-    /// [`RadiometricError::Size`] if it has another number of pixels; [`RadiometricError::Setting`] for a number that the format does
-    /// not hold.
+    /// [`RadiometricError::Size`] if the number of pixels differs. [`RadiometricError::Setting`] if a number
+    /// exceeds the format.
     pub fn add(&mut self, frame: &[u32]) -> Result<(), RadiometricError> {
         if frame.len() != self.mean.len() {
             return Err(RadiometricError::Size {
@@ -87,10 +89,10 @@ impl Stack {
         Ok(())
     }
 
-    /// Adds a frame as a camera took it.
+    /// Adds a raw frame of a camera.
     ///
     /// # Errors
-    /// [`RadiometricError::Size`] if its bytes are not those of its region, otherwise those of [`Self::add`].
+    /// [`RadiometricError::Size`] if the bytes do not match the region, otherwise those of [`Self::add`].
     pub fn add_raw(&mut self, frame: &RawFrame) -> Result<(), RadiometricError> {
         let numbers = pixels::unpack(frame).ok_or_else(|| RadiometricError::Size {
             found: frame.bytes.len() * 8 / frame.format.bits() as usize,
@@ -99,43 +101,42 @@ impl Stack {
         self.add(&numbers)
     }
 
-    /// Exposure, s.
+    /// Returns the exposure in s.
     #[must_use]
     pub fn exposure_s(&self) -> f64 {
         self.exposure_s
     }
 
-    /// Irradiance, in the stacks' own unit.
+    /// Returns the irradiance in the unit of the stacks.
     #[must_use]
     pub fn light(&self) -> f64 {
         self.light
     }
 
-    /// Frames.
     #[must_use]
     pub fn frames(&self) -> u32 {
         self.frames
     }
 
-    /// Pixels.
+    /// Returns the number of pixels.
     #[must_use]
     pub fn pixels(&self) -> usize {
         self.mean.len()
     }
 
-    /// Largest digital number of the format.
+    /// Returns the maximum digital number of the format.
     #[must_use]
     pub fn top_dn(&self) -> u32 {
         self.top_dn
     }
 
-    /// Mean of a pixel, DN.
+    /// Returns the mean of a pixel in DN.
     #[must_use]
     pub fn mean(&self, pixel: usize) -> f64 {
         self.mean[pixel]
     }
 
-    /// Unbiased variance of a pixel from frame to frame, DN²; NaN of fewer than two frames.
+    /// Returns the unbiased variance of a pixel between frames in DN², or NaN for fewer than two frames.
     #[must_use]
     pub fn variance(&self, pixel: usize) -> f64 {
         if self.frames < 2 {
@@ -144,14 +145,14 @@ impl Stack {
         self.squares[pixel] / f64::from(self.frames - 1)
     }
 
-    /// Share of pixels that reached the largest number in some frame.
+    /// Returns the fraction of pixels that reached the maximum digital number in any frame.
     #[must_use]
     pub fn clipped(&self) -> f64 {
         self.clipped.iter().filter(|c| **c).count() as f64 / self.clipped.len() as f64
     }
 }
 
-/// Checks that stacks are of one sensor and have frames enough, and that these differ.
+/// Checks that stacks have the same sensor, enough frames, and noise.
 pub(super) fn check(stacks: &[&Stack]) -> Result<(), RadiometricError> {
     let Some(first) = stacks.first() else {
         return Err(RadiometricError::NoDark);
@@ -176,7 +177,7 @@ pub(super) fn check(stacks: &[&Stack]) -> Result<(), RadiometricError> {
                 frames: s.frames,
             });
         }
-        // All pixels at the top are saturated, not constant.
+        // If all pixels are at the maximum, they are saturated, not constant.
         if s.squares.iter().all(|v| *v == 0.0) && s.clipped() < 1.0 {
             return Err(RadiometricError::Constant {
                 exposure_s: s.exposure_s,

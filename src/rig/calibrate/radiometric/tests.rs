@@ -1,4 +1,4 @@
-//! Cameras with planted faults: what is found of them, and how far off it is in stated errors.
+//! Tests with simulated cameras of known imperfections: fitted values, and errors relative to stated ones.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::RadiometricError;
@@ -16,12 +16,12 @@ const TOP: u32 = 4095;
 const PIXELS: usize = 400;
 const PRNU: f64 = 0.01;
 
-/// A camera with everything that a calibration is to find.
+/// A camera with all imperfections that the calibration estimates.
 struct Camera {
     gain: f64,
     read_e: f64,
     full_e: f64,
-    /// Departure from a line over `full_e`/gain: y (1 + c₁ u + c₂ u²) is linear.
+    /// Nonlinearity with u = y/(`full_e`/gain): y (1 + c₁ u + c₂ u²) is linear.
     bend: [f64; 2],
     /// Electrons per unit of light.
     efficiency: f64,
@@ -89,7 +89,7 @@ impl Camera {
         stack
     }
 
-    /// Dark frames at two exposures, and twelve levels of light to beyond the full well.
+    /// Returns dark frames at two exposures, and lit frames from low levels to beyond the full well.
     fn captures(&self, random: &mut Stream) -> (Vec<Stack>, Vec<Stack>) {
         let dark = [0.01, 1.0].map(|t| self.stack(0.0, t, 32, random)).to_vec();
         let full = self.full_e / self.efficiency / 0.01;
@@ -102,7 +102,7 @@ impl Camera {
     }
 }
 
-/// Repeats of 400 pixels with other truths: errors over their stated standard errors, of everything.
+/// Over repeats of 400 pixels with different truths, all errors agree with their stated standard errors.
 #[test]
 fn stated_errors_are_those_that_are_made() {
     let one = |repeat: u32| {
@@ -134,7 +134,7 @@ fn stated_errors_are_those_that_are_made() {
         let (d, f) = (&found.dark, found.flat.as_ref().expect("a flat field"));
         let rate = d.rate.as_ref().expect("two exposures");
         let rate_sigma = d.rate_sigma.as_ref().expect("so");
-        // Pixels of one camera share what is found of it (the line, the gain): together they count as one.
+        // Pixels of a camera share the errors of its curve and gain, so they count as one independent value.
         let pixels = |errors: &dyn Fn(usize) -> (f64, f64)| (0..PIXELS).map(errors).collect::<Vec<_>>();
         let offset = |p: usize| (d.offset.at(p) - camera.offset_dn[p], d.offset_sigma.at(p));
         scores.add_together("offset", pixels(&offset));
@@ -172,7 +172,7 @@ fn stated_errors_are_those_that_are_made() {
     }
 }
 
-/// The independent simulation of a camera: every number of its settings comes back within five standard errors.
+/// With an independent simulation of a camera, every parameter is recovered within five standard errors.
 #[test]
 fn settings_of_a_simulated_camera_come_back() {
     let cmos = Cmos {
@@ -221,7 +221,7 @@ fn settings_of_a_simulated_camera_come_back() {
     near(flat.prnu, 0.0, flat.prnu_sigma);
 }
 
-/// A frame of even light comes back even, in electrons, with the variance that it has.
+/// A corrected uniform frame is uniform, in electrons, with the stated variance.
 #[test]
 fn corrected_frames_are_the_light() {
     let camera = Camera::new(1000);
@@ -260,7 +260,7 @@ fn corrected_frames_are_the_light() {
     assert!(found.correct(&[1; PIXELS], f64::NAN).is_err());
 }
 
-/// Three pixels that leak, one that rattles, one that is stuck: all are named, and no other.
+/// Three hot pixels, a noisy one and a stuck one are listed, and no others.
 #[test]
 fn bad_pixels_are_named() {
     let mut camera = Camera::new(101);
@@ -298,15 +298,15 @@ fn what_cannot_be_told_is_said() {
         assert!(said.contains(word), "{word}: {said}");
     }
     assert!(alone.transfer.is_none() && alone.linearity.is_none() && alone.flat.is_none());
-    // Linear DN where there is no gain.
+    // Linear DN without a gain.
     let frame = camera.frame(100.0, 0.01, &mut random);
     let corrected = alone.correct(&frame, 0.01).expect("a frame");
     assert!((corrected.signal[3] - (f64::from(frame[3]) - alone.dark.offset.at(3))).abs() < 1e-9);
-    // One level tells the gain, not the curve.
+    // One level determines the gain, but not the curve.
     let one = [camera.stack(40.0 * camera.full_e / camera.efficiency, 0.01, 16, &mut random)];
     let found = calibrate(&dark, &one, &options).expect("a gain");
     assert!(found.transfer.is_some() && found.linearity.is_none() && found.flat.is_some());
-    // Dark frames for light.
+    // Dark frames as lit frames.
     let unlit = [camera.stack(1e-9, 0.01, 8, &mut random)];
     assert!(
         calibrate(&dark, &unlit, &options)
@@ -314,7 +314,7 @@ fn what_cannot_be_told_is_said() {
             .transfer
             .is_none()
     );
-    // All saturated.
+    // All pixels saturated.
     let over = [camera.stack(1e4, 0.01, 8, &mut random)];
     let found = calibrate(&dark, &over, &options).expect("a dark frame");
     assert!(
@@ -370,7 +370,7 @@ fn calibrations_go_through_files() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Whatever was read: a calibration or an error, and frames that it corrects.
+    /// Arbitrary readings yield a calibration or an error, without a panic.
     #[test]
     fn no_frames_panic(
         stacks in prop::collection::vec(

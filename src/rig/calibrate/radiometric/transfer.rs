@@ -1,61 +1,63 @@
 //! Gain and read noise by photon transfer.
 //!
-//! Var y = σ² + y/g is fitted to the levels up to 70 % of saturation and the dark frames (EMVA 1288, 6.6); y is of light and of
-//! dark current, whose electrons have shot noise too (in σ² where the dark frames are of one exposure). A variance of n frames and
-//! P pixels has the standard error √(2/((n - 1) P)) of itself. Poisson's own fourth cumulant, the error of the mean signal
-//! and their covariance cancel but for σ²/(n P), which is far less.
+//! Var y = σ² + y/g is fitted to the dark frames and to the levels up to 70 % of saturation (EMVA 1288, 6.6).
+//! y includes light and dark current, whose electrons have shot noise too. If all dark frames have the same
+//! exposure, the dark current is part of σ².
+//!
+//! A variance of n frames and P pixels has the relative standard error √(2/((n - 1) P)). Three smaller terms
+//! cancel except for σ²/(n P), which is negligible: the fourth cumulant of the Poisson distribution, the
+//! error of the mean signal, and their covariance.
 
 use super::levels::Level;
 use super::linearity::Linearity;
 use serde::{Deserialize, Serialize};
 
 const USED: f64 = 0.7;
-/// Variance of rounding to whole numbers, DN².
+/// Variance of rounding to integers in DN².
 const ROUNDING: f64 = 1.0 / 12.0;
 
 /// The photon transfer curve.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transfer {
-    /// g, e⁻/DN.
+    /// g in e⁻/DN.
     pub gain_e_per_dn: f64,
-    /// Its standard error.
     pub gain_sigma: f64,
-    /// Read noise, e⁻, without that of rounding.
+    /// Read noise in e⁻, without rounding noise.
     pub read_noise_e: f64,
-    /// Its standard error; NaN where rounding hides it.
+    /// Standard error of the read noise; NaN if rounding noise dominates.
     pub read_noise_sigma: f64,
-    /// σ², DN²: the variance without any electrons.
+    /// σ² in DN², the variance without any electrons.
     pub dark_variance: f64,
     /// Covariance of σ² and 1/g: (σ², σ²), (σ², 1/g), (1/g, 1/g).
     pub covariance: [f64; 3],
     /// Electrons at saturation, if it was reached.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub full_well_e: Option<f64>,
-    /// Σ of squared residuals over their standard deviations.
+    /// Sum of squared residuals divided by their variances.
     pub chi_squared: f64,
-    /// Its degrees of freedom.
     pub freedom: usize,
 }
 
 impl Transfer {
-    /// Variance of one reading of so much linear signal, dark current's included, DN²; that of rounding is in it.
+    /// Returns the variance in DN² of a reading with a linear signal that includes the dark current. It
+    /// includes rounding noise.
     #[must_use]
     pub fn variance(&self, signal: f64) -> f64 {
         self.dark_variance + signal.max(0.0) / self.gain_e_per_dn
     }
 
-    /// Fits the curve of signals made linear.
+    /// Fits the curve of linearized signals.
     ///
     /// # Errors
-    /// In words, what is missing.
+    /// A message that names the missing frames.
     pub fn of(
         dark: &[Level],
         levels: &[Level],
         saturation: Option<f64>,
         linearity: &Linearity,
     ) -> Result<Self, String> {
-        // Signal, variance, twice the inverse of its relative variance.
+        // Signal, variance, and degrees of freedom (2 / relative variance of the variance).
         let freedom = |l: &Level| (l.frames - 1.0) * l.pixels;
         let mut points: Vec<(f64, f64, f64)> =
             dark.iter().map(|l| (l.dark, l.variance, freedom(l))).collect();
@@ -107,7 +109,7 @@ impl Transfer {
         let [vo, vs, ss] = covariance;
         let (read_noise_e, read_noise_sigma) = if electronic > 0.0 {
             let r = electronic.sqrt() * gain;
-            // Of √(σ² - 1/12)/slope.
+            // Error propagation of √(σ² - 1/12)/slope.
             let (by_offset, by_slope) = (0.5 * r / electronic, -r / slope);
             let v = by_offset.powi(2) * vo + 2.0 * by_offset * by_slope * vs + by_slope.powi(2) * ss;
             (r, v.sqrt())

@@ -1,18 +1,20 @@
-//! The response as it was measured: the aligned mean of many histograms.
+//! The measured response: the aligned mean of many histograms.
 //!
-//! Each histogram shows the response at one place between its bins; pixels with other time zeros show it at others. Detections
-//! per pulse, background subtracted and over the signal, are fitted by a straight line around each place of a grid of a fraction
-//! of a bin, with weights that fall linearly to 0 at the next place, and the signal's. That widens it by some h²/6 in variance
-//! where places are h apart.
+//! Each histogram samples the response at one phase relative to its bins. Pixels with other time zeros sample
+//! it at other phases. Detections per pulse are divided by the signal after subtraction of the background.
+//! Around each point of a grid finer than a bin, they are fitted by a straight line. The weights decrease
+//! linearly to 0 at the next grid point and are proportional to the signal. For grid points h apart, this
+//! increases the variance of the response by about h²/6.
 
 use super::captures::{Capture, Counter};
 use super::likelihood::{Known, Prepared};
 use super::template::Template;
 use super::zero::Temporal;
 
-/// The aligned mean of captures whose pixels' time zeros are known, from `before_ps` before the light to `after_ps` behind
-/// it, `per_bin` places for each bin (1 where all time zeros lie alike between the bins). `None` if no capture is of a pixel
-/// with a time zero, or nothing is asked for.
+/// Returns the aligned mean of captures whose pixels have known time zeros.
+///
+/// The grid extends from `before_ps` before to `after_ps` after the light, with `per_bin` points per bin (1
+/// if all time zeros have the same phase). Returns `None` without time zeros or with a tiny grid.
 #[must_use]
 pub fn aligned(
     found: &Temporal,
@@ -69,7 +71,7 @@ pub fn aligned(
     })
 }
 
-/// Sums for a straight line around a place.
+/// Sums for a straight-line fit around a grid point.
 #[derive(Clone, Default)]
 struct Line {
     /// Σ w, Σ w d, Σ w d².
@@ -81,7 +83,7 @@ struct Line {
 }
 
 impl Line {
-    /// A value `d` places behind this one.
+    /// Adds a value at a distance of `d` grid points.
     fn add(&mut self, w: f64, d: f64, value: f64, variance: f64) {
         for (k, power) in [1.0, d, d * d].into_iter().enumerate() {
             self.weights[k] += w * power;
@@ -91,7 +93,8 @@ impl Line {
         self.values[1] += w * d * value;
     }
 
-    /// The line's value here and its standard error; the mean where all values are at one distance. NaN without values.
+    /// Returns the line's value at the grid point and its standard error. If all values have the same
+    /// distance, it is their mean. NaN without values.
     fn at_place(&self) -> (f64, f64) {
         let ([s0, s1, s2], [v0, v1], [e0, e1, e2]) = (self.weights, self.values, self.variances);
         let (a, b) = if s0 * s2 - s1 * s1 > 1e-6 * s0 * s0 {
@@ -105,7 +108,7 @@ impl Line {
     }
 }
 
-/// Fills places that are not finite from their neighbours; `None` if all are.
+/// Interpolates values that are not finite from their neighbors. Returns `None` if no value is finite.
 fn bridge(share: &mut [f64]) -> Option<()> {
     let known: Vec<usize> = (0..share.len()).filter(|i| share[*i].is_finite()).collect();
     let (first, last) = (*known.first()?, *known.last()?);

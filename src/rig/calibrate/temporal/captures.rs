@@ -1,45 +1,41 @@
-//! What is measured: histograms of a plane at known distances.
+//! Input of a temporal calibration: histograms of a plane at known distances.
 
 use crate::instrument::Histogram;
 use polarimetry::capture::detector::spad::Mode;
 
-/// Most bins of a period.
+/// Maximum number of bins in a period.
 const MOST_BINS: usize = 1 << 20;
 
-/// Longest time of all: a second.
+/// Maximum of all times: one second.
 const LONGEST_PS: f64 = 1e12;
 
-/// The counter that made them.
+/// The counter that recorded the histograms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Counter {
     /// When the diode is armed.
     pub mode: Mode,
-    /// Length of a bin, ps.
     pub bin_ps: f64,
-    /// Bins of the laser's period.
+    /// Number of bins in the laser's period.
     pub period_bins: usize,
-    /// Dead time, ps (free-running).
+    /// Dead time in ps (free-running).
     pub dead_ps: f64,
-    /// Mean time from the end of the dead time to an after-pulse, ps (free-running); without it after-pulses are taken for
-    /// background.
+    /// Mean time from the end of the dead time to an afterpulse in ps. If `None`, they count as background.
     pub after_pulse_ps: Option<f64>,
 }
 
 /// A histogram of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capture<'a> {
-    /// The pixel's number.
     pub pixel: usize,
-    /// Time that light needs to the plane and back, ps: optical path over c.
+    /// Travel time of light to the plane and back in ps: optical path over c.
     pub travel_ps: f64,
-    /// Counts by bin from the start of the period; of all its bins where the diode runs freely.
+    /// Counts by bin from the start of the period. In free-running mode they must cover the whole period.
     pub counts: &'a [u32],
-    /// Laser pulses.
     pub pulses: u64,
 }
 
 impl<'a> Capture<'a> {
-    /// What a counter took of a pixel.
+    /// Creates a capture of a pixel from a counter's histogram.
     #[must_use]
     pub fn of(histogram: &'a Histogram, pixel: usize, travel_ps: f64) -> Self {
         Self {
@@ -51,46 +47,28 @@ impl<'a> Capture<'a> {
     }
 }
 
-/// Why there is no calibration.
+/// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TemporalError {
-    /// Nothing was measured.
     #[error("there is no histogram; capture a plane at a known distance")]
     NoCapture,
-    /// A setting that no counter has.
     #[error("the counter's {what} is {value}; give {need}")]
     Counter {
-        /// The setting.
         what: &'static str,
-        /// Its value.
         value: f64,
-        /// What it should be.
         need: &'static str,
     },
-    /// A histogram does not fit.
     #[error("histogram {index} (from 0): {what}")]
-    Capture {
-        /// Its place in the list.
-        index: usize,
-        /// What is wrong, and the fix.
-        what: String,
-    },
-    /// No pulse to be seen.
+    Capture { index: usize, what: String },
     #[error(
         "no histogram shows a pulse above its background ({dark} dark, {saturated} saturated); count for a longer time, or attenuate"
     )]
-    NoPulse {
-        /// Histograms without a pulse.
-        dark: usize,
-        /// Histograms in which the diode was never armed somewhere.
-        saturated: usize,
-    },
-    /// The fit of the response does not settle.
+    NoPulse { dark: usize, saturated: usize },
     #[error("the response does not settle: begin nearer to it, or free less of it")]
     Unsettled,
 }
 
-/// Checks counter and captures of so many pixels.
+/// Checks the counter and the captures of `pixels` pixels.
 pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> Result<(), TemporalError> {
     let setting = |what, value: f64, holds, need| {
         if holds {

@@ -1,23 +1,23 @@
-//! The response to a short pulse by its parameters.
+//! Parametric response to a short pulse.
 
 use polarimetry::capture::detector::response::{FWHM_PER_SIGMA, Response};
 use serde::{Deserialize, Serialize};
 
-/// Response to a short pulse; the Gaussian part is centred on time 0.
+/// Response to a short pulse. The Gaussian part is centered on time 0.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Impulse {
-    /// Standard deviation of the Gaussian part, ps.
+    /// Standard deviation of the Gaussian part in ps.
     pub sigma_ps: f64,
-    /// Share of detections that are late by an exponential time.
+    /// Fraction of detections with an exponential delay.
     pub tail_share: f64,
-    /// Mean of that time, ps.
+    /// Mean of that delay in ps.
     pub tail_ps: f64,
-    /// Probability that a detection causes an after-pulse.
+    /// Probability that a detection causes an afterpulse.
     pub after_pulsing: f64,
 }
 
 impl Default for Impulse {
-    /// Of [`polarimetry::capture::detector::spad::Spad`]'s defaults, after-pulses apart.
+    /// Returns the defaults of [`polarimetry::capture::detector::spad::Spad`], without afterpulses.
     fn default() -> Self {
         Self {
             sigma_ps: 70.0 / FWHM_PER_SIGMA,
@@ -32,21 +32,16 @@ impl Default for Impulse {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
-    /// Standard deviation of the Gaussian part.
     Width,
-    /// Share of the tail.
     TailShare,
-    /// Time constant of the tail.
     TailTime,
-    /// Probability of after-pulses.
     AfterPulsing,
 }
 
 impl Shape {
-    /// All, in the order of every list of four numbers.
+    /// All parameters, in the order of every list of four numbers.
     pub const ALL: [Self; 4] = [Self::Width, Self::TailShare, Self::TailTime, Self::AfterPulsing];
 
-    /// In words.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -59,13 +54,13 @@ impl Shape {
 }
 
 impl Impulse {
-    /// As numbers, in the order of [`Shape::ALL`].
+    /// Returns the parameters in the order of [`Shape::ALL`].
     #[must_use]
     pub fn vector(&self) -> [f64; 4] {
         [self.sigma_ps, self.tail_share, self.tail_ps, self.after_pulsing]
     }
 
-    /// From numbers, in the order of [`Shape::ALL`].
+    /// Creates a response from parameters in the order of [`Shape::ALL`].
     #[must_use]
     pub fn of([sigma_ps, tail_share, tail_ps, after_pulsing]: [f64; 4]) -> Self {
         Self {
@@ -76,7 +71,7 @@ impl Impulse {
         }
     }
 
-    /// The nearest that a counter with such bins and such a period can have and a fit can tell.
+    /// Clamps the parameters to the range that a fit can determine with this bin width and period.
     pub(super) fn possible(self, bin_ps: f64, period_ps: f64) -> Self {
         Self {
             sigma_ps: self.sigma_ps.clamp(0.1 * bin_ps, 0.1 * period_ps),
@@ -86,7 +81,7 @@ impl Impulse {
         }
     }
 
-    /// Full width at half maximum of the Gaussian part, ps.
+    /// Returns the full width at half maximum of the Gaussian part in ps.
     #[must_use]
     pub fn fwhm_ps(&self) -> f64 {
         self.sigma_ps * FWHM_PER_SIGMA

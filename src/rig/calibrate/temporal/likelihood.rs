@@ -1,4 +1,4 @@
-//! One histogram's likelihood, its derivatives, and its maximum over what is the capture's own.
+//! The likelihood of one histogram, its derivatives, and its maximum over the capture's own parameters.
 
 use super::captures::{Capture, Counter};
 use super::impulse::Impulse;
@@ -7,21 +7,22 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use polarimetry::capture::detector::pile_up;
 use polarimetry::capture::detector::spad::Mode;
 
-/// Numbers of one capture's model: signal A, background B, time zero z, then [`super::Shape::ALL`].
+/// Number of parameters of a capture's model: signal A, background B, time zero z, then
+/// [`super::Shape::ALL`].
 pub(super) const ALL: usize = 7;
 pub(super) type Score = SVector<f64, ALL>;
 pub(super) type Information = SMatrix<f64, ALL, ALL>;
 
-/// The response reaches so many standard deviations and so many tails.
+/// Extent of the response in standard deviations and in tail constants.
 const SIGMAS: f64 = 8.0;
 const TAUS: f64 = 24.0;
-/// Standard deviations by which a pulse stands out: noise in thousands of bins does so once in a million histograms.
+/// Minimum significance of a pulse in standard deviations. Noise exceeds it in one of 1e6 histograms.
 const SEEN: f64 = 7.0;
 const STEPS: usize = 80;
-/// So that logarithms are finite.
+/// Keeps logarithms finite.
 const LEAST_RATE: f64 = 1e-300;
 
-/// What the response is known by.
+/// The known response: parameters or a template.
 #[derive(Clone, Copy)]
 pub(super) enum Known<'a> {
     Impulse(Impulse),
@@ -52,7 +53,7 @@ impl Known<'_> {
     }
 }
 
-/// Why a histogram tells no time.
+/// The reason why a histogram has no time zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
     Dark,
@@ -60,7 +61,6 @@ pub(super) enum Fault {
     Unsettled,
 }
 
-/// What is the capture's own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Local {
     pub signal: f64,
@@ -68,11 +68,11 @@ pub(super) struct Local {
     pub zero_ps: f64,
 }
 
-/// A histogram, ready to be looked at.
+/// A histogram prepared for evaluation.
 pub(super) struct Prepared {
     n: Vec<f64>,
     armed: Vec<f64>,
-    /// Detections per pulse and bin by after-pulses of probability 1; empty if none are looked for.
+    /// Detections per pulse and bin from afterpulses of probability 1; empty if afterpulses are not fitted.
     after: Vec<f64>,
     mode: Mode,
     bin_ps: f64,
@@ -80,8 +80,8 @@ pub(super) struct Prepared {
     travel_ps: f64,
 }
 
-/// Counts of after-pulses of probability 1 behind counts, exponential after a dead time, on the circle of the period; times
-/// in bins.
+/// Returns the counts of afterpulses of probability 1 that follow `n`. Their delay is exponential after a
+/// dead time, and periodic. Times are in bins.
 fn after_pulses(n: &[f64], dead: f64, tau: f64) -> Vec<f64> {
     let bins = n.len();
     let (whole, part) = (dead.floor(), dead.fract());
@@ -139,7 +139,7 @@ impl Prepared {
         })
     }
 
-    /// Shares of the pulse's light in each bin.
+    /// Returns the fraction of the pulse's light in each bin.
     fn spread(&self, zero_ps: f64, known: &Known) -> Vec<f64> {
         let mut out = vec![0.0; self.n.len()];
         let arrival = (self.travel_ps + zero_ps) / self.bin_ps;
@@ -163,7 +163,7 @@ impl Prepared {
                     (arrival + (jitter + tail).min(most)).ceil(),
                 );
                 let at = |k: i64| response.before((k as f64 - arrival) * self.bin_ps);
-                // From here on the response is its exponential alone: each bin has the same part of the one before.
+                // Beyond this bin only the exponential tail remains, so bins form a geometric sequence.
                 let (sigma, tau) = (impulse.sigma_ps, impulse.tail_ps);
                 let calm = arrival + sigma * (SIGMAS + sigma / tau) / self.bin_ps;
                 let mut k = first as i64;
@@ -200,7 +200,7 @@ impl Prepared {
         (local.signal * share + local.background + after).max(LEAST_RATE)
     }
 
-    /// ln L, up to a constant.
+    /// Returns ln L up to a constant.
     pub fn log_likelihood(&self, local: &Local, known: &Known) -> f64 {
         let (shares, p) = (self.spread(local.zero_ps, known), known.after_pulsing());
         let of = |n: f64, armed: f64, rate: f64| match self.mode {
@@ -212,7 +212,7 @@ impl Prepared {
         let mut sum = 0.0;
         for (i, share) in shares.iter().enumerate() {
             if *share == 0.0 && self.after.is_empty() {
-                // Most bins have the background's rate alone.
+                // Most bins have only the background's rate.
                 flat = (flat.0 + self.n[i], flat.1 + self.armed[i]);
             } else {
                 sum += of(self.n[i], self.armed[i], self.rate(i, *share, local, p));
@@ -221,7 +221,7 @@ impl Prepared {
         sum + of(flat.0, flat.1, local.background.max(LEAST_RATE))
     }
 
-    /// Derivatives of ln L and Fisher's information; those of the response are zero unless asked for.
+    /// Returns the derivatives of ln L and the Fisher information, with the response's if `with_shape`.
     pub fn terms(&self, local: &Local, known: &Known, with_shape: bool) -> (Score, Information) {
         let shares = self.spread(local.zero_ps, known);
         let difference = |up: Vec<f64>, down: Vec<f64>, step: f64| -> Vec<f64> {
@@ -241,7 +241,7 @@ impl Prepared {
                 self.spread(local.zero_ps, &Known::Impulse(Impulse::of(v)))
             };
             let v = impulse.vector();
-            // The share of the tail acts linearly.
+            // The tail fraction is a linear parameter.
             by_shape = [
                 difference(of(0, 1.01 * v[0]), of(0, 0.99 * v[0]), 0.02 * v[0]),
                 difference(of(1, 1.0), of(1, 0.0), 1.0),
@@ -291,7 +291,8 @@ impl Prepared {
         (score, information)
     }
 
-    /// Detections per pulse in a bin by the pulse's light, and the variance of that; `None` where the diode was not armed.
+    /// Returns the detections per pulse in a bin due to the pulse's light, and their variance. Returns `None`
+    /// if the diode was not armed.
     pub fn light(&self, i: usize, local: &Local, after_pulsing: f64) -> Option<[f64; 2]> {
         let (n, armed) = (*self.n.get(i)?, *self.armed.get(i)?);
         if armed <= n {
@@ -305,7 +306,7 @@ impl Prepared {
         Some([seen - none, variance])
     }
 
-    /// Pearson's sum over groups of bins with five counts or more to be expected, and their number.
+    /// Returns Pearson's chi-squared and the number of groups of bins with at least five expected counts.
     pub fn deviation(&self, local: &Local, known: &Known) -> (f64, usize) {
         let (shares, p) = (self.spread(local.zero_ps, known), known.after_pulsing());
         let (mut chi, mut groups) = (0.0, 0);
@@ -328,7 +329,7 @@ impl Prepared {
         (chi, groups)
     }
 
-    /// Signal, background and time zero near the maximum; [`Fault::Dark`] without a pulse that stands out.
+    /// Estimates signal, background and time zero. Returns [`Fault::Dark`] without a significant pulse.
     pub fn begin(&self, known: &Known) -> Result<Local, Fault> {
         let bins = self.n.len();
         let width = ((2.5 * known.sigma_ps() / self.bin_ps).round().max(1.0) as usize).min(bins / 4);
@@ -377,12 +378,12 @@ impl Prepared {
             .ok_or(Fault::Dark)
     }
 
-    /// A hundredth of a count in all.
+    /// Returns the rate of a hundredth of a count in total.
     fn least(&self) -> f64 {
         0.01 / self.armed.iter().map(|a| a.max(0.0)).sum::<f64>().max(1.0)
     }
 
-    /// Moves what is the capture's own, within reason.
+    /// Updates the capture's own parameters within limits.
     pub fn moved(&self, local: &Local, by: &Vector3<f64>, known: &Known) -> Local {
         let most = 2.0 * known.sigma_ps();
         Local {
@@ -394,7 +395,7 @@ impl Prepared {
         }
     }
 
-    /// The maximum over what is the capture's own.
+    /// Maximizes the likelihood over the capture's own parameters.
     pub fn fit(&self, known: &Known) -> Result<Local, Fault> {
         let mut local = self.begin(known)?;
         let mut value = self.log_likelihood(&local, known);
@@ -409,14 +410,14 @@ impl Prepared {
                 let step = inverse(&information, damping).ok_or(Fault::Unsettled)? * score;
                 let next = self.moved(&local, &step, known);
                 let after = self.log_likelihood(&next, known);
-                // Of the step that was possible; at a limit there is none.
+                // The step after clamping, which is zero at a limit.
                 let step = Vector3::new(
                     next.signal - local.signal,
                     next.background - local.background,
                     next.zero_ps - local.zero_ps,
                 );
                 let expected = step.dot(&score);
-                // Rounding of a sum of some 1e3 terms.
+                // Rounding error of a sum of about 1e3 terms.
                 let little = 1e-6 + 1e-13 * value.abs();
                 if after.is_finite() && after >= value {
                     let done = after - value < little && expected < little;
@@ -436,7 +437,7 @@ impl Prepared {
         Err(Fault::Unsettled)
     }
 
-    /// Time zero within half a period around 0.
+    /// Wraps the time zero to half a period around 0.
     fn wrapped(&self, local: Local) -> Local {
         let period = self.period as f64 * self.bin_ps;
         let zero_ps = local.zero_ps - period * (local.zero_ps / period).round();
@@ -444,17 +445,17 @@ impl Prepared {
     }
 }
 
-/// The part of a score that is the capture's own.
+/// Returns the part of a score for the capture's own parameters.
 pub(super) fn own(score: &Score) -> Vector3<f64> {
     score.fixed_rows::<3>(0).into_owned()
 }
 
-/// The part of an information that is the capture's own.
+/// Returns the part of an information matrix for the capture's own parameters.
 pub(super) fn block(information: &Information) -> Matrix3<f64> {
     information.fixed_view::<3, 3>(0, 0).into_owned()
 }
 
-/// (M + damping · diag M)⁻¹, rows and columns scaled to diagonals of 1; `None` if something is not told.
+/// Returns (M + damping · diag M)⁻¹, computed with unit diagonal. Returns `None` if M is singular.
 pub(super) fn inverse(m: &Matrix3<f64>, damping: f64) -> Option<Matrix3<f64>> {
     let scale = m.diagonal().map(|v| 1.0 / v.sqrt());
     let scaled =

@@ -1,7 +1,7 @@
-//! The response of all pixels, fitted to many captures together.
+//! Fits the common response of all pixels to many captures.
 //!
-//! Each capture has three numbers of its own, so Fisher's information is an arrow: blocks of 3 × 3 on the diagonal and a border of
-//! the response's. The border is solved first (Schur complement), the blocks after it.
+//! Each capture adds three local parameters. The Fisher information is therefore an arrowhead matrix: 3 × 3
+//! blocks on the diagonal, and a border for the response, which the Schur complement solves first.
 
 use super::captures::TemporalError;
 use super::impulse::{Impulse, Shape};
@@ -11,26 +11,25 @@ use rayon::prelude::*;
 
 const STEPS: usize = 60;
 
-/// A fitted response.
 pub(super) struct Fitted {
     pub impulse: Impulse,
-    /// Of [`Shape::ALL`]; zero of what was held.
+    /// Covariance in the order of [`Shape::ALL`]; zero for fixed parameters.
     pub covariance: Matrix4<f64>,
 }
 
-/// The border of a capture's information.
+/// Returns the border of a capture's information matrix.
 pub(super) fn border(information: &Information) -> Matrix3x4<f64> {
     information.fixed_view::<3, 4>(0, 3).into_owned()
 }
 
-/// Inverse of the part of a symmetric matrix that is free, scaled to diagonals of 1 + damping; zero elsewhere. `None` if the free
-/// ones are not told apart.
+/// Returns the inverse of the free part of a symmetric matrix, computed with diagonal 1 + damping; zero
+/// elsewhere. Returns `None` if the free part is singular.
 fn inverse_of_free(m: &Matrix4<f64>, free: &[usize], damping: f64) -> Option<Matrix4<f64>> {
     let scale: Vec<f64> = free.iter().map(|k| 1.0 / m[(*k, *k)].sqrt()).collect();
     let scaled = DMatrix::from_fn(free.len(), free.len(), |i, k| {
         m[(free[i], free[k])] * scale[i] * scale[k] + if i == k { damping } else { 0.0 }
     });
-    // A correlation of 1 - 1e-8 is none that counts tell apart.
+    // Counts cannot separate parameters with a correlation of 1 - 1e-8.
     let all = scaled.clone().symmetric_eigenvalues();
     if !all.iter().all(|v| *v > 1e-8) {
         return None;
@@ -45,7 +44,7 @@ fn inverse_of_free(m: &Matrix4<f64>, free: &[usize], damping: f64) -> Option<Mat
     Some(out)
 }
 
-/// Derivatives and information of all captures, and their sum for the response alone.
+/// Scores and information of all captures, and the total log-likelihood.
 struct Assembled {
     terms: Vec<(Score, Information)>,
     value: f64,
@@ -62,7 +61,7 @@ fn assemble(captures: &[&Prepared], locals: &[Local], impulse: Impulse) -> Assem
     }
 }
 
-/// Schur complement and its right side.
+/// Returns the Schur complement and its right-hand side.
 fn complement(terms: &[(Score, Information)], damping: f64) -> Option<(Matrix4<f64>, Vector4<f64>)> {
     let (mut m, mut right) = (Matrix4::zeros(), Vector4::zeros());
     for (score, information) in terms {
@@ -74,8 +73,8 @@ fn complement(terms: &[(Score, Information)], damping: f64) -> Option<(Matrix4<f
     Some((m, right))
 }
 
-/// Fits what is free of the response, from `start`, to captures whose own numbers begin at `locals`. Held to what is possible with
-/// such bins and such a period.
+/// Fits the free parameters of the response from `start`. `locals` are the initial values of the captures'
+/// own parameters. The result is limited to the range that this bin width and period can determine.
 pub(super) fn fit(
     captures: &[&Prepared],
     mut locals: Vec<Local>,
@@ -99,7 +98,7 @@ pub(super) fn fit(
             let step = solved * right;
             let mut expected = step.dot(&right);
             let next = Impulse::of(std::array::from_fn(|k| {
-                // No more than a half at once, so that nothing runs away.
+                // Limit each step to half the value (0.2 for fractions), to prevent divergence.
                 let v = impulse.vector()[k];
                 let most = if k == 1 || k == 3 { 0.2 } else { 0.5 * v };
                 v + step[k].clamp(-most, most)

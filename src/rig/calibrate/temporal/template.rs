@@ -1,37 +1,36 @@
-//! A response as it was measured, see [`super::aligned`].
+//! A measured response; see [`super::aligned`].
 
 use serde::{Deserialize, Serialize};
 
-/// A measured response: shares of light in a bin whose middle is so much later than the light.
+/// A measured response: the fraction of light in a bin as a function of the delay of the bin's center.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Template {
-    /// Step of the grid, ps.
     pub step_ps: f64,
-    /// Time of its first place, ps after the light.
+    /// First grid point in ps after the light.
     pub first_ps: f64,
-    /// Shares of a bin.
+    /// Fraction of light in a bin, by grid point.
     pub share: Vec<f64>,
-    /// Their standard errors; NaN where no histogram had a bin, and the share is that of its neighbours.
+    /// Standard errors of the fractions; NaN for interpolated fractions without data.
     pub sigma: Vec<f64>,
-    /// Probability of after-pulses, which are not in the shares.
+    /// Probability of afterpulses, which the fractions exclude.
     pub after_pulsing: f64,
 }
 
 impl Template {
-    /// Time of its first place, ps.
+    /// Returns the first grid point in ps.
     #[must_use]
     pub fn start_ps(&self) -> f64 {
         self.first_ps
     }
 
-    /// Time of its last place, ps.
+    /// Returns the last grid point in ps.
     #[must_use]
     pub fn end_ps(&self) -> f64 {
         self.first_ps + self.step_ps * self.share.len().saturating_sub(1) as f64
     }
 
-    /// Share of light in a bin whose middle is `t` ps later: cubic between places (Catmull and Rom), 0 outside.
+    /// Returns the fraction of light in a bin whose center is delayed by `t` ps (Catmull–Rom, 0 outside).
     #[must_use]
     pub fn share(&self, t: f64) -> f64 {
         let place = (t - self.first_ps) / self.step_ps;
@@ -50,13 +49,13 @@ impl Template {
         b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
     }
 
-    /// Full width at half maximum, ps, bins' own width included; the step if it has no maximum.
+    /// Returns the full width at half maximum in ps, including the bin width; at least the step.
     #[must_use]
     pub fn fwhm_ps(&self) -> f64 {
         let Some((top, most)) = self.share.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else {
             return self.step_ps;
         };
-        // Places from the top to where half of it is crossed, on one side.
+        // Grid points from the maximum to the half-maximum crossing on one side.
         let side = |values: &mut dyn Iterator<Item = &f64>| {
             let mut last = *most;
             let mut place = 0.0;

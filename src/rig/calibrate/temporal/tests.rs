@@ -1,4 +1,4 @@
-//! Diodes with planted time zeros and responses: what is found of them, and how far off it is in stated errors.
+//! Tests with simulated diodes of known time zeros and responses: fitted values and stated errors.
 
 use super::super::z_scores::{ZScores, repeats};
 use super::aligned::aligned;
@@ -13,11 +13,11 @@ use polarimetry::capture::spectral_value::SpectralValue;
 use proptest::prelude::*;
 use rayon::prelude::*;
 
-/// Parts of a bin in which the simulated light may come.
+/// Subdivisions of a bin for the arrival of simulated light.
 const FINE: usize = 20;
 const BINS: usize = 600;
 
-/// A diode of 15 ns periods whose photons are detected.
+/// Returns a diode with periods of 15 ns and a detection efficiency of 1.
 fn diode(truth: &Impulse) -> Spad {
     Spad {
         bin_ps: 25.0,
@@ -44,7 +44,8 @@ fn counter(spad: &Spad) -> Counter {
     }
 }
 
-/// Counts of light of so many photons a pulse that comes at a time; that time, rounded to what is simulated.
+/// Returns the counts of light with `photons` per pulse that arrives at `at_ps`, and the arrival time rounded
+/// to the simulation's grid.
 fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u32>, f64) {
     let fine = Spad {
         bin_ps: spad.bin_ps / FINE as f64,
@@ -63,7 +64,7 @@ fn counts(spad: &Spad, photons: f64, at_ps: f64, random: &mut Stream) -> (Vec<u3
     )
 }
 
-/// Planes before pixels with planted time zeros.
+/// Planes in front of pixels with planted time zeros.
 struct Bench {
     spad: Spad,
     zeros: Vec<f64>,
@@ -107,8 +108,8 @@ impl Bench {
     }
 }
 
-/// Repeats of 12 pixels before planes at two distances, with other truths: errors of time zeros, of the response and of the clock
-/// over their stated ones. One to three photons in ten pulses, so up to a seventh is lost to pile-up.
+/// The errors of time zeros, response and clock agree with stated ones, over repeats of 12 pixels and two
+/// planes. At one to three photons in ten pulses, up to a seventh is lost to pile-up.
 #[test]
 fn stated_errors_are_those_that_are_made() {
     let one = |repeat: u32| {
@@ -138,7 +139,7 @@ fn stated_errors_are_those_that_are_made() {
     for (truth, error, zeros, found) in all {
         assert_eq!((found.dark, found.saturated), (0, 0));
         unsettled += found.unsettled;
-        // A capture in some ten thousand does not settle, is said and left out.
+        // About one capture in ten thousand does not converge. It is reported and left out.
         let each = zeros
             .iter()
             .enumerate()
@@ -161,12 +162,12 @@ fn stated_errors_are_those_that_are_made() {
         "{unsettled} captures are unsettled"
     );
     println!("chi-squared over freedom {chi:.4}");
-    // Fitted to bins and summed over groups of them, up to three degrees of some fifty stay (Chernoff and Lehmann 1954).
+    // The fit uses bins and the sum uses groups, so up to three of about fifty degrees of freedom remain
+    // (Chernoff and Lehmann 1954).
     assert!((chi - 1.0).abs() < 0.05, "{chi}");
 }
 
-/// Without pile-up in the likelihood the time zero of a bright pixel would be early by a tenth of the response's width: two photons
-/// a pulse.
+/// At two photons per pulse, a likelihood without pile-up would be early by a tenth of the width.
 #[test]
 fn pile_up_does_not_move_time_zero() {
     let truth = Impulse {
@@ -183,7 +184,7 @@ fn pile_up_does_not_move_time_zero() {
     for (pixel, want) in bench.zeros.iter().enumerate() {
         let (error, sigma) = (found.zero_ps.at(pixel) - want, found.sigma_ps.at(pixel));
         assert!(error.abs() < 5.0 * sigma && sigma < 0.1, "{error} ± {sigma}");
-        // Naively: the mean of the counts around their peak.
+        // Naive estimate: the mean of the counts around their peak.
         let (_, travel, counts) = &bench.taken[pixel];
         let peak = counts
             .iter()
@@ -198,7 +199,7 @@ fn pile_up_does_not_move_time_zero() {
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 5.0 * found.response_sigma[0]);
 }
 
-/// Free-running, dead for three quarters of a period, with after-pulses of 3 %: repeats of four pixels.
+/// Repeats of four pixels: free-running, dead for three quarters of a period, with 3 % afterpulses.
 #[test]
 fn after_pulses_are_told_from_background() {
     let one = |repeat: u32| {
@@ -230,7 +231,7 @@ fn after_pulses_are_told_from_background() {
     scores.hold("free-running diode");
 }
 
-/// The aligned mean is the response in bins, and time zeros by it are those by the model.
+/// The aligned mean equals the response in bins, and its time zeros agree with those of the model.
 #[test]
 fn measured_responses_serve_as_well() {
     let truth = Impulse::default();
@@ -244,7 +245,7 @@ fn measured_responses_serve_as_well() {
     for (k, (share, sigma)) in template.share.iter().zip(&template.sigma).enumerate() {
         let t = template.first_ps + k as f64 * template.step_ps;
         let want = response.before(t + 12.5) - response.before(t - 12.5);
-        // The grid widens it.
+        // The grid widens the response.
         assert!(
             (share - want).abs() < 5.0 * sigma + 0.004 * template.share[48],
             "{t} ps: {share} for {want} ± {sigma}"
@@ -252,7 +253,7 @@ fn measured_responses_serve_as_well() {
         chi += ((share - want) / sigma).powi(2) / template.share.len() as f64;
     }
     assert!(chi < 3.0, "{chi}");
-    // Gauss and box: √(70² + ln 2·8/12·25²) nearly, the tail adds some.
+    // Gaussian and box: approximately √(70² + ln 2·8/12·25²). The tail adds some width.
     assert!(
         (70.0..80.0).contains(&template.fwhm_ps()),
         "{}",
@@ -272,7 +273,7 @@ fn measured_responses_serve_as_well() {
     scores.hold("by the template");
 }
 
-/// One histogram without noise: the time zero is what was planted, and the time of a bin is the light's.
+/// A histogram without noise yields the planted time zero, and the time of a bin is that of the light.
 #[test]
 fn exact_counts_give_the_exact_time() {
     let truth = Impulse::default();
@@ -289,7 +290,7 @@ fn exact_counts_give_the_exact_time() {
         pixel: 1,
         travel_ps: 4000.0,
         counts: &counts,
-        // So many that nothing piles up.
+        // Enough pulses to avoid pile-up.
         pulses: 10_000_000_000_000_000,
     };
     let found = calibrate(&counter(&spad), &[capture], 2, &Options::default()).expect("a calibration");
@@ -302,7 +303,7 @@ fn exact_counts_give_the_exact_time() {
     assert!((found.response.sigma_ps - truth.sigma_ps).abs() < 1e-2);
     assert!((found.response.tail_share - truth.tail_share).abs() < 1e-3);
     assert!((found.time_ps(1, 100) - (2512.5 - 321.0)).abs() < 1e-3);
-    // Cramér and Rao: a Gaussian alone would have σ/√n.
+    // Cramér–Rao bound: σ/√n for a Gaussian alone.
     let least = truth.sigma_ps / n.sqrt();
     assert!(
         (1.0..1.5).contains(&(found.own_sigma_ps.at(1) / least)),
@@ -310,7 +311,7 @@ fn exact_counts_give_the_exact_time() {
         found.own_sigma_ps.at(1) / least
     );
     assert!(found.untold.iter().any(|w| w.contains("one distance")) && found.clock.is_none());
-    // Light stays when histograms are aligned, and its mean moves by the time zero.
+    // Alignment preserves the total light and moves its mean by the time zero.
     let histogram: Vec<f64> = counts.iter().map(|n| f64::from(*n)).collect();
     let moved = found.aligned(1, &histogram);
     let mean = |h: &[f64]| {
@@ -406,7 +407,7 @@ fn what_cannot_be_calibrated_is_said() {
             .contains("travel time")
         );
     }
-    // Light in one bin alone: a response that is narrower than can be told is no panic.
+    // Light in a single bin: a response too narrow to be determined causes no panic.
     let _ = of(capture(&all, 10_000));
     for bad in [
         Counter {
@@ -454,7 +455,7 @@ fn calibrations_go_through_files() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Whatever was counted: a calibration or an error.
+    /// Arbitrary counts yield a calibration or an error.
     #[test]
     fn no_histograms_panic(
         counts in prop::collection::vec(prop_oneof![4 => 0_u32..6, 1 => 0_u32..5000, 1 => any::<u32>()], 8..40),

@@ -1,4 +1,4 @@
-//! The calibration: response, time zeros, clock.
+//! Calibrates response, time zeros and clock.
 
 use super::captures::{Capture, Counter, TemporalError, check};
 use super::impulse::{Impulse, Shape};
@@ -11,19 +11,19 @@ use polarimetry::capture::detector::spad::Mode;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Captures that the response is fitted to, the brightest: more would not tell it better than the model holds.
+/// Maximum number of captures, the brightest ones, for the fit of the response. More would not improve it
+/// beyond the validity of the model.
 const FOR_RESPONSE: usize = 256;
-/// A tail of fewer standard deviations than this is none.
+/// Minimum significance of a tail in standard deviations.
 const TOLD: f64 = 2.0;
 
-/// What is asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// The response where the search begins, and where what is not free stays: of the data sheet, within a factor of two.
+    /// Initial response, which also fixes the parameters that are not free. It should be that of the data
+    /// sheet, within a factor of two.
     pub start: Impulse,
-    /// What of it is fitted.
     pub free: Vec<Shape>,
-    /// Correct time zeros by the clock's error; needs planes at two distances or more.
+    /// Correct time zeros by the clock's error. This needs planes at two or more distances.
     pub correct_clock: bool,
 }
 
@@ -37,12 +37,11 @@ impl Default for Options {
     }
 }
 
-/// How wrong the counter's unit of time is.
+/// Error of the counter's time unit.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Clock {
-    /// Recorded times over true ones, less 1.
+    /// Ratio of recorded to true times, minus 1.
     pub relative_error: f64,
-    /// Its standard error.
     pub sigma: f64,
 }
 
@@ -50,48 +49,50 @@ pub struct Clock {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Temporal {
-    /// Length of a bin, ps.
     pub bin_ps: f64,
-    /// Bins of the laser's period.
+    /// Number of bins in the laser's period.
     pub period_bins: usize,
-    /// Captures without a pulse that stands out.
+    /// Number of captures without a significant pulse.
     pub dark: usize,
-    /// Captures in which the diode was never armed somewhere.
+    /// Number of captures in which the diode was never armed in some bin.
     pub saturated: usize,
-    /// Captures whose fit did not settle.
+    /// Number of captures whose fit did not converge.
     pub unsettled: usize,
-    /// Pearson's sum over groups of bins, of all captures.
+    /// Pearson's chi-squared over groups of bins of all captures.
     pub chi_squared: f64,
-    /// Its degrees of freedom, three less for each capture; a little too few, since bins were fitted and groups are summed.
+    /// Degrees of freedom of `chi_squared`, three less per capture. The number is slightly too small, since
+    /// bins are fitted but groups are summed.
     pub freedom: usize,
-    /// What these captures cannot tell, in words.
+    /// Descriptions of quantities that the captures do not determine.
     pub untold: Vec<String>,
-    /// Standard errors of the response, in the order of [`Shape::ALL`]; 0 of what was held.
+    /// Standard errors of the response in the order of [`Shape::ALL`]; 0 for fixed parameters.
     pub response_sigma: [f64; 4],
-    /// Covariance of the response's numbers, in the same order.
+    /// Covariance of the response's parameters in the same order.
     pub response_covariance: [[f64; 4]; 4],
-    /// Time zero of each pixel, ps: recorded less true time. NaN where there is none.
+    /// Time zero of each pixel in ps: recorded minus true time. NaN if unknown.
     pub zero_ps: PixelMap,
-    /// Its standard error by the pixel's own counts.
+    /// Standard error of the time zero due to the pixel's own counts.
     pub own_sigma_ps: PixelMap,
-    /// Its standard error with that of the response, which all pixels share nearly alike.
+    /// Standard error of the time zero including that of the response, which all pixels share.
     pub sigma_ps: PixelMap,
-    /// The clock, from planes at two distances or more.
+    /// Error of the clock, if planes at two or more distances were captured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
-    /// The response.
     pub response: Impulse,
 }
 
 impl Temporal {
-    /// True time of the middle of a bin of a pixel, ps after the pulse left; NaN where the pixel has no time zero.
+    /// Returns the true time of a bin's center for a pixel, in ps after the pulse was emitted. NaN if the
+    /// pixel has no time zero.
     #[must_use]
     pub fn time_ps(&self, pixel: usize, bin: usize) -> f64 {
         (bin as f64 + 0.5) * self.bin_ps - self.zero_ps.at(pixel)
     }
 
-    /// A pixel's histogram with its time zero at 0: each bin's light is shared between the two bins that it falls on, on the circle
-    /// of the period, so sums stay. All NaN where the pixel has no time zero.
+    /// Shifts a pixel's histogram so that its time zero is 0.
+    ///
+    /// Each bin's light is divided between the two bins that it overlaps, periodically, so sums are
+    /// preserved. All values are NaN if the pixel has no time zero.
     #[must_use]
     pub fn aligned(&self, pixel: usize, histogram: &[f64]) -> Vec<f64> {
         let bins = histogram.len();
@@ -110,7 +111,7 @@ impl Temporal {
     }
 }
 
-/// A capture's time zero: its value, its variance by its own counts, and how it moves with the response's numbers.
+/// A capture's time zero, its variance due to the counts, and its derivative by the response.
 struct One {
     pixel: usize,
     travel_ps: f64,
@@ -136,8 +137,8 @@ impl One {
     }
 }
 
-/// Calibrates a counter of `pixels` pixels (scan points) by captures of planes at known distances, several of a pixel if there
-/// are. The response is fitted, see [`Options`].
+/// Calibrates a counter with `pixels` pixels (scan points) from captures of planes at known distances. A
+/// pixel may have several captures. The response is fitted; see [`Options`].
 ///
 /// # Errors
 /// [`TemporalError`].
@@ -201,7 +202,7 @@ pub fn calibrate(
         response_fit::fit(&of, locals, start, free, counter.bin_ps, period_ps)
     };
     let mut fitted = fit(start, &free);
-    // Without a tail that stands out, its time is anything.
+    // Without a significant tail, its time constant is undetermined.
     let share_free = free.contains(&Shape::TailShare);
     let no_tail = fitted.as_ref().map_or(share_free, |f| {
         share_free && f.impulse.tail_share < TOLD * f.covariance[(1, 1)].sqrt().max(1e-6)
@@ -245,9 +246,9 @@ pub fn calibrate(
     })
 }
 
-/// Calibrates a counter whose response was measured; `response` of the result is the start's.
+/// Calibrates a counter with a measured response. `response` of the result is the default.
 ///
-/// Time zeros are the template's: errors of the template are not in theirs.
+/// Time zeros refer to the template. Their errors exclude those of the template.
 ///
 /// # Errors
 /// [`TemporalError`].
@@ -283,7 +284,7 @@ pub fn calibrate_with(
     )
 }
 
-/// Time zeros by a known response.
+/// Computes time zeros from a known response.
 fn finish(
     counter: &Counter,
     captures: &[Capture],
@@ -315,7 +316,7 @@ fn finish(
     }
     let period_ps = counter.bin_ps * counter.period_bins as f64;
     for ones in &mut by_pixel {
-        // The same side of the circle for all captures of a pixel.
+        // Unwrap the time zeros of all captures of a pixel to the same period.
         let Some(first) = ones.first().map(|o| o.zero_ps) else {
             continue;
         };
@@ -371,7 +372,7 @@ fn finish(
     })
 }
 
-/// The common slope of time zeros over travel times of each pixel.
+/// Returns the common slope of time zeros over travel times.
 fn clock(by_pixel: &[Vec<One>], covariance: &Matrix4<f64>) -> Option<Clock> {
     let (mut above, mut below) = (0.0, 0.0);
     let mut with_response = Vector4::zeros();
@@ -385,7 +386,7 @@ fn clock(by_pixel: &[Vec<One>], covariance: &Matrix4<f64>) -> Option<Clock> {
             with_response += o.with_response * w;
         }
     }
-    // Planes that differ by less than a picosecond's worth of error are one.
+    // Travel times that differ by less than about 1e-6 standard errors count as one distance.
     if below.is_nan() || below <= 1e-12 {
         return None;
     }

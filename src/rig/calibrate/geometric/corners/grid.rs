@@ -1,17 +1,17 @@
-//! Corners that are neighbours on a board, joined to a grid.
+//! Joins neighboring corners of a board to a grid.
 
 use super::saddle::Saddle;
 use crate::calibrate::geometric::image::Image;
 use nalgebra::Vector2;
 use std::collections::{BTreeMap, VecDeque};
 
-/// A place on the grid: columns to the right, rows down, seen from the board's front.
+/// A position on the grid: columns to the right, rows down, seen from the board's front.
 pub type Place = (i32, i32);
 
-/// How far off an edge's direction a neighbour may lie: sine of the angle.
+/// Maximum deviation of a neighbor from an edge's direction, as sine or tangent of the angle.
 const ASIDE: f64 = 0.3;
 
-/// The nearest corner in a direction that an edge between opposite colours joins to corner `from`.
+/// Returns the nearest corner in a direction that a black-white edge joins to corner `from`.
 fn neighbour(image: &Image, all: &[Saddle], from: usize, way: Vector2<f64>) -> Option<usize> {
     let here = &all[from];
     let mut near: Vec<(f64, usize)> = all
@@ -31,7 +31,7 @@ fn neighbour(image: &Image, all: &[Saddle], from: usize, way: Vector2<f64>) -> O
         .find(|i| joined(image, here, &all[*i]))
 }
 
-/// Whether two corners are the ends of one side of a square: opposite colours along all of it, the same on each side.
+/// Returns whether a side of a square joins two corners: one black-white order along the whole line.
 fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
     let d = b.at - a.at;
     let length = d.norm();
@@ -51,13 +51,14 @@ fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
     aligned && alike && first != 0.0 && signs.all(|s| s == first)
 }
 
-/// All grids of neighbours, the largest first. Steps along a row and down a column turn like x and y of the image.
+/// Returns all grids of neighboring corners, the largest first. Row and column directions have the
+/// orientation of the image's x and y.
 #[must_use]
 pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
-    // Four ways of each corner: along e1, along e2, and back.
+    // Four directions of each corner: along e1, along e2, and their opposites.
     let ways = |s: &Saddle| {
         let [mut x, mut y] = s.edges;
-        // x is the edge nearer to the image's, y turned from it as the image's.
+        // x is the edge closer to the image's x axis; y has the orientation of the image's y axis.
         if x.x.abs() < y.x.abs() {
             (x, y) = (y, x);
         }
@@ -69,7 +70,7 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
     let links: Vec<[Option<usize>; 4]> = (0..all.len())
         .map(|i| ways(&all[i]).map(|way| neighbour(image, all, i, way)))
         .collect();
-    // The way of `to` that points as a way does.
+    // Returns the direction of `to` that is closest to `way`.
     let same = |to: usize, way: Vector2<f64>| {
         let w = ways(&all[to]);
         (0..4)
@@ -83,7 +84,7 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
             continue;
         }
         let mut grid = BTreeMap::from([((0, 0), seed)]);
-        // Which of its ways leads along the row, by corner.
+        // For each corner, the index of its direction along the row.
         let mut turns = BTreeMap::from([(seed, 0)]);
         let mut places = BTreeMap::from([(seed, (0, 0))]);
         let mut queue = VecDeque::from([seed]);
@@ -109,7 +110,7 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
                     (None, None) => {
                         grid.insert(to, next);
                         places.insert(next, to);
-                        // `back` leads against the step.
+                        // `back` is opposite to the step.
                         turns.insert(next, (back + 2 + 4 - step) % 4);
                         queue.push_back(next);
                     }
@@ -129,7 +130,7 @@ pub fn grids(image: &Image, all: &[Saddle]) -> Vec<BTreeMap<Place, usize>> {
     grids
 }
 
-/// First place and size of the rectangle that holds a grid.
+/// Returns the first position and the size of the bounding rectangle of a grid.
 #[must_use]
 pub fn extent(grid: &BTreeMap<Place, usize>) -> (Place, [usize; 2]) {
     let range = |of: fn(&Place) -> i32| {

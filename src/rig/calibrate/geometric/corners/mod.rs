@@ -1,4 +1,4 @@
-//! Corners of chessboards in images: saddles, refined by a model of what a corner looks like, joined to a grid.
+//! Detects chessboard corners: finds saddle points, fits a corner model, and joins them to a grid.
 
 pub mod grid;
 pub mod saddle;

@@ -1,20 +1,20 @@
-//! One corner: candidates by the curvature of the image, their places by fitting what a blurred corner looks like.
+//! Detects single corners: candidates by image curvature, then positions by a fit of a blurred corner model.
 
 use crate::calibrate::geometric::image::Image;
 use nalgebra::{SMatrix, SVector, Vector2};
 
-/// A corner between four squares.
+/// A point where four squares meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Saddle {
-    /// Continuous pixels.
+    /// Position in continuous pixels.
     pub at: Vector2<f64>,
-    /// Directions of both edges, unit vectors.
+    /// Unit vectors along both edges.
     pub edges: [Vector2<f64>; 2],
-    /// Half of white minus black; negative if the squares between +e1 and +e2 are black.
+    /// Half of white minus black. Negative if the squares between +e1 and +e2 are black.
     pub contrast: f64,
 }
 
-/// Pixels with the curvature of a saddle, the strongest of their neighbourhood, strongest first; `sigma` is the blur, pixels.
+/// Returns local maxima of saddle curvature, strongest first. `sigma` is the blur in pixels.
 #[must_use]
 pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
     let smooth = image.blurred(sigma);
@@ -33,7 +33,7 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
         values: strength,
         ..*image
     };
-    // The strongest may be a glint: what counts is what a board has dozens of.
+    // The threshold refers to a typical candidate, since the strongest may be a specular highlight.
     let mut found = vec![];
     let reach = 3_isize;
     for y in reach..h - reach {
@@ -66,15 +66,16 @@ pub fn candidates(image: &Image, sigma: f32) -> Vec<[usize; 2]> {
         .collect()
 }
 
-/// Most candidates that are looked at.
+/// Maximum number of candidates.
 const MOST: usize = 4000;
 
-/// Parameters of a corner's image: place, angles of both edges, width of the blur, half contrast, and the plane below.
+/// Parameters of a corner's image: position, angles of both edges, blur width, half contrast, and the offset
+/// and gradient of a plane.
 type Parameters = SVector<f64, 9>;
 
-/// The error function and its derivative.
+/// Returns the error function and its derivative.
 fn erf(x: f64) -> [f64; 2] {
-    // Abramowitz & Stegun 7.1.26, to 1.5e-7.
+    // Abramowitz & Stegun 7.1.26, accurate to 1.5e-7.
     let t = 1.0 / (1.0 + 0.3275911 * x.abs());
     let e = (-x * x).exp();
     let tail =
@@ -82,12 +83,12 @@ fn erf(x: f64) -> [f64; 2] {
     [(1.0 - tail).copysign(x), std::f64::consts::FRAC_2_SQRT_PI * e]
 }
 
-/// I = a + b·erf(n1·d/s)·erf(n2·d/s) + g·d, d from the corner, and its derivatives.
+/// Returns I = a + b·erf(n1·d/s)·erf(n2·d/s) + g·d and its derivatives; d is the offset from the corner.
 fn model(p: &Parameters, x: f64, y: f64) -> (f64, Parameters) {
     let (dx, dy) = (x - p[0], y - p[1]);
     let ((s1, c1), (s2, c2)) = (p[2].sin_cos(), p[3].sin_cos());
     let s = p[4];
-    // Normals of edges (cos, sin): (-sin, cos).
+    // Normal of an edge (cos, sin): (-sin, cos).
     let (u, v) = ((-s1 * dx + c1 * dy) / s, (-s2 * dx + c2 * dy) / s);
     let ([f, df], [g, dg]) = (erf(u), erf(v));
     let b = p[5];
@@ -107,15 +108,16 @@ fn model(p: &Parameters, x: f64, y: f64) -> (f64, Parameters) {
     (value, by)
 }
 
-/// Blur that images get before corners are fitted, pixels: an edge along a pixel's side, of which one pixel alone is grey, is
-/// seen by three then, and its profile is Gaussian.
+/// Blur of images before corners are fitted, in pixels. A sharp edge along a pixel's side then covers three
+/// pixels with a Gaussian profile instead of one.
 pub const SOFT: f32 = 0.8;
 
-/// The saddle near a pixel of an image blurred by [`SOFT`], from the pixels within `radius`; `None` if there is none that looks like a corner.
+/// Returns the saddle near a pixel of an image blurred by [`SOFT`], fitted to the pixels within `radius`.
+/// Returns `None` if no corner fits.
 #[must_use]
 pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> {
     let first = beginning(image, near, radius)?;
-    // From several widths of the blur: a wrong one sticks.
+    // Start from several blur widths, because a wrong width leads to a local minimum.
     let tries = [1.2, 2.5].map(|width| {
         let mut p = first;
         p[4] = width;
@@ -132,7 +134,7 @@ pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> 
     if !sound {
         return None;
     }
-    // Between +e1 and +e2 both normals' sides are known: e2 lies on the side n1·e2, e1 on n2·e1.
+    // Between +e1 and +e2 the model has the sign of (n1·e2)(n2·e1).
     let side = e1.perp(&e2) * e2.perp(&e1);
     Some(Saddle {
         at: Vector2::new(p[0], p[1]),
@@ -141,7 +143,7 @@ pub fn refine(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Saddle> 
     })
 }
 
-/// Directions in which the image's values change sign on a ring, and mean and contrast there.
+/// Estimates the edge directions from sign changes on a ring, and mean and contrast there.
 fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameters> {
     const RING: usize = 64;
     let ring: Vec<f64> = (0..RING)
@@ -156,7 +158,7 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
         })
         .collect();
     let mean = ring.iter().sum::<f64>() / RING as f64;
-    // A saddle is the same seen from the other side; what is not is left out.
+    // A saddle is point-symmetric: use the even part of the ring.
     let half: Vec<f64> = (0..RING / 2)
         .map(|i| 0.5 * (ring[i] + ring[i + RING / 2]) - mean)
         .collect();
@@ -180,7 +182,7 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
     let [(a, rises), (b, _)] = crossings[..] else {
         return None;
     };
-    // Beyond the first edge, where the angle grows, f·g of the model has the sign of n2·d.
+    // The model's f·g midway between both edges gives the sign of the contrast.
     let (_, by) = model(
         &Parameters::from([0.0, 0.0, a, b, 1.0, 1.0, 0.0, 0.0, 0.0]),
         (0.5 * (a + b)).cos() * radius,
@@ -193,7 +195,7 @@ fn beginning(image: &Image, near: Vector2<f64>, radius: f64) -> Option<Parameter
     ]))
 }
 
-/// Levenberg and Marquardt; the parameters, and the root mean square of what is left over.
+/// Fits the model by Levenberg–Marquardt. Returns the parameters and the root mean square of the residuals.
 fn settle(image: &Image, mut p: Parameters, radius: f64) -> Option<(Parameters, f64)> {
     let (cx, cy) = (p[0], p[1]);
     let reach = radius.ceil() as isize + 1;
@@ -258,7 +260,7 @@ fn settle(image: &Image, mut p: Parameters, radius: f64) -> Option<(Parameters, 
 mod tests {
     use super::*;
 
-    /// A corner averaged over pixels by 256 points each.
+    /// Returns the image of a corner, averaged over 256 points per pixel.
     fn corner(at: Vector2<f64>, angles: [f64; 2], sign: f64) -> Image {
         let mut values = vec![];
         for y in 0..31 {
@@ -291,7 +293,7 @@ mod tests {
         }
     }
 
-    /// Without noise what remains is the pixels' squares against the model's Gaussian blur.
+    /// Without noise, the error is the difference between square pixels and the model's Gaussian blur.
     #[test]
     fn places_are_good_to_three_hundredths() {
         let mut worst = 0.0_f64;

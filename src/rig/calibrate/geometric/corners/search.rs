@@ -1,4 +1,4 @@
-//! The board of known size in an image: all of its corners in their order, or why not.
+//! Finds a board of known size in an image and orders its corners.
 
 use super::grid::{Place, extent, grids};
 use super::saddle::{SOFT, Saddle, candidates, refine};
@@ -8,25 +8,24 @@ use crate::calibrate::geometric::image::Image;
 use nalgebra::Vector2;
 use std::collections::BTreeMap;
 
-/// A board in an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// Where its corners are, continuous pixels, in the order of [`Board::points`]. The first is the one whose outer square is
-    /// black, if just one of the possible ones is, else the one nearest to the image's upper left.
+    /// Corners in continuous pixels, in the order of [`Board::points`].
+    ///
+    /// The first corner is the one whose outer square is black, if exactly one candidate is. Otherwise it is
+    /// the one nearest to the upper left of the image.
     pub corners: Vec<Vector2<f64>>,
-    /// Edges in pixels of the smallest square, about.
+    /// Approximate side of the smallest square in pixels.
     pub smallest: f64,
 }
 
-/// Why a board is not found.
+/// The reason why a board is not found.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NotFound {
-    /// No grid of corners at all.
     #[error(
         "no chessboard is seen: all of it must be in the image, sharp, with squares of 10 pixels or more"
     )]
     Nothing,
-    /// A grid of another size.
     #[error(
         "a chessboard of {0} × {1} inner corners is seen, not of {2} × {3}: give --columns and --rows of inner corners, \
          which are one less than squares, and leave nothing of the board outside or covered"
@@ -34,7 +33,7 @@ pub enum NotFound {
     Size(usize, usize, usize, usize),
 }
 
-/// Blurs in which corners are looked for, pixels.
+/// Blurs at which corners are searched, in pixels.
 const BLURS: [f32; 3] = [1.2, 2.4, 5.0];
 
 /// Finds a board.
@@ -71,7 +70,7 @@ pub fn find(image: &Image, board: &Board) -> Result<Found, NotFound> {
     Err(seen)
 }
 
-/// Leaves one of several saddles at one place.
+/// Removes duplicate saddles.
 fn apart(all: &mut Vec<Saddle>) {
     let mut kept: Vec<Saddle> = vec![];
     for s in all.drain(..) {
@@ -82,7 +81,7 @@ fn apart(all: &mut Vec<Saddle>) {
     *all = kept;
 }
 
-/// The grid row by row; a few corners that were missed are looked for where their neighbours say.
+/// Returns the grid row by row. A few missing corners are searched near their predicted positions.
 fn filled(
     image: &Image,
     grid: &BTreeMap<Place, usize>,
@@ -112,12 +111,12 @@ fn filled(
         .collect()
 }
 
-/// The window that a corner is fitted in reaches this far to its nearest neighbour.
+/// Radius of a corner's fit window relative to the distance of its nearest neighbor.
 const REACH: f64 = 0.4;
-/// Largest and smallest window, pixels.
+/// Minimum and maximum radius of the window in pixels.
 const WINDOW: [f64; 2] = [3.0, 10.0];
 
-/// Refined once more in windows of the squares' size, and put into the board's order.
+/// Refines all corners in windows that fit the squares, and orders them as on the board.
 fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -> Option<Found> {
     let mut smallest = f64::INFINITY;
     let mut refined = vec![];
@@ -136,7 +135,7 @@ fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -
         if y + 1 < h {
             next.push(i + w);
         }
-        // Squares that are seen aslant are thinner than their sides are long.
+        // Squares seen at an angle are narrower than their sides are long.
         let side = next
             .iter()
             .map(|n| (full[*n].at - s.at).norm())
@@ -146,7 +145,7 @@ fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -
         let radius = (REACH * side * (0.4 + 0.6 * lean)).clamp(WINDOW[0], WINDOW[1]);
         refined.push(refine(image, s.at, radius)?);
     }
-    // All quarter turns that have the board's size.
+    // All rotations by quarter turns that match the board's size.
     let turned = |quarter: usize| -> Vec<usize> {
         let (c, r) = (board.columns, board.rows);
         (0..c * r)
@@ -165,7 +164,7 @@ fn in_order(image: &Image, full: &[Saddle], [w, h]: [usize; 2], board: &Board) -
     let quarters = (0..4).filter(|q| [board.columns, board.rows] == if q % 2 == 0 { [w, h] } else { [h, w] });
     let orders: Vec<Vec<usize>> = quarters.map(turned).collect();
     let dark = |order: &Vec<usize>| {
-        // The square beyond the first corner.
+        // The square outside the first corner.
         let (a, b, c) = (
             &refined[order[0]],
             &refined[order[1]],
@@ -197,7 +196,7 @@ mod tests {
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
-    /// A board as a device sees it, averaged over 64 points a pixel, white around it.
+    /// Renders a board as seen by a device, with 64 points per pixel and a white border.
     pub(crate) fn photograph(device: &Device, pose: &Pose, board: &Board) -> Image {
         let [w, h] = device.size.map(|n| n as usize);
         let back = pose.inverse();
@@ -221,7 +220,7 @@ mod tests {
         let mut values = vec![];
         for y in 0..h {
             for x in 0..w {
-                // Spread evenly in all directions (Roberts' sequence).
+                // Low-discrepancy points (Roberts' sequence).
                 let part = |k: i32, a: f64| (f64::from(k) * a).fract();
                 let points = (0..64)
                     .map(|k| sample(x as f64 + part(k, 0.7548776662), y as f64 + part(k, 0.5698402910)));

@@ -1,4 +1,4 @@
-//! From images of the patterns to projector coordinates of every camera pixel, NaN where there are none to be trusted.
+//! Decodes images of the patterns to projector coordinates per camera pixel; NaN for unreliable pixels.
 
 use super::patterns::{Axis, Pattern, Sequence};
 use crate::calibrate::geometric::image::Image;
@@ -7,9 +7,8 @@ use std::f64::consts::TAU;
 /// Projector coordinates by camera pixel, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoded {
-    /// Camera pixels a row.
+    /// Camera pixels per row.
     pub width: usize,
-    /// Rows.
     pub height: usize,
     /// Continuous column of the projector, or NaN.
     pub u: Vec<f32>,
@@ -17,13 +16,13 @@ pub struct Decoded {
     pub v: Vec<f32>,
 }
 
-/// Least contrast of white and black, over that of the brightest pixels.
+/// Minimum contrast of white and black relative to that of the brightest pixels.
 const LEAST: f32 = 0.03;
-/// Least difference of a bit and its inverse, over white minus black: below, the pixel lies across an edge.
+/// Minimum difference of a bit and its inverse relative to the contrast; smaller at edges.
 const SURE: f32 = 0.2;
 
 impl Decoded {
-    /// Pixels that have both coordinates.
+    /// Returns the number of pixels with both coordinates.
     #[must_use]
     pub fn count(&self) -> usize {
         self.u
@@ -34,13 +33,16 @@ impl Decoded {
     }
 }
 
-/// Decodes images of a sequence, in its order.
+/// Decodes the images of a sequence, in its order.
 ///
-/// A pixel is left out where white is hardly brighter than black, where more than one bit of an axis is unsure (light of
-/// several projector pixels that are no neighbours), or where the code is none of the projector's.
+/// A pixel is left out in these cases:
+/// - White is only slightly brighter than black.
+/// - More than one bit of an axis is uncertain, because the pixel receives light from projector pixels that
+///   are not neighbors.
+/// - The code is beyond the projector.
 ///
 /// # Errors
-/// If there are not as many images as patterns, or of several sizes.
+/// A message if the number of images differs from that of patterns, or if image sizes differ.
 pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> {
     let patterns = sequence.patterns();
     if images.len() != patterns.len() {
@@ -110,7 +112,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     })
 }
 
-/// The coordinate of Gray bits, highest first, each as difference over contrast; NaN if there is none.
+/// Returns the coordinate of Gray bits, highest first, each as difference over contrast; NaN if invalid.
 fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     let (mut code, mut bits, mut unsure) = (0_u32, 0_u32, None);
     for step in steps {
@@ -135,7 +137,7 @@ fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     let Some(place) = unsure else {
         return if x < length { f64::from(x) + 0.5 } else { f64::NAN };
     };
-    // Across an edge both codes are neighbours, and the pixel sees their border.
+    // At an edge both codes must be neighbors. The pixel then sees their border.
     let y = plain(code ^ (1 << (bits - place)));
     if x.abs_diff(y) == 1 && x.max(y) < length {
         f64::from(x.max(y))
@@ -144,7 +146,7 @@ fn gray(steps: impl Iterator<Item = f32>, length: u32) -> f64 {
     }
 }
 
-/// The coordinate between pixels that waves tell near a coarse one.
+/// Refines a coarse coordinate to subpixels by the phase of the waves.
 fn fine(coarse: f64, waves: impl Iterator<Item = f64>, sequence: &Sequence, contrast: f64) -> f64 {
     let (mut c, mut s) = (0.0, 0.0);
     for (n, value) in waves.enumerate() {
@@ -155,7 +157,7 @@ fn fine(coarse: f64, waves: impl Iterator<Item = f64>, sequence: &Sequence, cont
     if sequence.shifts == 0 || coarse.is_nan() {
         return coarse;
     }
-    // Half of the waves' contrast, which is the whole in theory.
+    // Peak-to-peak amplitude of the waves, ideally equal to the contrast.
     let swing = 4.0 * c.hypot(s) / f64::from(sequence.shifts);
     if swing.is_nan() || swing < 0.2 * contrast {
         return f64::NAN;
@@ -163,7 +165,7 @@ fn fine(coarse: f64, waves: impl Iterator<Item = f64>, sequence: &Sequence, cont
     let period = f64::from(sequence.period);
     let within = s.atan2(c) / TAU * period;
     let fine = within + period * ((coarse - within) / period).round();
-    // The codes' error is a pixel at most.
+    // The error of the codes is at most one pixel.
     if (fine - coarse).abs() < 2.0 {
         fine
     } else {
@@ -176,7 +178,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What a camera of one row sees whose pixel i looks at projector (u_i, v_i), linearly between projector pixels.
+    /// Returns one-row images whose pixel i sees projector (u_i, v_i), linearly interpolated.
     fn seen(sequence: &Sequence, at: &[(f64, f64)], noise: f32) -> Vec<Image> {
         let mut x = 9_u32;
         let patterns = sequence.patterns();
@@ -226,7 +228,7 @@ mod tests {
     fn what_is_dark_or_mixed_is_left_out() {
         let sequence = Sequence::gray([64, 64]).unwrap();
         let mut images = seen(&sequence, &[(10.5, 20.5), (10.5, 20.5), (10.5, 20.5)], 0.0);
-        // The second sees no projector, the third two of its pixels, far apart.
+        // The second pixel sees no projector pixel, the third sees two distant ones.
         let other = seen(&sequence, &[(53.5, 41.5)], 0.0);
         for (image, far) in images.iter_mut().zip(&other) {
             image.values[1] = 5.0;

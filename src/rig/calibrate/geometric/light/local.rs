@@ -1,17 +1,17 @@
-//! Projector coordinates of corners, by the homography of the pixels around each (Moreno & Taubin 2012): corners fall between
-//! pixels, and the board is plane.
+//! Projector coordinates of corners, between pixels, by local homographies of the planar board (Moreno &
+//! Taubin 2012).
 
 use super::decode::Decoded;
 use crate::calibrate::geometric::homography;
 use nalgebra::{Matrix2, Vector2};
 
-/// A corner's coordinates on the projector, and how they move with the camera's.
+/// Projector coordinates of a corner, and their derivative by the camera coordinates.
 pub type Thrown = (Vector2<f64>, Matrix2<f64>);
 
-/// Fewest decoded pixels around a corner.
+/// Minimum number of decoded pixels around a corner.
 const FEWEST: usize = 40;
 
-/// The projector's coordinates of corners; `None` where too few pixels within `reach` camera pixels are decoded.
+/// Returns the projector coordinates of corners; `None` with too few decoded pixels within `reach`.
 #[must_use]
 pub fn at_corners(decoded: &Decoded, corners: &[Vector2<f64>], reach: f64) -> Vec<Option<Thrown>> {
     corners.iter().map(|c| at_corner(decoded, *c, reach)).collect()
@@ -38,7 +38,7 @@ fn at_corner(decoded: &Decoded, corner: Vector2<f64>, reach: f64) -> Option<Thro
             }
         }
     }
-    // Wrongly decoded pixels are far off: leave out what is, twice.
+    // Wrongly decoded pixels are far off. Remove outliers repeatedly.
     for _ in 0..3 {
         if from.len() < FEWEST {
             return None;
@@ -56,7 +56,7 @@ fn at_corner(decoded: &Decoded, corner: Vector2<f64>, reach: f64) -> Option<Thro
         if kept.len() == off.len() {
             let at = homography::apply(&m, Vector2::zeros());
             let slope = homography::slope(&m, Vector2::zeros());
-            // Pixels on one side only say nothing of the corner.
+            // Pixels on one side only do not determine the corner.
             let middle = from.iter().sum::<Vector2<f64>>() / from.len() as f64;
             return (middle.norm() < 0.5 * reach && at.iter().chain(slope.iter()).all(|x| x.is_finite()))
                 .then_some((at, slope));

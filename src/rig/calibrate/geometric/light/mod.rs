@@ -1,4 +1,4 @@
-//! Structured light: which projector pixel lights what a camera pixel sees.
+//! Structured light: finds the projector pixel that illuminates each camera pixel's surface point.
 
 pub mod decode;
 pub mod local;

@@ -1,8 +1,9 @@
-//! What a projector shows: white, black, Gray codes of columns and rows with their inverses, and phase-shifted waves if wanted.
+//! Patterns of structured light: white, black, Gray codes of columns and rows with their inverses, and
+//! optional phase-shifted waves.
 
 use std::f64::consts::TAU;
 
-/// Numbers along which axis.
+/// A coordinate axis of the projector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// Columns, u.
@@ -11,43 +12,43 @@ pub enum Axis {
     Row,
 }
 
-/// One image of the sequence.
+/// One pattern of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
-    /// All on.
+    /// All pixels on.
     White,
-    /// All off.
+    /// All pixels off.
     Black,
-    /// A bit of the Gray code of an axis, 0 the lowest; inverted or not.
+    /// A bit of an axis' Gray code (0 is the lowest), and whether it is inverted.
     Bit(Axis, u32, bool),
-    /// A cosine along an axis, shifted by so many parts of its period.
+    /// A cosine along an axis, and the index of its phase shift.
     Wave(Axis, u32),
 }
 
-/// The sequence of patterns for a projector.
+/// The pattern sequence of a projector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sequence {
-    /// Width and height of the projector, pixels.
+    /// Width and height of the projector in pixels.
     pub size: [u32; 2],
-    /// Shifts of the waves, 3 to 64; 0: none.
+    /// Number of phase shifts of the waves, 3 to 64, or 0 for no waves.
     pub shifts: u32,
-    /// Period of the waves, pixels.
+    /// Period of the waves in pixels.
     pub period: u32,
 }
 
 impl Sequence {
-    /// Gray codes alone.
+    /// Creates a sequence of Gray codes without waves.
     ///
     /// # Errors
-    /// If the size is 0 or above 32,768.
+    /// A message if the size is 0 or above 32,768.
     pub fn gray(size: [u32; 2]) -> Result<Self, String> {
         Self::with_waves(size, 0, 16)
     }
 
-    /// With waves behind the Gray codes, which place a pixel between its neighbours.
+    /// Creates a sequence of Gray codes and waves, which give subpixel coordinates.
     ///
     /// # Errors
-    /// If the size is 0 or above 32,768, there are 1, 2 or more than 64 shifts, or the period is below 4.
+    /// A message if the size, the number of shifts or the period (4 to 1024) is out of range.
     pub fn with_waves(size: [u32; 2], shifts: u32, period: u32) -> Result<Self, String> {
         if !size.iter().all(|n| (1..=32768).contains(n)) {
             return Err(format!("a projector of {} × {} pixels is none", size[0], size[1]));
@@ -63,7 +64,7 @@ impl Sequence {
         Ok(Self { size, shifts, period })
     }
 
-    /// Bits that an axis takes.
+    /// Returns the number of Gray code bits of an axis.
     #[must_use]
     pub fn bits(&self, axis: Axis) -> u32 {
         let n = self.length(axis);
@@ -77,7 +78,7 @@ impl Sequence {
         }
     }
 
-    /// All patterns in the order in which they are shown, and in which images of them are given back.
+    /// Returns all patterns in order. Images are decoded in the same order.
     #[must_use]
     pub fn patterns(&self) -> Vec<Pattern> {
         let mut all = vec![Pattern::White, Pattern::Black];
@@ -90,7 +91,7 @@ impl Sequence {
         all
     }
 
-    /// Drive of a projector pixel, 0 to 1.
+    /// Returns the drive of a projector pixel, 0 to 1.
     #[must_use]
     pub fn drive(&self, pattern: Pattern, u: u32, v: u32) -> f64 {
         let along = |axis| if axis == Axis::Column { u } else { v };
@@ -110,7 +111,7 @@ impl Sequence {
         }
     }
 
-    /// Bytes of a pattern, row by row.
+    /// Returns the bytes of a pattern, row by row.
     #[must_use]
     pub fn bytes(&self, pattern: Pattern) -> Vec<u8> {
         let [w, h] = self.size;
