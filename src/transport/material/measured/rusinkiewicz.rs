@@ -28,7 +28,7 @@ pub struct Coordinates {
 /// both rays.
 ///
 /// Where n = h, t is any tangent (an isotropic table cannot depend on φ_d there). Where wi = wo, φ_d is 0 and
-/// s is the corresponding -b.
+/// s = -b.
 #[inline]
 #[must_use]
 pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
