@@ -1,4 +1,5 @@
-//! Polarization optics, lens distortion, and the mathematics of sampling. Reads no files and no scenes.
+//! Polarization optics, lens distortion, and the mathematics of sampling. Pure computation, without file
+//! access.
 //!
 //! `CONVENTIONS.md` defines the conventions of Stokes vectors, Mueller matrices and their frames.
 

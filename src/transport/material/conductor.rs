@@ -18,11 +18,12 @@ pub struct Conductor {
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
-    /// Factor of all that is reflected, 0..1.
+    /// Factor applied to the reflected light, 0..1.
     pub reflectance: Spectrum,
 }
 
-/// Mirror reflection at a smooth opaque surface whose Fresnel matrix is a function of the cosine of incidence.
+/// Returns mirror reflection at a smooth opaque surface. `fresnel` maps the cosine of incidence to the
+/// Fresnel matrix.
 #[inline]
 pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> FresnelBlock) -> Option<Specular> {
     let n = facing(at, wo)?;
@@ -39,7 +40,7 @@ pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> Fresn
 }
 
 impl Conductor {
-    /// The one direction there is.
+    /// Returns the mirror reflection.
     #[inline]
     #[must_use]
     pub fn specular(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<Specular> {
