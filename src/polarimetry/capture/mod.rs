@@ -1,4 +1,4 @@
-//! What a rig measures: schemes of polarizing elements, their one forward model, and detectors.
+//! The capture model: schemes of polarizing elements, their only forward model, and detectors.
 //!
 //! ```text
 //! scheme (file or constructor) -> states of generator and analyzer -> design matrix -> intensities -> detector
