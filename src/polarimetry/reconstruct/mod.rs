@@ -1,4 +1,4 @@
-//! From intensities back to Mueller matrices, and how well that can be done.
+//! Reconstruction of Mueller matrices from intensities, and its expected error.
 //!
 //! ```text
 //! intensities -> estimator (least squares, prior) -> pixels (whole images) -> Mueller matrices, standard errors
