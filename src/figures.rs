@@ -10,10 +10,8 @@ use tensor::field::Field;
 
 #[derive(Debug, thiserror::Error)]
 pub enum FiguresError {
-    /// The slice does not exist.
     #[error(transparent)]
     Slice(#[from] OpenError),
-    /// The slice cannot be read.
     #[error(transparent)]
     Read(#[from] AccessError),
     /// The slice cannot be drawn with this view, or the file cannot be written.
@@ -22,7 +20,6 @@ pub enum FiguresError {
     /// The scene of the store does not list the figure.
     #[error("the scene lists no figure `{name}`; it lists {known}; or use --view")]
     Unknown {
-        /// The requested name.
         name: String,
         /// The names in the list.
         known: String,

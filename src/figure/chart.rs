@@ -1,6 +1,6 @@
 //! An x-y chart of named series: lines, markers and error bars over linear or logarithmic axes.
 //!
-//! Series differ in color and marker, so that the chart is also readable in grayscale. Non-finite points
+//! Series differ in colour and marker, so that the chart is also readable in greyscale. Non-finite points
 //! leave gaps, and so do points at or below zero on a logarithmic axis; a note under the chart counts these.
 //! A horizontal or vertical reference line is a series of two points, a bound a dashed one in [`BLACK`].
 
@@ -31,7 +31,6 @@ pub(crate) const HEIGHT: f64 = 520.0;
 /// Number of standard errors and opacity of the bands.
 const BANDS: [(f64, f64); 2] = [(2.0, 0.11), (1.0, 0.17)];
 
-/// The contents of a chart.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
     /// Title; may be empty.
@@ -164,7 +163,6 @@ pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     Ok(())
 }
 
-/// Returns whether an axis can show a value.
 fn shows(axis: &ChartAxis, value: f64) -> bool {
     value.is_finite() && (value > 0.0 || !axis.log)
 }

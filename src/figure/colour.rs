@@ -1,15 +1,15 @@
-//! Maps values to colors: wavelengths to RGB, exposure, and color maps.
+//! Maps values to colours: wavelengths to RGB, exposure, and colour maps.
 //!
 //! Wavelength rule: each primary (660 nm red, 550 nm green, 450 nm blue) shows the mean of the wavelengths
 //! that are nearest to it. A primary without any shows the single nearest wavelength. Exactly three
 //! wavelengths are assigned by order instead (lowest blue, middle green, highest red), and a single one is
-//! gray. The weights of each primary sum to 1, so a spectrally flat image is gray.
+//! grey. The weights of each primary sum to 1, so a spectrally flat image is grey.
 
 use super::white::White;
 use base::spectral_table;
 use image::Rgb;
 
-/// Color of undefined values: not finite, or normalized by an M00 that is not positive.
+/// Colour of undefined values: not finite, or normalized by an M00 that is not positive.
 pub const UNDEFINED: Rgb<u8> = Rgb([178, 178, 178]);
 
 /// Wavelengths in nanometres shown as red, green and blue.
@@ -58,8 +58,8 @@ pub fn nearest(values: &[f64], wanted: f64) -> usize {
     spectral_table::nearest(values, wanted).unwrap_or(0)
 }
 
-/// Returns line colors that are distinct on white: by primary for several wavelengths (the second of one
-/// primary is darker), dark gray for a single one.
+/// Returns line colours that are distinct on white: by primary for several wavelengths (the second of one
+/// primary is darker), dark grey for a single one.
 #[must_use]
 pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
     const SHADES: [[[u8; 3]; 2]; 3] = [
@@ -120,7 +120,7 @@ pub fn srgb(linear: f32) -> u8 {
     (encoded * 255.0).round() as u8
 }
 
-/// Returns a linear color relative to its white level.
+/// Returns a linear colour relative to its white level.
 #[must_use]
 pub fn photo(rgb: [f32; 3], white: f32) -> Rgb<u8> {
     if rgb.iter().all(|v| v.is_finite()) {
@@ -140,7 +140,7 @@ pub fn signed(v: f32) -> Rgb<u8> {
     Rgb([c.r, c.g, c.b])
 }
 
-/// Cyclic map of an angle: all whole numbers have the same color. Its steps differ by a factor of 4 in a
+/// Cyclic map of an angle: all whole numbers have the same colour. Its steps differ by a factor of 4 in a
 /// perceptual space; those of the other cyclic map in `colorous` differ by 7.
 #[must_use]
 pub fn cyclic(v: f32) -> Rgb<u8> {

@@ -1,4 +1,4 @@
-//! Matrices of 16 numbers, such as principal components: 4×4 colored cells with their values, on one scale.
+//! Matrices of 16 numbers, such as principal components: 4×4 coloured cells with their values, on one scale.
 //!
 //! After figure 5 of Baek & Heide 2021. Rows of a map: Stokes out; columns: Stokes in.
 
@@ -10,7 +10,6 @@ use super::error::FigureError;
 use super::layout::{Bar, Panels};
 use super::text::{Align, INK, NAME, NOTE, Style, TICK, fit};
 
-/// One map of the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
     /// Name above the map.
@@ -24,8 +23,8 @@ pub struct Map {
 /// Size of a cell in pixels; the last pixel separates it from the next cell.
 const CELL: (f64, f64) = (62.0, 46.0);
 
-/// Draws maps, `columns` per row, on the common scale ± the largest magnitude; `quantity` labels the color
-/// bar. Non-finite values are gray.
+/// Draws maps, `columns` per row, on the common scale ± the largest magnitude; `quantity` labels the colour
+/// bar. Non-finite values are grey.
 ///
 /// # Errors
 /// [`FigureError::Empty`] if there is no map.
@@ -114,7 +113,7 @@ mod tests {
         }
     }
 
-    /// Cells have the colors of their values on the common scale.
+    /// Cells have the colours of their values on the common scale.
     #[test]
     fn cells_have_their_colours() {
         let mut values = [0.0; 16];

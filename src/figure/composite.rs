@@ -1,7 +1,7 @@
 //! Figures of several panels at the size of a printed column: a grid of images with headings, letters,
-//! captions, insets, arrows, color bars and scale bars.
+//! captions, insets, arrows, colour bars and scale bars.
 //!
-//! [`layout::layout`] computes all positions in millimeters, and [`draw()`] draws only from these. Images of
+//! [`layout::layout`] computes all positions in millimetres, and [`draw()`] draws only from these. Images of
 //! one figure are equally wide and one gap apart. Text is 6 to 7.5 points high at any width.
 
 mod draw;

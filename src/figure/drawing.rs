@@ -14,15 +14,11 @@ use image::{ExtendedColorType, ImageEncoder, Rgb, RgbImage};
 use super::marker::Marker;
 use super::text::{Align, CAP_PER_EM, INK, Style};
 
-/// A point in pixels.
 pub type Point = (f64, f64);
 
-/// A rectangle in pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rect {
-    /// Left edge.
     pub x: f64,
-    /// Upper edge.
     pub y: f64,
     pub w: f64,
     pub h: f64,
@@ -110,7 +106,6 @@ fn escaped(text: &str) -> String {
 }
 
 impl Drawing {
-    /// Creates a white page.
     #[must_use]
     pub(crate) fn new(width: f64, height: f64, title: &str) -> Self {
         Self {
@@ -176,7 +171,6 @@ impl Drawing {
         )
     }
 
-    /// Makes the page at least this wide.
     pub(crate) fn widen(&mut self, width: f64) {
         self.width = self.width.max(width);
     }
@@ -202,7 +196,7 @@ impl Drawing {
 
     /// Draws a line of one pixel from a point by `(dx, dy)`.
     pub(crate) fn tick(&mut self, (x, y): Point, (dx, dy): Point, colour: Rgb<u8>) {
-        // A line through the center of a pixel is sharp.
+        // A line through the centre of a pixel is sharp.
         let sharp = |v: f64, along: f64| if along == 0.0 { (v - 0.5).round() + 0.5 } else { v };
         let (x, y, dx, dy) = (n(sharp(x, dx)), n(sharp(y, dy)), n(dx), n(dy));
         let colour = hex(colour);
@@ -265,7 +259,7 @@ impl Drawing {
         self.put_text(text, &place, align, style);
     }
 
-    /// Draws a text centered on a point and rotated to read upward.
+    /// Draws a text centred on a point and rotated to read upward.
     pub(crate) fn text_up(&mut self, text: &str, (x, y): Point, style: Style) {
         let baseline = x + CAP_PER_EM * style.em / 2.0;
         let place = format!("transform=\"translate({} {}) rotate(-90)\"", n(baseline), n(y));
@@ -312,7 +306,6 @@ impl Drawing {
         self.put(format_args!("</g>"));
     }
 
-    /// Draws the frame of the data.
     pub(crate) fn frame_data(&mut self) {
         self.frame(self.data, INK);
     }

@@ -1,7 +1,7 @@
 //! Single elements of Mueller matrices by the names of the paper: `(0,1)`, `-(3,3)`, `±(0,2)`.
 //!
 //! A name with one sign shows only values of that sign, as intensity; other values are black. `±` and
-//! normalized elements use the diverging color map.
+//! normalized elements use the diverging colour map.
 
 use super::colour::{UNDEFINED, exposure, percentile, photo, rgb_weights, signed};
 use super::error::FigureError;
@@ -67,7 +67,7 @@ impl TryFrom<String> for Element {
 pub struct ElementView {
     pub slice: String,
     pub element: Element,
-    /// Wavelength to draw (nearest). `None` combines all as a color; signed values then use the middle one.
+    /// Wavelength to draw (nearest). `None` combines all as a colour; signed values then use the middle one.
     pub wavelength_nm: Option<f64>,
     /// Divide by M00, which makes the values signed.
     #[serde(default)]

@@ -14,7 +14,6 @@ pub enum FigureError {
         /// The line of a slice definition that adds the axis.
         fix: &'static str,
     },
-    /// An axis of the slice has no entries.
     #[error("slice `{slice}` holds no values: its axis `{axis}` is empty; keep at least one entry of it")]
     Empty {
         slice: String,
@@ -25,7 +24,6 @@ pub enum FigureError {
     #[error("slice `{slice}` is damaged: {found} values for axes {axes}; read or render it again")]
     Damaged {
         slice: String,
-        /// Number of values.
         found: usize,
         /// Axes and their lengths.
         axes: String,
@@ -36,12 +34,9 @@ pub enum FigureError {
         slice: String,
         /// Name of the indexed items.
         what: &'static str,
-        /// The requested index.
         index: usize,
-        /// Number of items.
         len: usize,
     },
-    /// An option of the view is invalid.
     #[error("option `{option}` of the view is {value}; it must be {must}")]
     Option {
         option: &'static str,
@@ -51,15 +46,9 @@ pub enum FigureError {
     },
     /// The file extension does not name a known format.
     #[error("{path}: pictures are written as {known}; name the file so")]
-    Extension {
-        path: String,
-        /// The known extensions.
-        known: &'static str,
-    },
-    /// The image could not be encoded.
+    Extension { path: String, known: &'static str },
     #[error("the picture could not be encoded: {0}; draw fewer or smaller panels")]
     Encode(String),
-    /// The image could not be written.
     #[error("cannot write picture {path}: {source}")]
     Write { path: String, source: std::io::Error },
 }

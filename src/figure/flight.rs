@@ -1,4 +1,4 @@
-//! Light in flight: time bins as color images of M00, on a contact sheet or as an animation.
+//! Light in flight: time bins as colour images of M00, on a contact sheet or as an animation.
 //!
 //! The frames are spread evenly over the bins between 0.1% and 99.9% of the cumulative light (positive M00,
 //! over pixels and wavelengths). All frames share one exposure: white is the 99.5th percentile of the
@@ -80,7 +80,6 @@ pub(super) struct Frames<'a> {
     pub shown: Vec<(String, Raster<3>)>,
 }
 
-/// Reads the frames.
 pub(super) fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames<'a>, FigureError> {
     if !(1..=MOST).contains(&view.frames) {
         return Err(FigureError::option("frames", view.frames, "1 to 400"));

@@ -1,4 +1,4 @@
-//! One plot on a white page: title, frame, ticks, axis labels, color bar and notes, with margins that fit
+//! One plot on a white page: title, frame, ticks, axis labels, colour bar and notes, with margins that fit
 //! them.
 
 use image::{Rgb, RgbImage};
@@ -11,7 +11,7 @@ use super::white::White;
 
 /// Unit of camera values.
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
-/// Color of grid lines in a plot.
+/// Colour of grid lines in a plot.
 pub const GRID: Rgb<u8> = Rgb([232, 232, 236]);
 /// Minimum width of a page, so that titles and notes fit.
 const PAGE_LEAST: f64 = 480.0;
@@ -20,7 +20,7 @@ const NOMINAL: f64 = 900.0;
 const LARGEST: f64 = 1.6;
 /// Margin of the page.
 const EDGE: f64 = 18.0;
-/// Number of colors in a color bar.
+/// Number of colours in a colour bar.
 const BAR_STEPS: u32 = 256;
 
 /// Returns the scale factor of text and distances for a plot of this width.
@@ -60,13 +60,13 @@ impl Axis {
     }
 }
 
-/// A color bar to the right of the plot.
+/// A colour bar to the right of the plot.
 pub struct Bar<'a> {
     /// Label with unit.
     pub label: String,
     /// Ticks; positions are from the bottom.
     pub ticks: Ticks,
-    /// Returns the color at a position 0..1 from the bottom.
+    /// Returns the colour at a position 0..1 from the bottom.
     pub colour: &'a dyn Fn(f32) -> Rgb<u8>,
 }
 
@@ -188,7 +188,7 @@ impl Page<'_> {
         let centre = page.data.centre();
         let bottom = top + h;
 
-        // Draws a text centered on the plot, but kept on the page.
+        // Draws a text centred on the plot, but kept on the page.
         let across = |page: &mut Drawing, text: &str, y: f64, style: Style| {
             let (text, style) = fit(text, style, room);
             let half = EDGE + width(&text, style) / 2.0;
@@ -230,7 +230,7 @@ impl Page<'_> {
 }
 
 impl<'a> Bar<'a> {
-    /// Creates a bar with any color map.
+    /// Creates a bar with any colour map.
     pub fn new(label: impl Into<String>, ticks: Ticks, colour: &'a dyn Fn(f32) -> Rgb<u8>) -> Self {
         let label = label.into();
         Self { label, ticks, colour }
@@ -263,7 +263,6 @@ impl<'a> Bar<'a> {
 
 /// Panels of equal size in rows, each under its name.
 pub struct Panels {
-    /// Width and height of a panel.
     pub size: (f64, f64),
     /// Space for the name above a panel.
     pub head: f64,

@@ -6,8 +6,8 @@
 //!
 //! Every image has a white background, DejaVu Sans text, axes with units and a stated scale. The tensor may
 //! have more axes than the image: Mueller element and wavelength are selected, other axes are summed.
-//! Magnitudes use a perceptually uniform color map, signed values a diverging one, angles a cyclic one
-//! ([`colour`]). Non-finite values, and normalized elements where M00 is not positive, are gray
+//! Magnitudes use a perceptually uniform colour map, signed values a diverging one, angles a cyclic one
+//! ([`colour`]). Non-finite values, and normalized elements where M00 is not positive, are grey
 //! ([`colour::UNDEFINED`]). The same input gives the same bytes.
 
 #![warn(missing_docs)]

@@ -1,7 +1,7 @@
 //! Two-dimensional maps of one camera scanline: against the projector (s–s') and against travel time (x–t).
 //!
 //! Camera columns run to the right; projector pixels and time run upward. M00 has a square-root scale, or a
-//! logarithmic one if its positive values span more than [`LOG_FROM`]; the color bar states which. Other
+//! logarithmic one if its positive values span more than [`LOG_FROM`]; the colour bar states which. Other
 //! elements are signed and divided by M00 (the quotient of sums).
 
 use image::{Rgb, RgbImage};
@@ -24,7 +24,7 @@ const LOG_FROM: f32 = 300.0;
 /// Maximum number of decades on a logarithmic scale.
 const DECADES: f32 = 4.0;
 
-/// Maps intensities to positions 0..1 on the color bar.
+/// Maps intensities to positions 0..1 on the colour bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Scale {
     Sqrt { top: f32 },
@@ -83,14 +83,14 @@ impl Scale {
         }
     }
 
-    /// Returns the color bar of M00.
+    /// Returns the colour bar of M00.
     fn bar(self, colour: &dyn Fn(f32) -> Rgb<u8>) -> Bar<'_> {
         let ticks = self.ticks();
         let label = format!("M00, {} scale [{}]", self.name(), ticks.unit(CAMERA_UNIT));
         Bar::new(label, ticks, colour)
     }
 
-    /// Returns a color whose brightness is the position of its largest channel on the scale.
+    /// Returns a colour whose brightness is the position of its largest channel on the scale.
     fn colour(self, rgb: [f32; 3]) -> Rgb<u8> {
         if !rgb.iter().all(|v| v.is_finite()) {
             return UNDEFINED;
@@ -123,7 +123,6 @@ pub(super) struct Content<'a> {
 enum Values {
     /// Red, green and blue of M00.
     Colour(Raster<3>, Scale),
-    /// M00 at one wavelength.
     Size(Raster<1>, Scale),
     /// Another element and M00.
     Signed(Raster<2>, [usize; 2]),

@@ -12,7 +12,6 @@ use super::raster::{Factor, Raster};
 use super::text::{NAME, NOTE};
 use super::ticks::{Ticks, brief};
 
-/// One map of the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
     /// Name above the map.
@@ -20,22 +19,22 @@ pub struct Map {
     /// Second line of the name, in a smaller font; may be empty.
     pub caption: String,
     pub width: usize,
-    /// Values, rows from the top, `width` columns; non-finite ones are gray.
+    /// Values, rows from the top, `width` columns; non-finite ones are grey.
     pub data: Vec<f32>,
 }
 
-/// The kind of the values, which determines the color map.
+/// The kind of the values, which determines the colour map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
     /// Positive magnitudes on a square-root scale, or on a logarithmic one if the values of all maps have a
     /// large range.
     Size,
-    /// Signed values between ± `limit`, with a diverging color map.
+    /// Signed values between ± `limit`, with a diverging colour map.
     Signed {
         /// Value at the upper end, positive.
         limit: f32,
     },
-    /// Angles with a period, such as 180 for an axis in degrees, with a cyclic color map.
+    /// Angles with a period, such as 180 for an axis in degrees, with a cyclic colour map.
     Angle {
         /// Period in the unit of the values, positive.
         period: f32,
@@ -50,11 +49,11 @@ const SIDE: (usize, usize) = (420, 640);
 /// Minimum width of a panel, for names above a narrow map.
 const LEAST: f64 = 180.0;
 
-/// The mapping from values to colors.
+/// The mapping from values to colours.
 struct Shades {
     /// The averaged quantity if there are too many pixels: a value, or the vector of an angle.
     vector: Box<dyn Fn(f32) -> [f32; 2]>,
-    /// Position on the color bar, 0 to 1.
+    /// Position on the colour bar, 0 to 1.
     place: Box<dyn Fn([f32; 2]) -> f32>,
     colour: fn(f32) -> Rgb<u8>,
     ticks: Ticks,
@@ -111,7 +110,7 @@ fn positive(option: &'static str, value: f32) -> Result<f64, FigureError> {
     Err(FigureError::option(option, value, "a finite number above zero"))
 }
 
-/// Draws maps, `columns` per row, on one common scale; `name` labels the color bar.
+/// Draws maps, `columns` per row, on one common scale; `name` labels the colour bar.
 ///
 /// # Errors
 /// - [`FigureError::Empty`] if there is no map.
@@ -181,7 +180,7 @@ mod tests {
         img.pixels().filter(|p| **p == c).count()
     }
 
-    /// All maps share one scale: only the overall maximum is bright; undefined pixels are gray.
+    /// All maps share one scale: only the overall maximum is bright; undefined pixels are grey.
     #[test]
     fn maps_share_a_scale() {
         let mut low = vec![0.25; 12];
@@ -196,8 +195,8 @@ mod tests {
         assert!(count(&img, UNDEFINED) * 12 >= area * 9 / 10);
     }
 
-    /// Angles that differ by a period have the same color, and half a period gives another; signs have
-    /// different colors.
+    /// Angles that differ by a period have the same colour, and half a period gives another; signs have
+    /// different colours.
     #[test]
     fn angles_close_and_signs_part() {
         let angles = [10.0, 190.0, -170.0, 370.0].repeat(3);

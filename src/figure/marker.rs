@@ -1,11 +1,11 @@
-//! Markers of data points, and the colors of series.
+//! Markers of data points, and the colours of series.
 
 use image::Rgb;
 
 /// Index of black in the palette, for bounds and reference lines.
 pub const BLACK: usize = 6;
 
-/// The color-blind-safe palette of Okabe and Ito, without the yellow that is too pale on white.
+/// The colour-blind-safe palette of Okabe and Ito, without the yellow that is too pale on white.
 const PALETTE: [[u8; 3]; 7] = [
     [0, 114, 178],
     [213, 94, 0],
@@ -29,21 +29,20 @@ const OUTLINES: [&str; 8] = [
     "M-.26-1.15H.26V-.26H1.15V.26H.26V1.15H-.26V.26H-1.15V-.26H-.26Z",
 ];
 
-/// Number of distinct combinations of color and marker.
+/// Number of distinct combinations of colour and marker.
 pub const DISTINCT: usize = PALETTE.len() * OUTLINES.len();
 
-/// Returns a color of the palette, which repeats.
+/// Returns a colour of the palette, which repeats.
 #[must_use]
 pub fn palette(index: usize) -> Rgb<u8> {
     Rgb(PALETTE[index % PALETTE.len()])
 }
 
-/// Shape of a data point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Marker(usize);
 
 impl Marker {
-    /// Returns the marker for an index. The numbers of markers and colors have no common factor, so their
+    /// Returns the marker for an index. The numbers of markers and colours have no common factor, so their
     /// pair repeats only after [`DISTINCT`].
     #[must_use]
     pub fn of(index: usize) -> Self {

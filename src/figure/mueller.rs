@@ -1,7 +1,7 @@
 //! The sixteen Mueller elements at one wavelength as a 4×4 grid: rows Stokes out, columns Stokes in.
 //!
 //! If normalized, M00 is shown as intensity and every other element is divided by it; elements are undefined
-//! (gray) where M00 is not positive. Otherwise all sixteen share the signed scale.
+//! (grey) where M00 is not positive. Otherwise all sixteen share the signed scale.
 
 use image::Rgb;
 
@@ -18,7 +18,7 @@ use super::white::White;
 use crate::spec::MuellerView;
 use tensor::axes::AxisKind;
 
-/// Color of lines around panels.
+/// Colour of lines around panels.
 const EDGES: Rgb<u8> = Rgb([120, 120, 124]);
 
 /// Returns the sixteen panels of a grid with panels of this size, `gap` apart.
@@ -44,7 +44,6 @@ pub(super) struct Grid<'a> {
     pub limit: White,
 }
 
-/// Reads the grid.
 pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let xs = source.need(AxisKind::X)?;
@@ -80,7 +79,7 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
     })
 }
 
-/// Returns the color bar of a grid.
+/// Returns the colour bar of a grid.
 pub(super) fn bar(normalized: bool, limit: f32) -> Bar<'static> {
     Bar::signed(limit.into(), |ticks| {
         if normalized {
@@ -91,7 +90,6 @@ pub(super) fn bar(normalized: bool, limit: f32) -> Bar<'static> {
     })
 }
 
-/// Draws the grid.
 pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     let Grid {
         source,
@@ -132,7 +130,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
     Ok(page)
 }
 
-/// Returns the color of element `i` of a matrix; if normalized, M00 is an intensity.
+/// Returns the colour of element `i` of a matrix; if normalized, M00 is an intensity.
 #[must_use]
 pub fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) -> Rgb<u8> {
     match (normalized, i) {

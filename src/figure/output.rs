@@ -23,7 +23,7 @@ use super::text::font;
 const PER_INCH: f32 = 144.0;
 /// Duration of an animation frame, milliseconds.
 const FRAME_MS: u16 = 150;
-/// The speed of color quantization to 256 colors per frame, from 1 (best) to 30.
+/// The speed of colour quantization to 256 colours per frame, from 1 (best) to 30.
 const GIF_SPEED: i32 = 10;
 
 /// Formats of a still image.
@@ -81,8 +81,8 @@ pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
     write(path, &bytes)
 }
 
-/// Writes drawings of equal size atomically as an endless animation. `.apng` has full color, `.gif` at most
-/// 256 colors per frame. Creates missing folders.
+/// Writes drawings of equal size atomically as an endless animation. `.apng` has full colour, `.gif` at most
+/// 256 colours per frame. Creates missing folders.
 ///
 /// # Errors
 /// [`FigureError::Extension`], [`FigureError::Encode`] if there is no frame or one is too large,
@@ -218,7 +218,7 @@ fn in_order(pdf: &[u8]) -> Vec<u8> {
     lines.concat()
 }
 
-/// Paints the embedded images below everything else: every page pixel shows the image pixel under its center.
+/// Paints the embedded images below everything else: every page pixel shows the image pixel under its centre.
 /// Resvg's own image support is not used, because it includes decoders of three formats that no drawing
 /// contains.
 fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {

@@ -1,4 +1,4 @@
-//! Color photograph of M00: all axes except camera pixels and wavelengths are summed.
+//! Colour photograph of M00: all axes except camera pixels and wavelengths are summed.
 
 use super::colour::{exposure, photo, rgb_weights};
 use super::drawing::Drawing;
@@ -22,7 +22,6 @@ pub(super) struct Photo<'a> {
     pub white: White,
 }
 
-/// Reads the photograph.
 pub(super) fn read<'a>(view: &'a PhotoView, source: Source<'a>) -> Result<Photo<'a>, FigureError> {
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::Wavelength];
@@ -53,7 +52,6 @@ pub(super) fn white(
     }
 }
 
-/// Draws the photograph.
 pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let Photo {

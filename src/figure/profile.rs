@@ -77,7 +77,7 @@ pub(super) fn range(series: &[Series]) -> (f64, f64) {
 }
 
 /// Returns whether a pixel is at most half a spacing (at least one pixel) outside the kept pixels. A single
-/// kept pixel accepts any position, because it may stand for its neighbors.
+/// kept pixel accepts any position, because it may stand for its neighbours.
 fn is_inside(kept: &[f64], pixel: f64) -> bool {
     let (Some(first), Some(last)) = (kept.first(), kept.last()) else {
         return true;
@@ -112,7 +112,6 @@ fn picks(
     Ok([(AxisKind::X, x), (AxisKind::Y, y), out, inn])
 }
 
-/// Draws the profile.
 pub fn draw(view: &ProfileView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     Ok(draw_with_scales(view, title, panel)?.0)
 }
@@ -174,7 +173,7 @@ pub(crate) fn chart(
     })
 }
 
-/// Returns the line colors of the wavelengths.
+/// Returns the line colours of the wavelengths.
 pub(crate) fn colours(source: Source) -> Vec<Rgb<u8>> {
     let nm = source.wavelengths();
     line_colours(if nm.is_empty() { &[550.0] } else { nm })

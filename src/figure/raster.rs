@@ -1,4 +1,4 @@
-//! Images of values before they have colors, and their scaling by whole factors.
+//! Images of values before they have colours, and their scaling by whole factors.
 
 use image::{Rgb, RgbImage};
 

@@ -24,7 +24,6 @@ pub struct Reduced {
 }
 
 impl<'a> Source<'a> {
-    /// Checks a tensor.
     pub fn new(slice: &'a str, tensor: &'a Tensor) -> Result<Self, FigureError> {
         if let Some(axis) = tensor.axes.iter().find(|a| a.coords.is_empty()) {
             return Err(FigureError::nothing(slice, axis.kind.name()));
@@ -109,7 +108,6 @@ impl<'a> Source<'a> {
         Ok([(AxisKind::StokesOut, out), (AxisKind::StokesIn, inn)])
     }
 
-    /// Checks that an index exists.
     pub fn index(&self, what: &'static str, index: usize, len: usize) -> Result<usize, FigureError> {
         if index < len {
             return Ok(index);

@@ -8,7 +8,6 @@ use super::mueller;
 use super::raster::{Factor, Raster};
 use super::text::NAME;
 
-/// One grid of the sheet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     /// Name above the grid.
@@ -78,7 +77,7 @@ mod tests {
         }
     }
 
-    /// The image contains the colors of every element and no colors of other values.
+    /// The image contains the colours of every element and no colours of other values.
     #[test]
     fn elements_are_painted() {
         let mut m = [0.0; 16];

@@ -43,7 +43,7 @@ pub fn describe_in(scene: &mut Schema) {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum View {
-    /// Color photograph of M00 (time, bounces and components summed).
+    /// Colour photograph of M00 (time, bounces and components summed).
     Photo(PhotoView),
     /// 4×4 grid of signed images of the Mueller elements at one wavelength.
     Mueller(MuellerView),
@@ -93,7 +93,7 @@ pub struct MuellerView {
     /// percentile).
     #[serde(default = "yes")]
     pub normalized: bool,
-    /// Value at the ends of the symmetric color scale; default: 1 if normalized, otherwise the 99th
+    /// Value at the ends of the symmetric colour scale; default: 1 if normalized, otherwise the 99th
     /// percentile of |M|.
     pub limit: Option<f32>,
 }
@@ -104,7 +104,7 @@ pub struct MuellerView {
 pub struct MapView {
     /// Slice to draw.
     pub slice: String,
-    /// Wavelength to draw (nearest); default: color from all wavelengths for M00, the middle one for other
+    /// Wavelength to draw (nearest); default: colour from all wavelengths for M00, the middle one for other
     /// elements.
     pub wavelength_nm: Option<f64>,
     /// Index into the slice's camera rows (0: its first row); drawn along x.

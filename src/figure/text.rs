@@ -18,11 +18,8 @@ pub fn font() -> &'static [u8] {
 /// Position of a text relative to its point, along the direction of writing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Align {
-    /// The text begins at the point.
     Start,
-    /// The text is centered on the point.
     Middle,
-    /// The text ends at the point.
     End,
 }
 
@@ -46,7 +43,7 @@ impl Style {
     }
 }
 
-/// Color of text and frames.
+/// Colour of text and frames.
 pub const INK: Rgb<u8> = Rgb([30, 30, 34]);
 pub const TITLE: Style = Style::new(21.0, INK);
 pub const LABEL: Style = Style::new(17.0, INK);

@@ -1,4 +1,4 @@
-//! Ticks at round numbers for axes and color bars.
+//! Ticks at round numbers for axes and colour bars.
 
 use super::reduce::ruler;
 use super::text::{TICK, width};

@@ -1,4 +1,4 @@
-//! The contents of one panel of a composite, before scaling: images or a chart, with axes and a color bar.
+//! The contents of one panel of a composite, before scaling: images or a chart, with axes and a colour bar.
 //!
 //! Images have one pixel per value, so that the composite determines their size.
 
@@ -17,7 +17,7 @@ use super::white::White;
 use super::{flight, map, mueller, profile};
 use crate::spec::{FlightView, MuellerView, PhotoView, ProfileView, View};
 
-/// Number of colors of a bar.
+/// Number of colours of a bar.
 const STEPS: u32 = 256;
 
 /// The contents of a panel.
@@ -44,7 +44,7 @@ pub(crate) struct Scaled {
     pub coords: Vec<f64>,
 }
 
-/// A color bar.
+/// A colour bar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ramp {
     pub(crate) label: String,
@@ -59,7 +59,7 @@ pub(crate) struct Lines {
     pub x: Ruled,
     pub y: Ruled,
     pub series: Vec<Series>,
-    /// Color palette of the series, at least one color.
+    /// Colour palette of the series, at least one colour.
     pub palette: Vec<Rgb<u8>>,
     /// Whether the names of series are listed under the axis.
     pub legend: bool,
@@ -102,13 +102,13 @@ impl Lines {
         self.y.marks(UPWARD).0
     }
 
-    /// Returns the color of a series by index.
+    /// Returns the colour of a series by index.
     pub fn colour(&self, i: usize) -> Rgb<u8> {
         self.palette[i % self.palette.len().max(1)]
     }
 }
 
-/// The kind of a map's values, which determines the color map.
+/// The kind of a map's values, which determines the colour map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scale {
     /// Values between two ends.
@@ -118,7 +118,6 @@ pub enum Scale {
         /// Value at the bright end.
         high: f32,
     },
-    /// Signed values.
     Signed {
         /// Value at the upper end.
         limit: f32,
@@ -142,7 +141,6 @@ impl Ramp {
 }
 
 impl Tile {
-    /// Creates a tile from one image.
     #[must_use]
     pub fn image(image: RgbImage) -> Self {
         Self::images(vec![(image, String::new())], 1)
@@ -172,7 +170,7 @@ impl Tile {
         self
     }
 
-    /// Removes the color bar, for a panel whose neighbor has the same one.
+    /// Removes the colour bar, for a panel whose neighbour has the same one.
     #[must_use]
     pub fn without_bar(mut self) -> Self {
         self.bar = None;
@@ -297,8 +295,8 @@ fn lines(chart: &Chart, palette: Vec<Rgb<u8>>, legend: bool) -> Result<Tile, Fig
     Ok(tile)
 }
 
-/// Returns a map of one value per pixel, `width` columns, rows from the top; `name` labels its color bar.
-/// Non-finite values are gray.
+/// Returns a map of one value per pixel, `width` columns, rows from the top; `name` labels its colour bar.
+/// Non-finite values are grey.
 ///
 /// # Errors
 /// [`FigureError::Damaged`] if the values do not fill the rows; [`FigureError::Option`] if the ends of the
@@ -361,7 +359,7 @@ fn labelled(name: &str, ticks: &Ticks) -> String {
     }
 }
 
-/// Returns an image of linear colors, red, green and blue per pixel; `white` is shown as white.
+/// Returns an image of linear colours, red, green and blue per pixel; `white` is shown as white.
 ///
 /// # Errors
 /// [`FigureError::Damaged`] if the values do not fill the rows; [`FigureError::Option`] if white is not a

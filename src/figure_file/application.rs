@@ -23,7 +23,6 @@ use crate::studio::Studio;
 /// Images whose method has this prefix are ground truth, which no list of methods includes.
 const TRUTH: &str = "truth";
 
-/// The applications of a figure.
 pub struct Applications<'a> {
     source: &'a Source,
     settings: &'a Settings,

@@ -10,9 +10,7 @@ pub enum Value {
 /// An error in a caption, and its fix.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CaptionError {
-    /// Description of the error.
     pub message: String,
-    /// How to fix it.
     pub help: String,
 }
 

@@ -81,7 +81,6 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &dyn Application) -> 
     }
 }
 
-/// Returns the metric of a view.
 fn metric(view: &CurvesFile, application: &dyn Application) -> Result<Metric, Fault> {
     let all = application.metrics();
     let found = match &view.metric {
@@ -139,7 +138,7 @@ pub fn tile(
     let mut axis = curves::axis(links);
     axis.named.retain(|(v, _)| v.is_finite());
     let mut chart = curves::chart("", metric, axis, &curves::named(points, links));
-    // The index in the list determines a method's color, for scores and for differences.
+    // The index in the list determines a method's colour, for scores and for differences.
     let listed: Vec<&str> = match &view.methods[..] {
         [] => application.methods().iter().map(|m| m.name).collect(),
         some => some.iter().map(String::as_str).collect(),
@@ -187,7 +186,7 @@ pub fn tile(
     Ok((tile, values))
 }
 
-/// Skips the color of reference lines.
+/// Skips the colour of reference lines.
 fn skipping_black(i: usize) -> usize {
     i + i / BLACK
 }

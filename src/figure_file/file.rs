@@ -16,12 +16,9 @@ pub struct FigureFile {
     /// `single` (84 mm), `double` (178 mm), or millimetres such as `120 mm`.
     #[serde(default = "double")]
     pub width: Located<String>,
-    /// Columns of the grid.
     pub columns: Located<usize>,
-    /// Headings above the columns.
     #[serde(default)]
     pub column_headings: Vec<String>,
-    /// Headings beside the rows.
     #[serde(default)]
     pub row_headings: Vec<String>,
     /// Letters (a), (b), … before captions.
@@ -37,17 +34,14 @@ pub struct FigureFile {
     pub panels: Vec<Located<PanelFile>>,
 }
 
-/// A scene to render.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneEntry {
     /// Scene file, relative to the folder of the figure file.
     pub file: Located<String>,
-    /// Variant of the scene.
     pub variant: Option<u64>,
     #[serde(default = "one")]
     pub seed: u64,
-    /// Size of a preview render.
     pub preview: SizeFile,
     /// Size of a render for print.
     pub full: SizeFile,
@@ -62,7 +56,6 @@ pub struct SizeFile {
     pub spp: Located<u32>,
 }
 
-/// Settings of an application.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ApplicationEntry {
@@ -73,7 +66,6 @@ pub struct ApplicationEntry {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PanelFile {
-    /// The viewed scene.
     pub scene: Option<Located<String>>,
     /// The view; without one the place stays empty.
     pub view: Option<Located<ViewFile>>,
@@ -84,7 +76,6 @@ pub struct PanelFile {
     pub span: Option<Located<usize>>,
     /// Ratio of height to width of a map or a profile.
     pub aspect: Option<Located<f64>>,
-    /// Draw the color bar.
     #[serde(default = "yes")]
     pub colour_bar: bool,
     /// Magnified crops.
@@ -100,7 +91,7 @@ pub struct PanelFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ViewFile {
-    /// Color photograph of M00.
+    /// Colour photograph of M00.
     Photo(PhotoView),
     /// The sixteen elements.
     Mueller(MuellerView),
@@ -134,14 +125,13 @@ pub struct DecompositionFile {
     pub quantity: QuantityFile,
     /// Wavelength (nearest); default: the middle one.
     pub wavelength_nm: Option<f64>,
-    /// Ends of the color scale; default: 0 to 1, or 0 to 180 degrees.
+    /// Ends of the colour scale; default: 0 to 1, or 0 to 180 degrees.
     pub limits: Option<[f32; 2]>,
-    /// Gray where M00 is below this fraction of its 99th percentile, because there is too little light.
+    /// Grey where M00 is below this fraction of its 99th percentile, because there is too little light.
     #[serde(default)]
     pub least: f32,
 }
 
-/// A quantity of a decomposition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum QuantityFile {
@@ -162,7 +152,7 @@ pub struct LayerFile {
     /// Use the layer behind smooth interfaces.
     #[serde(default)]
     pub through: bool,
-    /// Ends of the color scale; default: the range of the values.
+    /// Ends of the colour scale; default: the range of the values.
     pub limits: Option<[f32; 2]>,
 }
 
@@ -178,11 +168,11 @@ pub struct ApplyFile {
     pub method: String,
     /// Variant of the image; default: the images of the learned quantities.
     pub variant: Option<u64>,
-    /// A single channel, from 0; default: a color of three channels, or the only one.
+    /// A single channel, from 0; default: a colour of three channels, or the only one.
     pub channel: Option<usize>,
-    /// Ends of the color scale of values, or black (0) and white of colors; default: the range of the values.
+    /// Ends of the colour scale of values, or black (0) and white of colours; default: the values' range.
     pub limits: Option<[f32; 2]>,
-    /// Label of the color bar.
+    /// Label of the colour bar.
     #[serde(default)]
     pub label: String,
 }
@@ -222,12 +212,11 @@ pub struct CurvesFile {
 pub struct InsetFile {
     /// `[x, y, width, height]` as fractions of the image.
     pub crop: [f64; 4],
-    /// Magnification.
     pub magnify: f64,
     /// `upper left`, `upper right`, `lower left` or `lower right`.
     #[serde(default = "lower_right")]
     pub at: String,
-    /// Color of the frames.
+    /// Colour of the frames.
     #[serde(default = "orange")]
     pub colour: String,
 }
@@ -247,7 +236,6 @@ pub struct ArrowFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScaleBarFile {
-    /// Length, millimetres.
     pub length_mm: f64,
     /// Point whose depth is used, as fractions of the image from the upper left.
     #[serde(default = "middle")]

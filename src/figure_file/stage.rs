@@ -15,7 +15,6 @@ use crate::studio::{Studio, StudioError};
 /// Folders and settings of a run.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Folder of renders.
     pub renders: PathBuf,
     /// Folder of the applications' scenes; default: `scenes` in a parent folder of the figure file or of the
     /// current folder.
@@ -35,16 +34,12 @@ pub enum FigureFileError {
     /// A scene is invalid, or its render stopped.
     #[error(transparent)]
     Studio(#[from] StudioError),
-    /// An application failed.
     #[error(transparent)]
     Application(#[from] ApplicationError),
-    /// A slice does not exist.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// A slice cannot be read.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// The figure cannot be drawn.
     #[error(transparent)]
     Figure(#[from] FigureError),
 }
@@ -55,7 +50,6 @@ pub struct Stage<'a> {
     pub number: Option<u64>,
     pub seed: u64,
     pub size: Size,
-    /// Slices that panels show.
     pub slices: Vec<String>,
     pub scene: Scene,
     pub store: Option<TensorStore>,

@@ -83,7 +83,6 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
     }
 }
 
-/// Returns the names of layers.
 fn names<'a>(scene: &Scene, room: &'a mut Vec<&'static str>) -> &'a [&'static str] {
     let options = layers::Options {
         side: 1,
@@ -213,7 +212,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
             let high = if high > low { high } else { low + 1.0 };
             tile::of_values(&name, width, all, Scale::Linear { low, high })
         }
-        // The usual colors of normals: (1 + n) / 2 in 0 to 1.
+        // The usual colours of normals: (1 + n) / 2 in 0 to 1.
         (LayerValues::Real(all), Parts::Vector) if layer.name.contains("normal") => {
             let colours = all
                 .chunks_exact(3)

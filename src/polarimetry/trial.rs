@@ -45,7 +45,6 @@ pub enum TrialError {
     Rank(#[from] RankError),
 }
 
-/// Settings of a trial.
 #[derive(Clone, Copy, Debug)]
 pub struct Trial<'a> {
     /// The ground truth.
@@ -67,7 +66,6 @@ pub enum EstimateKind {
     LeastSquares,
     /// With the second moment of a prior.
     Prior,
-    /// The minimum-norm solution.
     MinimumNorm,
 }
 
@@ -83,11 +81,9 @@ impl EstimateKind {
     }
 }
 
-/// The result of a scheme.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SchemeResult {
     pub name: String,
-    /// Number of captures.
     pub captures: usize,
     /// Rank of the design matrix, the smallest of all wavelengths.
     pub rank: usize,

@@ -37,18 +37,16 @@ pub struct Series {
     /// finite and positive have no bar.
     pub errors: Option<Vec<f64>>,
     pub style: SeriesStyle,
-    /// Index of the color in the color-blind-safe palette (`BLACK` is 6), and of the marker.
+    /// Index of the colour in the colour-blind-safe palette (`BLACK` is 6), and of the marker.
     pub colour: usize,
 }
 
-/// The style of a series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SeriesStyle {
     /// A line through the points.
     Line,
     /// A marker at every point.
     Markers,
-    /// A line and markers.
     #[default]
     LineMarkers,
     /// A dashed line through the points.

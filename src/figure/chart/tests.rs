@@ -41,7 +41,7 @@ fn seen(chart: &Chart) -> (RgbImage, Scales) {
     (drawing.pixels().unwrap(), scales)
 }
 
-/// Returns the colors of the pixels at data points.
+/// Returns the colours of the pixels at data points.
 fn colours(chart: &Chart, points: &[(f64, f64)]) -> Vec<Rgb<u8>> {
     let (img, scales) = seen(chart);
     let pixel = |&p| {

@@ -75,7 +75,7 @@ fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     if crowded { 2.0 * PER_INCH } else { PER_INCH }
 }
 
-/// Returns an image with at most as many pixels as its rectangle, averaging colors. Only maps exceed this.
+/// Returns an image with at most as many pixels as its rectangle, averaging colours. Only maps exceed this.
 fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
     let [w, h] = [place.w, place.h].map(|v| v as u32);
     if image.width() <= w && image.height() <= h {

@@ -1,8 +1,8 @@
-//! The layout of a composite, in millimeters from its upper left corner.
+//! The layout of a composite, in millimetres from its upper left corner.
 //!
 //! All images have the same width p; an image that spans k columns also covers the space between them: p = (W
 //! - 2 edge - row headings - Σ space beside the columns - (n - 1) gap) / n. The space beside a column fits
-//! the widest axis at its left and the widest color bar at its right. The space above and below a row is
+//! the widest axis at its left and the widest colour bar at its right. The space above and below a row is
 //! computed in the same way.
 
 use super::parts::{Composite, Inset, Part, letter};
@@ -12,13 +12,12 @@ use crate::text::{INK, Style, width, wrap};
 use crate::ticks::Ticks;
 use crate::tile::{Lines, Scaled, Tile};
 
-/// Millimeters per point.
+/// Millimetres per point.
 const POINT: f64 = 25.4 / 72.0;
 /// Margin of the figure.
 pub const EDGE: f64 = 1.2;
 /// Between columns.
 pub const GAP: f64 = 2.4;
-/// Between rows.
 pub const ROW_GAP: f64 = 2.2;
 /// Between images of one panel.
 pub const CELL_GAP: f64 = 0.4;
@@ -34,7 +33,7 @@ pub const NAME: f64 = 6.5 * POINT;
 pub const MARK: f64 = 0.7;
 /// Space between adjacent items.
 pub const SPACE: f64 = 0.6;
-/// Width of a color bar.
+/// Width of a colour bar.
 pub const BAR: f64 = 1.6;
 /// Line spacing of text, in em.
 pub const LINE: f64 = 1.28;
@@ -43,7 +42,7 @@ const NOMINAL: f64 = 30.0;
 /// Length of a series' sample in a legend, and space between entries.
 pub const SAMPLE: f64 = 5.0;
 const APART: f64 = 2.6;
-/// Maximum height of a color bar.
+/// Maximum height of a colour bar.
 const HIGHEST_BAR: f64 = 60.0;
 
 /// Space under an image for an axis.
@@ -52,7 +51,6 @@ const UNDER: f64 = MARK + SPACE + TICK + SPACE + NAME;
 /// A panel with its rectangles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
-    /// Index of the part.
     pub part: usize,
     /// Rectangle of the image or the plot.
     pub picture: Rect,

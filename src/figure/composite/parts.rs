@@ -7,7 +7,6 @@ use crate::tile::Tile;
 pub const COLUMN_MM: [f64; 2] = [84.0, 178.0];
 /// Minimum and maximum width of a figure, millimetres.
 pub const WIDTHS_MM: [f64; 2] = [30.0, 400.0];
-/// Maximum number of columns.
 pub const MOST_COLUMNS: usize = 16;
 /// Maximum number of panels: letters (a) to (z), then (aa).
 pub const MOST_PANELS: usize = 200;
@@ -16,11 +15,8 @@ pub const MOST_PANELS: usize = 200;
 pub struct Composite {
     /// Title of the document, which is not drawn.
     pub title: String,
-    /// Width, millimetres.
     pub width_mm: f64,
-    /// Columns of the grid.
     pub columns: usize,
-    /// Headings above the columns.
     pub column_headings: Vec<String>,
     /// Headings beside the rows, which read upward.
     pub row_headings: Vec<String>,
@@ -49,19 +45,15 @@ pub struct Part {
 pub struct Inset {
     /// Left and upper edge, width and height as fractions of the image.
     pub crop: [f64; 4],
-    /// Magnification.
     pub magnify: f64,
     pub corner: Corner,
-    /// Color of both frames.
+    /// Colour of both frames.
     pub ink: Ink,
 }
 
-/// A corner of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Corner {
-    /// On the right side.
     pub right: bool,
-    /// On the lower side.
     pub lower: bool,
 }
 
@@ -82,11 +74,10 @@ pub struct ScaleBar {
     pub label: String,
 }
 
-/// Colors of frames and arrows: the color-blind-safe palette of Okabe and Ito.
+/// Colours of frames and arrows: the colour-blind-safe palette of Okabe and Ito.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ink(pub(crate) [u8; 3]);
 
-/// Named inks.
 const INKS: [(&str, [u8; 3]); 9] = [
     ("orange", [230, 159, 0]),
     ("sky", [86, 180, 233]),
@@ -100,13 +91,11 @@ const INKS: [(&str, [u8; 3]); 9] = [
 ];
 
 impl Ink {
-    /// Returns the ink with this name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         INKS.iter().find(|(n, _)| *n == name).map(|(_, c)| Self(*c))
     }
 
-    /// Returns the names of all inks.
     #[must_use]
     pub fn names() -> [&'static str; 9] {
         INKS.map(|(name, _)| name)

@@ -72,7 +72,7 @@ fn curves(legend: bool) -> Tile {
     of_chart(&chart, legend).expect("a chart")
 }
 
-/// The legend is under the axis, each name next to its line's color. Markers are at logarithmic positions.
+/// The legend is under the axis, each name next to its line's colour. Markers are at logarithmic positions.
 #[test]
 fn charts_have_their_places_and_their_legend() {
     let with = layout(&figure(1, vec![Some(part(curves(true)))])).expect("places");
@@ -124,7 +124,7 @@ fn places_are_in_closed_form() {
     assert!(near(places.width, 84.0) && near(places.height, 2.0 * row - ROW_GAP + 2.0 * EDGE));
 }
 
-/// A color bar narrows all images equally, headings take space at the edges, and a span covers the gap
+/// A colour bar narrows all images equally, headings take space at the edges, and a span covers the gap
 /// between columns.
 #[test]
 fn bars_headings_and_spans_have_their_room() {
@@ -237,7 +237,7 @@ fn insets_show_the_pixels_of_their_crop() {
     assert_eq!(at(&img, first, scale), Rgb([1, 1, 200]));
 }
 
-/// The tip of an arrow is at its target; its color is behind the tip and not before it.
+/// The tip of an arrow is at its target; its colour is behind the tip and not before it.
 #[test]
 fn arrows_point_where_they_should() {
     for to in [[0.5, 0.5], [0.25, 0.75], [0.9, 0.1]] {

@@ -127,7 +127,7 @@ fn bright_bin_of_a_space_time_map_is_in_its_place() {
     for (x, y) in [(2.5, 0.45), (4.5, 0.45), (3.5, 0.35), (3.5, 0.55)] {
         assert_eq!(colour(&img, r, x / 8.0, y), crate::colour::sequential(0.0).0);
     }
-    // In color, no light at 450 nm gives yellow.
+    // In colour, no light at 450 nm gives yellow.
     let (img, r) = place(1, None);
     assert_eq!(colour(&img, r, 3.5 / 8.0, 0.45), [255, 255, 0]);
     let (img, r) = place(0, None);

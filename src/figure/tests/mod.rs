@@ -156,7 +156,7 @@ fn seen(view: &View, panel: &Panel) -> (RgbImage, Rect) {
     (drawing.pixels().unwrap(), drawing.data)
 }
 
-/// Returns the color at a position (0..1 across and down) of a rectangle.
+/// Returns the colour at a position (0..1 across and down) of a rectangle.
 fn colour(img: &RgbImage, r: Rect, across: f64, down: f64) -> [u8; 3] {
     img.get_pixel((r.x + across * r.w) as u32, (r.y + down * r.h) as u32)
         .0

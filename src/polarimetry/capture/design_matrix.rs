@@ -15,7 +15,6 @@ pub const ELEMENTS: usize = 16;
 /// Singular values below this fraction of the largest are rounding errors.
 pub const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Error: the captures do not determine a Mueller matrix.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error(
     "scheme `{name}` has rank {rank} of 16: its {captures} captures do not determine a Mueller matrix; {}",
@@ -25,7 +24,6 @@ pub struct RankError {
     pub name: String,
     /// Rank of the design matrix.
     pub rank: usize,
-    /// Number of captures.
     pub captures: usize,
     /// The smallest number of captures that suffices with this sensor.
     pub least: usize,

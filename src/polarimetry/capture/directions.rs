@@ -27,7 +27,7 @@ impl Directions {
         }
     }
 
-    /// Returns the ray through the center of a pixel in an image of `size` columns and rows. Azimuths are
+    /// Returns the ray through the centre of a pixel in an image of `size` columns and rows. Azimuths are
     /// counter-clockwise looking toward the source, from the frame's x axis, which points to the right of the
     /// image. Rows count from the top, that is, downward.
     #[must_use]
@@ -67,7 +67,7 @@ mod tests {
     fn a_pinholes_corners_look_where_they_should() {
         let view = Directions::pinhole(90_f64.to_radians(), 4, 2);
         let ray = view.ray(3, 0, [4, 2], 550.0);
-        // The center of the upper right pixel is at (0.75, 0.25) at distance one.
+        // The centre of the upper right pixel is at (0.75, 0.25) at distance one.
         assert!((ray.incidence.tan() - 0.75_f64.hypot(0.25)).abs() < 1e-12);
         assert!((ray.azimuth - 0.25_f64.atan2(0.75)).abs() < 1e-12);
         let [x, y] = ray.direction();

@@ -11,7 +11,6 @@ use nalgebra::{Matrix4, Vector4};
 pub type Mueller = Matrix4<f64>;
 pub type Stokes = Vector4<f64>;
 
-/// The type of an element.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ElementKind {
     /// A linear polarizer; its angle is the angle of the light that it transmits.
@@ -166,7 +165,6 @@ pub enum Quantity {
 }
 
 impl Element {
-    /// Returns an ideal linear polarizer.
     #[must_use]
     pub fn polarizer(name: &str, angle: Setting) -> Self {
         Self::ideal(
@@ -178,7 +176,6 @@ impl Element {
         )
     }
 
-    /// Returns an ideal retarder.
     #[must_use]
     pub fn retarder(name: &str, angle: Setting, retardance: Setting) -> Self {
         let kind = ElementKind::Retarder {
@@ -200,7 +197,6 @@ impl Element {
         }
     }
 
-    /// Returns the settings at a capture.
     #[must_use]
     pub fn set_at(&self, k: usize) -> Set {
         let retardance = match &self.kind {

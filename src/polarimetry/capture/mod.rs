@@ -1,7 +1,7 @@
 //! The capture model: schemes of polarizing elements, their only forward model, and detectors.
 //!
 //! ```text
-//! scheme (file or constructor) -> states of generator and analyzer -> design matrix -> intensities -> detector
+//! scheme (file or code) -> generator and analyzer states -> design matrix -> intensities -> detector
 //! ```
 
 pub mod bench;

@@ -19,7 +19,6 @@ pub const DEFAULT_NM: f64 = 550.0;
 
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageError {
-    /// A wavelength is not positive and finite.
     #[error("{0}; give nanometres, as in 450,550,660")]
     Wavelength(f64),
     /// The last axis does not match the wavelengths.
@@ -37,7 +36,6 @@ pub enum ImageError {
          is summed over it"
     )]
     Parts(&'static str),
-    /// An axis has no entries.
     #[error("there are no matrices; keep at least one of each axis")]
     Empty,
     /// The number of elements does not match the shape.

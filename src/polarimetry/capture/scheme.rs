@@ -66,10 +66,8 @@ pub enum SchemeError {
         /// Number of the other element's settings.
         want: usize,
     },
-    /// The scheme has no capture.
     #[error("a scheme has at least one capture; give settings for it")]
     Empty,
-    /// A setting is not finite.
     #[error("the setting of `{name}` at capture {capture} is not a finite number; fix it")]
     NotFinite {
         name: String,
@@ -78,7 +76,6 @@ pub enum SchemeError {
     },
 }
 
-/// Side of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// Before the scene.
@@ -225,7 +222,6 @@ impl Scheme {
             .collect()
     }
 
-    /// Returns the element that a motor drives.
     #[must_use]
     pub fn element(&self, motor: Motor) -> &Element {
         match motor.side {

@@ -3,7 +3,7 @@
 //! ```toml
 //! name = "L-QRPR 16"
 //! sensor = { kind = "intensity" }             # or "polarizer_array", with extinction and axis_offsets_deg
-//! [[generator]]                               # in the order in which light meets them
+//! [[generator]]                               # in the order in which light passes them
 //! name = "polarizer_1"
 //! kind = "polarizer"
 //! angle_deg = [0.0, 12.5, …]                  # one number for all captures, or one for each

@@ -69,7 +69,6 @@ pub struct Captured {
     /// Variances of a camera's readings, infinite where saturated. `None` for a diode, because bins without
     /// counts would have variance 0.
     pub variances: Option<Vec<f32>>,
-    /// Number of saturated readings.
     pub saturated: usize,
     /// Layout of the readings: half as high and wide with binning or superpixels.
     pub layout: Layout,

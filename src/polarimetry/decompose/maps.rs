@@ -68,7 +68,6 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// All quantities.
     pub const ALL: [Self; 9] = [
         Self::Polarizance,
         Self::Diattenuation,
@@ -97,7 +96,6 @@ impl Quantity {
         }
     }
 
-    /// Returns the shape of one value.
     #[must_use]
     pub fn shape(self) -> &'static [u64] {
         match self {
@@ -121,7 +119,6 @@ impl Quantity {
         )
     }
 
-    /// Writes the value of one matrix.
     #[inline(always)]
     fn write<T: Real>(self, m: &Matrix, found: &Found, out: &mut [T]) {
         let Some((parts, p)) = found else {

@@ -2,14 +2,14 @@
 //!
 //! For Mueller images or intensities at some wavelengths, the guide is the image itself. If a slice resolves
 //! time bins, bounces or projector pixels, the guide is their sum. It then also holds the profile of M00
-//! along these entries, in at most `PROFILE` groups of neighboring entries, so that pixels at different
+//! along these entries, in at most `PROFILE` groups of neighbouring entries, so that pixels at different
 //! depths differ. Variances are summed as if entries were independent.
 
 use super::outliers::{neighbours, outliers, replace};
 use super::{Size, Values};
 use tensor::axes::{Axis, AxisKind};
 
-/// If more than this fraction of a pixel's neighbors received light, over all renders, the pixel is assumed
+/// If more than this fraction of a pixel's neighbours received light, over all renders, the pixel is assumed
 /// to be lit too. In dark regions, where few pixels receive a path, a mean would spread such a path into a
 /// blotch.
 const LIT: f64 = 0.25;
@@ -29,10 +29,10 @@ pub struct Guide {
     pub judge: Vec<usize>,
     /// Pixels whose values are all finite. Other pixels are zero here.
     pub known: Vec<bool>,
-    /// For each render, the pixels that are replaced by their neighbors.
+    /// For each render, the pixels that are replaced by their neighbours.
     pub outliers: Vec<Vec<bool>>,
     /// Pixels with zero error, which are not averaged. A pixel without light is excluded if more than a
-    /// quarter of its neighbors received light. It is dark at random, and would remain as a black speck and
+    /// quarter of its neighbours received light. It is dark at random, and would remain as a black speck and
     /// darken the image.
     pub still: Vec<bool>,
 }

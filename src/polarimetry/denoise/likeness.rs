@@ -102,7 +102,7 @@ impl Likeness {
         }
     }
 
-    /// Returns d² of a pixel and its neighbor `q` at an offset, and its slope for the noise of the pixel.
+    /// Returns d² of a pixel and its neighbour `q` at an offset, and its slope for the noise of the pixel.
     #[must_use]
     pub fn of(&self, p: usize, o: usize, q: usize) -> [f32; 2] {
         debug_assert_eq!(neighbour(p, o, self.size), Some(q));

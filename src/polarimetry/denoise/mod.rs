@@ -40,7 +40,7 @@ const PATCH: usize = 1;
 /// Radius of the boxes over which error estimates are averaged before the strength is chosen.
 const CALM: usize = 3;
 
-/// Rows beyond a pixel that affect whether it is an outlier, plus those beyond its neighbors that affect its
+/// Rows beyond a pixel that affect whether it is an outlier, plus those beyond its neighbours that affect its
 /// replacement.
 const SPOT: usize = 2;
 
@@ -62,7 +62,6 @@ pub struct Values {
 }
 
 impl Values {
-    /// Returns the number of pixels.
     #[must_use]
     pub fn pixels(&self) -> usize {
         self.size[0] * self.size[1]

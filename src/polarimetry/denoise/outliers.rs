@@ -5,10 +5,10 @@
 //! blotch as wide as the window. With two renders, a true highlight appears in both, which distinguishes it
 //! from such an outlier. A pixel of one render is an outlier if at some wavelength
 //!
-//! > M00(p) > 5 max(M00 of its neighbors in both renders, and of itself in the other),
+//! > M00(p) > 5 max(M00 of its neighbours in both renders, and of itself in the other),
 //!
 //! its standard error is more than a quarter of its value, and most of those other pixels received light.
-//! (Otherwise, rare paths are the only light there.) The mean of its neighbors replaces it, which is
+//! (Otherwise, rare paths are the only light there.) The mean of its neighbours replaces it, which is
 //! realizable. The light removed from the denoised value is a bias and counts in its stated error
 //! ([`super::average`]).
 
@@ -53,7 +53,7 @@ pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<boo
     vec![of(a, b), of(b, a)]
 }
 
-/// Replaces each outlier's value and variance by the means over its known neighbors that are not outliers.
+/// Replaces each outlier's value and variance by the means over its known neighbours that are not outliers.
 /// Returns the removed amounts.
 pub fn replace(values: &mut Values, outliers: &[bool], known: &[bool]) -> Vec<f32> {
     let n = values.channels;
@@ -77,7 +77,7 @@ pub fn replace(values: &mut Values, outliers: &[bool], known: &[bool]) -> Vec<f3
     taken
 }
 
-/// Returns the up to eight neighbors of a pixel within the image.
+/// Returns the up to eight neighbours of a pixel within the image.
 pub(super) fn neighbours(p: usize, [height, width]: Size) -> impl Iterator<Item = usize> {
     let (y, x) = (p / width, p % width);
     let rows = y.saturating_sub(1)..(y + 2).min(height);
@@ -93,7 +93,7 @@ mod tests {
     const SIZE: Size = [5, 5];
     const SPOT: usize = 12;
 
-    /// A gray image with one bright pixel of a given value and error.
+    /// A grey image with one bright pixel of a given value and error.
     fn spot(value: f32, error: f32) -> Values {
         let (mut mean, mut errors) = (vec![1.0; 25], vec![0.1; 25]);
         (mean[SPOT], errors[SPOT]) = (value, error);
@@ -145,7 +145,7 @@ mod tests {
         assert_eq!((values.mean[SPOT], taken[SPOT]), (1.0, 49.0));
         assert!((values.error[SPOT] - 0.1).abs() < 1e-6);
         assert_eq!(taken.iter().filter(|t| **t != 0.0).count(), 1);
-        // A pixel without neighbors stays.
+        // A pixel without neighbours stays.
         let mut alone = Values {
             size: [1, 1],
             channels: 1,

@@ -84,7 +84,7 @@ fn truth(p: usize) -> [f64; 16] {
     polarizer(1.2, 1.0 + 0.02 * y)
 }
 
-/// A gray wall in uniform light.
+/// A grey wall in uniform light.
 fn wall(_: usize) -> [f64; 16] {
     polarizer(1.2, 2.0)
 }

@@ -1,7 +1,7 @@
 //! Variances of pixels: the mean of a pixel's variance and those around it.
 //!
 //! A standard error from sixteen samples has a relative uncertainty of at least a fifth. It is far too small
-//! where rare strong paths were missed, which neighbors are more likely to include.
+//! where rare strong paths were missed, which neighbours are more likely to include.
 
 use super::Values;
 use super::around::around;

@@ -22,7 +22,6 @@ use rayon::prelude::*;
 /// Weights below this are set to zero.
 const LEAST: f32 = 0.003;
 
-/// Number of strengths.
 const KINDS: usize = STRENGTHS.len();
 
 /// The weights of the pixels around each pixel.
@@ -37,7 +36,7 @@ pub struct Weights {
     pub shares: Vec<f32>,
     /// Pixels with finite values.
     pub known: Vec<bool>,
-    /// For each render, the pixels that are replaced by their neighbors.
+    /// For each render, the pixels that are replaced by their neighbours.
     pub outliers: Vec<Vec<bool>>,
     /// Pixels that are averaged: known ones with an error, or dark ones among lit pixels. Others stay
     /// unchanged.

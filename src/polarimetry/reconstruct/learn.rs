@@ -119,7 +119,6 @@ fn random(template: &Scheme, seed: u64, start: u32) -> Vec<f64> {
     out
 }
 
-/// The start of a descent.
 enum Start {
     Adam,
     Template,

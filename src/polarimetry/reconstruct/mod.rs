@@ -1,7 +1,7 @@
 //! Reconstruction of Mueller matrices from intensities, and its expected error.
 //!
 //! ```text
-//! intensities -> estimator (least squares, prior) -> pixels (whole images) -> Mueller matrices, standard errors
+//! intensities -> estimator (least squares, prior) -> pixels (images) -> Mueller matrices, standard errors
 //! pBRDFs -> pca (second moments) -> loss (closed form) -> learn (settings of a scheme)
 //! ```
 

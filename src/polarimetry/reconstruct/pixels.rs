@@ -16,7 +16,6 @@ use crate::decompose::cloude::nearest;
 use rayon::prelude::*;
 use tensor::number::Number;
 
-/// Reconstruction options.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Standard deviation of an intensity. If `None`, errors are estimated from the residuals.
@@ -32,7 +31,6 @@ pub struct Options {
 /// Counts of reconstructed pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// All pixels.
     pub pixels: usize,
     /// Pixels estimated without some of their measurements.
     pub partial: usize,

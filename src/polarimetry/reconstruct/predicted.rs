@@ -8,7 +8,7 @@ use crate::capture::scheme::Scheme;
 use crate::capture::simulate::Layout;
 use rayon::prelude::*;
 
-/// Number of neighboring bins on each side that are averaged.
+/// Number of neighbouring bins on each side that are averaged.
 const NEAR: usize = 4;
 
 /// Returns the variances of counts, predicted by a first estimate without weights, because a bin without
@@ -16,7 +16,7 @@ const NEAR: usize = 4;
 ///
 /// The first estimate, 16 elements per pixel in the order of `layout`, is stored in `matrices`. `rays` holds
 /// one ray per wavelength, or per position and wavelength. `variance` returns the variance of a reading from
-/// a radiance and a wavelength in nanometers. Other arguments are as for [`reconstruct`].
+/// a radiance and a wavelength in nanometres. Other arguments are as for [`reconstruct`].
 ///
 /// # Errors
 /// If the captures do not determine a Mueller matrix and there is no prior.
@@ -42,11 +42,11 @@ pub fn of_counts(
 }
 
 /// Returns the variances that matrices predict, by measurement, then by pixel. Each measurement is averaged
-/// over a pixel's neighbors in time, because a single bin's estimate is as noisy as the reading itself.
+/// over a pixel's neighbours in time, because a single bin's estimate is as noisy as the reading itself.
 ///
 /// `matrices` holds 16 elements per pixel in the order of `layout`. `rays` holds one ray per wavelength, or
 /// per position and wavelength. `variance` returns the variance of a reading from a radiance and a wavelength
-/// in nanometers.
+/// in nanometres.
 ///
 /// # Panics
 /// If there are too few rays or matrices.

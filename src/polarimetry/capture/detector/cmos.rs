@@ -10,7 +10,7 @@
 //!
 //! (EMVA Standard 1288, release 3.1, section 2; there K is in DN/e⁻). The quantization variance 1/12 is valid
 //! if the other noise is at least half a DN. Noise that differs between pixels but not between frames (PRNU,
-//! DSNU) is not modeled: calibration removes it.
+//! DSNU) is not modelled: calibration removes it.
 
 use super::super::spectral_value::SpectralValue;
 use super::error::{DetectorError, area, count, demand, efficiency, finite, non_negative, positive};
@@ -74,7 +74,6 @@ impl Default for Cmos {
     }
 }
 
-/// The output of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
     /// Digital number.

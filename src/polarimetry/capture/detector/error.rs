@@ -4,7 +4,6 @@ use crate::capture::spectral_value::SpectralValue;
 
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DetectorError {
-    /// A field has an invalid value.
     #[error("`{field}` is {value}; give {need}")]
     Field {
         /// Name of the field in the configuration.
@@ -13,7 +12,6 @@ pub enum DetectorError {
         /// Description of valid values.
         need: &'static str,
     },
-    /// A list of numbers has the wrong length.
     #[error("{found} values were given for {what}; give {expected}")]
     Count {
         /// Contents of the list.
@@ -21,7 +19,6 @@ pub enum DetectorError {
         expected: usize,
         found: usize,
     },
-    /// A value of the scene is not finite.
     #[error("radiance {index} is {value}; radiance must be finite")]
     Radiance {
         /// Index in the list, from 0.

@@ -1,8 +1,8 @@
 //! Detector files: TOML with the settings of one instrument.
 //!
 //! ```toml
-//! demosaic = "bilinear"         # of a polarizer array: "none" (every pixel sees all four), "bilinear", "superpixel"
-//! [cmos]                        # or [spad]; what is left out has the default value
+//! demosaic = "bilinear"         # polarizer array: "none" (all four at every pixel), "bilinear", "superpixel"
+//! [cmos]                        # or [spad]; omitted settings have default values
 //! exposure_s = 0.02
 //! photons_per_unit = 2e6
 //! ```
@@ -24,7 +24,6 @@ use std::sync::Arc;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Detector {
-    /// A camera.
     Cmos {
         camera: Cmos,
         /// Demosaicking method for a polarizer array; without it every pixel records all four channels.

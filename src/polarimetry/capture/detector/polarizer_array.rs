@@ -1,6 +1,6 @@
 //! The mosaic of polarizers on a sensor (division of focal plane), and demosaicking.
 //!
-//! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2. Its color version,
+//! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2. Its colour version,
 //! IMX250MYR, adds a Bayer mosaic with one such block per field, so that a pattern of 4×4 pixels repeats:
 //!
 //! > 90°  45°         R  R  G  G
@@ -34,7 +34,6 @@ pub fn bayer_field(x: usize, y: usize) -> usize {
     y / 2 % 2 * 2 + x / 2 % 2
 }
 
-/// Demosaicking method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
@@ -72,7 +71,7 @@ pub fn mosaic<T: Copy>(images: [&[T]; 4], width: usize, height: usize) -> Result
     mosaic_bayer([images; 3], width, height)
 }
 
-/// Returns the raw frame of a color sensor; `images` is by color (red, green, blue), then by polarizer.
+/// Returns the raw frame of a colour sensor; `images` is by colour (red, green, blue), then by polarizer.
 ///
 /// # Errors
 /// [`DetectorError::Count`] unless all images have `width`·`height` values.
@@ -90,7 +89,7 @@ pub fn mosaic_bayer<T: Copy>(
     Ok(raw.collect())
 }
 
-/// Splits the raw frame of a color sensor into its Bayer fields. Rows and columns beyond the last 4×4 block
+/// Splits the raw frame of a colour sensor into its Bayer fields. Rows and columns beyond the last 4×4 block
 /// are dropped.
 ///
 /// # Errors
@@ -123,7 +122,7 @@ pub fn demosaic(raw: &[f64], width: usize, height: usize, method: Method) -> Res
     })
 }
 
-/// Returns the variances of the results of [`demosaic`] from the variances of independent pixels. Neighbors
+/// Returns the variances of the results of [`demosaic`] from the variances of independent pixels. Neighbours
 /// of a bilinear image share pixels, so their errors are correlated; the variances do not include this.
 ///
 /// # Errors

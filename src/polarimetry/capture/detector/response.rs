@@ -33,7 +33,6 @@ pub struct Response {
     pub tau: f64,
 }
 
-/// The normal distribution function.
 fn normal_distribution(x: f64) -> f64 {
     0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }
@@ -109,7 +108,7 @@ mod tests {
         Response { sigma, tail, tau }
     }
 
-    /// Returns bins with the times of their centers, negative in the second half.
+    /// Returns bins with the times of their centres, negative in the second half.
     fn timed(shares: &[f64]) -> Vec<(f64, f64)> {
         let n = shares.len() as i64;
         let time = |k: i64| if k < n / 2 { k } else { k - n } as f64;

@@ -16,7 +16,7 @@ use super::random::poisson;
 use optics::sampling::stream::Stream;
 use rand_distr::{Binomial, Distribution, Exp1};
 
-/// The behavior of a free-running diode after a detection; times are in bins.
+/// The behaviour of a free-running diode after a detection; times are in bins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Recovery {
     /// Time without detections.

@@ -118,7 +118,7 @@ fn variances_of_cameras_are_the_scatter() {
         }
         assert!(stated / n > 0.0);
         let seen = Moments::of(off.into_iter());
-        // Neighbors in a bilinear image share pixels: at least a quarter of the numbers are independent.
+        // Neighbours in a bilinear image share pixels: at least a quarter of the numbers are independent.
         let independent = if demosaic == Some(Method::Bilinear) {
             4.0
         } else {

@@ -89,12 +89,7 @@ pub enum DataError {
     Factor(f64),
     /// One side of a split would be empty.
     #[error("{materials} materials cannot be split into {folds} folds; two or more of each are needed")]
-    Folds {
-        /// Requested number of folds.
-        folds: usize,
-        /// Number of materials.
-        materials: usize,
-    },
+    Folds { folds: usize, materials: usize },
 }
 
 impl DataSet {

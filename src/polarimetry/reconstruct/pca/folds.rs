@@ -3,7 +3,7 @@
 //!
 //! Materials are in order of name. Fold f of k tests materials f, f + k, f + 2k, … and learns from all
 //! others. This separates related materials, whose names are adjacent; nothing is random. If relatives of a
-//! test material are in the training set (a silicone of another color), the fold tests new specimens rather
+//! test material are in the training set (a silicone of another colour), the fold tests new specimens rather
 //! than new kinds of material.
 
 use super::data_set::{DataError, DataSet, Weight};
@@ -18,7 +18,6 @@ pub struct Fold {
     pub test: Moments,
     /// Indices of the test materials in [`DataSet::materials`], ascending.
     pub test_materials: Vec<usize>,
-    /// Names of the test materials.
     pub test_names: Vec<String>,
 }
 

@@ -21,7 +21,6 @@ const LEAST: f32 = 1e-30;
 /// Number of entries of each kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Valid entries.
     pub valid: u64,
     /// Not a number, infinite, or below the horizon.
     pub holes: u64,

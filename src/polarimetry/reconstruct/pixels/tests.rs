@@ -65,7 +65,7 @@ fn every_wavelength_has_its_own_optics() {
 }
 
 /// Saturated and missing measurements affect only their own pixel. A pixel with too few measurements is lost,
-/// but not its neighbors.
+/// but not its neighbours.
 #[test]
 fn saturation_is_left_out_pixel_by_pixel() {
     let (scheme, rays) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec());
