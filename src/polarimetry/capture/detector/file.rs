@@ -1,7 +1,7 @@
 //! Detector files: TOML with the settings of one instrument.
 //!
 //! ```toml
-//! demosaic = "bilinear"         # polarizer array: "none" (all four at every pixel), "bilinear", "superpixel"
+//! demosaic = "bilinear"        # polarizer array: "none" (all four at every pixel), "bilinear", "superpixel"
 //! [cmos]                        # or [spad]; omitted settings have default values
 //! exposure_s = 0.02
 //! photons_per_unit = 2e6
