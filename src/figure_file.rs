@@ -1,8 +1,8 @@
-//! Figures from files alone: a figure file lists scenes, what is shown of them, applications and a layout.
+//! Figures from a figure file, which lists scenes, their views, applications and a layout.
 //!
-//! [`Source::read`] reads one, [`prepare`] checks it against its scenes and applications, before anything is rendered, and
-//! [`Prepared::draw`] makes the drawing. Renders are kept ([`crate::studio`]), and what
-//! applications made of them: what is finished is not made again.
+//! [`Source::read`] reads the file. [`prepare`] checks it against its scenes and applications before anything
+//! is rendered. [`Prepared::draw`] renders and draws the figure. Renders ([`crate::studio`]) and results of
+//! applications are cached and reused.
 
 mod application;
 mod caption;
@@ -30,16 +30,15 @@ use caption::Value;
 use file::{PanelFile, SizeFile, ViewFile};
 use stage::Stage;
 
-/// A figure.
+/// A finished figure.
 #[derive(Clone, Debug)]
 pub struct Made {
-    /// The drawing.
     pub drawing: Drawing,
-    /// Renders that were made now, not taken from the folder.
+    /// Number of new renders, excluding cached ones.
     pub rendered: usize,
 }
 
-/// A figure file whose scenes and applications have all that it names.
+/// A figure file that was checked against its scenes and applications.
 pub struct Prepared<'a> {
     source: &'a Source,
     stages: BTreeMap<&'a str, Stage<'a>>,
@@ -49,8 +48,8 @@ pub struct Prepared<'a> {
 /// Checks a figure file against its scenes and applications; renders nothing.
 ///
 /// # Errors
-/// [`FigureFileError::Input`] at the place of what scenes and applications do not have; [`FigureFileError::Studio`] if a scene is
-/// wrong itself.
+/// [`FigureFileError::Input`] at the location of an item that scenes and applications do not have;
+/// [`FigureFileError::Studio`] if a scene itself is invalid.
 pub fn prepare<'a>(
     source: &'a Source,
     settings: &'a Settings,
@@ -124,7 +123,7 @@ fn size(of: &SizeFile) -> Size {
 }
 
 impl Prepared<'_> {
-    /// Renders what is not rendered yet, and draws the figure.
+    /// Renders what is not cached, and draws the figure.
     ///
     /// # Errors
     /// [`FigureFileError`].
@@ -132,7 +131,7 @@ impl Prepared<'_> {
         let source = self.source;
         for stage in self.stages.values_mut() {
             let names: Vec<&str> = stage.slices.iter().map(String::as_str).collect();
-            // Layers need no light.
+            // Layers need no render.
             if !names.is_empty() {
                 let store =
                     stage

@@ -1,4 +1,4 @@
-//! Pictures of a store: those that its scene lists, or any view of its slices.
+//! Figures of a store: those that its scene lists, or any view of its slices.
 
 use std::path::Path;
 
@@ -8,32 +8,28 @@ use store::denoised::is_denoised;
 use store::zarr::{AccessError, OpenError, TensorStore};
 use tensor::field::Field;
 
-/// Why a picture of a store was not drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum FiguresError {
-    /// The slice is not there.
     #[error(transparent)]
     Slice(#[from] OpenError),
-    /// The slice cannot be read.
     #[error(transparent)]
     Read(#[from] AccessError),
-    /// The slice cannot be drawn so, or the picture cannot be written.
+    /// The slice cannot be drawn with this view, or the file cannot be written.
     #[error(transparent)]
     Figure(#[from] FigureError),
-    /// A figure that the scene of the store does not list.
+    /// The scene of the store does not list the figure.
     #[error("the scene lists no figure `{name}`; it lists {known}; or use --view")]
     Unknown {
-        /// Name asked for.
         name: String,
-        /// Names of those that it lists.
+        /// The names in the list.
         known: String,
     },
 }
 
-/// The figures that the scene of a store lists: all, or those named, in the order of the scene.
+/// Returns the figures that the scene of a store lists: all, or those named, in the order of the scene.
 ///
 /// # Errors
-/// [`FiguresError::Unknown`] at the first name that it does not list.
+/// [`FiguresError::Unknown`] for the first name that is not listed.
 pub fn listed(store: &TensorStore, names: &[String]) -> Result<Vec<Figure>, FiguresError> {
     let listed = store.attributes().get("figures").cloned().unwrap_or_default();
     let mut figures: Vec<Figure> = serde_json::from_value(listed).unwrap_or_default();
@@ -51,19 +47,20 @@ pub fn listed(store: &TensorStore, names: &[String]) -> Result<Vec<Figure>, Figu
 /// Draws a figure of a store's slice; its name is the title.
 ///
 /// # Errors
-/// [`FiguresError::Slice`] or [`FiguresError::Read`] if the slice cannot be read, [`FiguresError::Figure`] if it cannot be
-/// drawn so.
+/// [`FiguresError::Slice`] or [`FiguresError::Read`] if the slice cannot be read, [`FiguresError::Figure`] if
+/// it cannot be drawn with this view.
 pub fn draw(store: &TensorStore, figure: &Figure) -> Result<Drawing, FiguresError> {
     with_panel(store, figure, |title, panel| {
         figure::draw(&figure.view, title, panel)
     })
 }
 
-/// Draws a figure of a store's slice into the file that its extension names: `.png`, `.svg` or `.pdf`, and light in
-/// flight also `.gif` or `.apng`. Makes missing folders.
+/// Draws a figure of a store's slice to a file in the format of its extension: `.png`, `.svg` or `.pdf`, for
+/// light in flight also `.gif` or `.apng`. Creates missing folders.
 ///
 /// # Errors
-/// As [`draw`], and [`FigureError::Extension`], [`FigureError::Encode`] or [`FigureError::Write`] of the file.
+/// As [`draw`], and [`FigureError::Extension`], [`FigureError::Encode`] or [`FigureError::Write`] for the
+/// file.
 pub fn draw_to(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), FiguresError> {
     if let View::Flight(view) = &figure.view
         && figure::is_animation(path)
@@ -71,12 +68,12 @@ pub fn draw_to(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), 
         let frames = with_panel(store, figure, |title, panel| figure::animate(view, title, panel))?;
         return Ok(figure::save_animation(&frames, path)?);
     }
-    // Before anything is read and drawn.
+    // Checks the extension before anything is read and drawn.
     figure::Format::of(path)?;
     Ok(figure::save(&draw(store, figure)?, path)?)
 }
 
-/// Reads what a figure draws.
+/// Reads the data that a figure draws.
 fn with_panel<T>(
     store: &TensorStore,
     figure: &Figure,

@@ -1,4 +1,4 @@
-//! Panels of applications: pictures of methods, with their scores; charts of what they are worth are in [`super::curves`].
+//! Panels of applications: images of methods with their scores. [`super::curves`] draws charts of scores.
 
 use apply::application::{Application, Size};
 use apply::catalog;
@@ -20,10 +20,9 @@ use crate::applications::links::{Links, LinksError};
 use crate::applications::{self, ApplicationError, find_scenes};
 use crate::studio::Studio;
 
-/// Pictures whose method begins so are the truth, which no list of methods names.
+/// Images whose method has this prefix are ground truth, which no list of methods includes.
 const TRUTH: &str = "truth";
 
-/// The applications of a figure.
 pub struct Applications<'a> {
     source: &'a Source,
     settings: &'a Settings,
@@ -39,7 +38,7 @@ struct Run<'a> {
     seeds: u64,
     links: Links,
     fit: Option<Fit>,
-    /// Renders that were made now.
+    /// Number of new renders.
     rendered: usize,
 }
 
@@ -51,7 +50,7 @@ impl Run<'_> {
 }
 
 impl<'a> Applications<'a> {
-    /// Those that panels name, with all that can be checked of them before they are run.
+    /// Collects the applications that panels name, and checks them without running them.
     pub fn prepare(
         source: &'a Source,
         settings: &'a Settings,
@@ -116,7 +115,7 @@ impl<'a> Applications<'a> {
         self.add(at, (&view.name, String::new()), application, Links::None)
     }
 
-    /// Adds a run by the application's name and words for its links, if it is not there yet.
+    /// Adds a run under the application's name and the description of its links, unless it exists.
     fn add(
         &mut self,
         at: &'a Located<ViewFile>,
@@ -156,7 +155,7 @@ impl<'a> Applications<'a> {
         Ok(())
     }
 
-    /// Runs them all, but for what is kept of the same inputs and the same program.
+    /// Runs all applications, except those with cached results for the same inputs and program.
     pub fn run(&mut self) -> Result<(), FigureFileError> {
         let (source, preview) = (self.source, self.settings.preview);
         for run in self.all.values_mut() {
@@ -177,7 +176,7 @@ impl<'a> Applications<'a> {
                 run.seeds
             );
             if run.links != Links::None {
-                // All that a chain file says.
+                // The whole content of the chain file.
                 let links = format!("{:?}", run.links);
                 name += &format!("_{:.8}", kept::digest(links.as_bytes()));
                 inputs += &links;
@@ -189,7 +188,7 @@ impl<'a> Applications<'a> {
                 continue;
             }
             let report = now.report().map_err(|e| match e {
-                // What cannot be captured is fixed in the chain, or by another view.
+                // Captures that are impossible need a change of the chain or another view.
                 ApplicationError::Captured(e) if !matches!(e, LinksError::Interrupted) => {
                     let help = "correct the chain, or leave the view out";
                     FigureFileError::Input(source.error(run.at, e.to_string(), help))
@@ -205,12 +204,12 @@ impl<'a> Applications<'a> {
         Ok(())
     }
 
-    /// Renders that were made now.
+    /// Returns the number of new renders.
     pub fn rendered(&self) -> usize {
         self.all.values().map(|r| r.rendered).sum()
     }
 
-    /// A run with what came out.
+    /// Returns a run and its results.
     fn found(
         &self,
         at: &Located<ViewFile>,
@@ -224,7 +223,7 @@ impl<'a> Applications<'a> {
         })
     }
 
-    /// What a panel with a chart shows, and the values that its caption may name.
+    /// Returns the chart of a panel, and the values for its caption.
     pub fn chart(
         &self,
         at: &'a Located<ViewFile>,
@@ -237,7 +236,7 @@ impl<'a> Applications<'a> {
         Ok((tile, values))
     }
 
-    /// What a panel with a picture shows, and the values that its caption may name.
+    /// Returns the image of a panel, and the values for its caption.
     pub fn tile(
         &self,
         at: &'a Located<ViewFile>,
@@ -266,7 +265,8 @@ impl<'a> Applications<'a> {
         Ok((tile, self.values(view, run, fit)?))
     }
 
-    /// The pictures that are drawn on one scale with this one: those of the figure that are of the same variant, if they have one unit.
+    /// Returns the images that share a scale with this one: the figure's images of the same variant, if they
+    /// have one unit.
     fn shared<'p>(&self, view: &ApplyFile, picture: &'p Picture, all: &'p [Picture]) -> Vec<&'p Picture> {
         if !picture.shared {
             return vec![picture];
@@ -287,7 +287,7 @@ impl<'a> Applications<'a> {
         all.iter().filter(shown).collect()
     }
 
-    /// How much was rendered.
+    /// Returns the size of the renders as values for captions.
     fn sizes(&self, run: &Run) -> [(String, Value); 3] {
         let Size { pixels, spp } = run.size(self.settings.preview);
         [
@@ -346,7 +346,7 @@ fn named(p: &Picture) -> String {
     format!("{} of {}{variant}", p.name, p.method)
 }
 
-/// The channels of a picture that are shown: red, green and blue, or one.
+/// The displayed channels of an image: red, green and blue, or one.
 enum Shown {
     Colour,
     One(usize),
@@ -363,7 +363,7 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
             ));
         }
         (None, 1) => Shown::One(0),
-        // Wavelengths rise: blue comes first.
+        // Wavelengths ascend: blue comes first.
         (None, 3) => Shown::Colour,
         (None, n) => return Err(format!("the picture has {n} channels; name one by `channel`")),
     };

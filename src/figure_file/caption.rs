@@ -1,32 +1,27 @@
 //! Captions with values: `{method}: {peak signal-to-noise ratio:.1} dB`.
 
-/// A value that a caption may name.
+/// A value for captions.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// A text.
     Text(String),
-    /// A number.
     Number(f64),
 }
 
-/// What is wrong with a caption, and the fix.
+/// An error in a caption, and its fix.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CaptionError {
-    /// What is wrong.
     pub message: String,
-    /// How to fix it.
     pub help: String,
 }
 
-/// A piece of a caption.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Piece {
     Text(String),
-    /// A name, and the digits after the point.
+    /// A name, and the number of decimals.
     Value(String, Option<usize>),
 }
 
-/// Parts a caption at its braces; doubled ones stand for themselves.
+/// Splits a caption at its braces; doubled braces are literal.
 fn pieces(caption: &str) -> Result<Vec<Piece>, CaptionError> {
     let fault = |message: &str| CaptionError {
         message: message.to_owned(),
@@ -67,7 +62,7 @@ fn pieces(caption: &str) -> Result<Vec<Piece>, CaptionError> {
     Ok(out)
 }
 
-/// Whether a caption can be read at all.
+/// Checks the syntax of a caption.
 ///
 /// # Errors
 /// [`CaptionError`].
@@ -75,7 +70,7 @@ pub fn check(caption: &str) -> Result<(), CaptionError> {
     pieces(caption).map(|_| ())
 }
 
-/// Puts values into a caption.
+/// Inserts values into a caption.
 ///
 /// # Errors
 /// [`CaptionError`] if it names a value that is not among `known`.
@@ -136,7 +131,7 @@ mod tests {
     }
 
     proptest! {
-        /// No text makes it panic; one without braces stays as it is.
+        /// No text causes a panic, and a text without braces stays unchanged.
         #[test]
         fn any_text_is_a_caption_or_refused(text in "\\PC{0,40}", braces in "[{}:.a0-9]{0,20}") {
             let _ = fill(&braces, &[]);

@@ -1,4 +1,5 @@
-//! Panels with curves of applications: what methods are worth where one part of a capture chain changes, or of few captures.
+//! Panels with curves of applications: scores of methods over a sweep of a capture chain, or over the number
+//! of captures.
 
 use apply::application::{Application, Metric};
 use apply::chain::file;
@@ -13,16 +14,16 @@ use super::kept::{Fit, Point};
 use crate::applications::curves;
 use crate::applications::links::{self, Links, Part, WHOLE};
 
-/// What is wrong with a view, and the fix.
+/// An error in a view, and its fix.
 type Fault = (String, String);
 
-/// Words that tell what a view runs its application through from what others do.
+/// Returns a description that distinguishes the capture chains of views.
 pub fn words(view: &CurvesFile) -> String {
     let of = |text: &Option<String>| text.clone().unwrap_or_default();
     format!("{}, {}, {}", view.chain, of(&view.sweep), of(&view.captures))
 }
 
-/// What a view runs its application through, with all that can be checked of the view before it is run.
+/// Returns the capture chain of a view, and checks the view without running the application.
 pub fn links(view: &CurvesFile, chain: &Path, application: &dyn Application) -> Result<Links, Fault> {
     let name = application.name();
     let fault = |message: String, help: &str| Err((message, help.to_owned()));
@@ -80,7 +81,6 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &dyn Application) -> 
     }
 }
 
-/// The metric of a view.
 fn metric(view: &CurvesFile, application: &dyn Application) -> Result<Metric, Fault> {
     let all = application.metrics();
     let found = match &view.metric {
@@ -97,7 +97,7 @@ fn metric(view: &CurvesFile, application: &dyn Application) -> Result<Metric, Fa
     })
 }
 
-/// A point as it is drawn: the difference, where that is asked for.
+/// Returns a point to draw; its value is the difference if requested.
 fn drawn(p: &Point, difference: bool) -> curves::Point {
     let [mean, error, less, less_error] = p.numbers;
     let estimate = |mean, error| Estimate {
@@ -116,7 +116,7 @@ fn drawn(p: &Point, difference: bool) -> curves::Point {
     }
 }
 
-/// The chart of a view, and the values that its caption may name.
+/// Returns the chart of a view, and the values for its caption.
 pub fn tile(
     view: &CurvesFile,
     application: &dyn Application,
@@ -138,7 +138,7 @@ pub fn tile(
     let mut axis = curves::axis(links);
     axis.named.retain(|(v, _)| v.is_finite());
     let mut chart = curves::chart("", metric, axis, &curves::named(points, links));
-    // A method has its colour by its place in the list, whether all are shown or differences.
+    // The index in the list determines a method's colour, for scores and for differences.
     let listed: Vec<&str> = match &view.methods[..] {
         [] => application.methods().iter().map(|m| m.name).collect(),
         some => some.iter().map(String::as_str).collect(),
@@ -186,7 +186,7 @@ pub fn tile(
     Ok((tile, values))
 }
 
-/// A colour that is not that of reference lines.
+/// Skips the colour of reference lines.
 fn skipping_black(i: usize) -> usize {
     i + i / BLACK
 }

@@ -16,91 +16,78 @@ pub struct FigureFile {
     /// `single` (84 mm), `double` (178 mm), or millimetres such as `120 mm`.
     #[serde(default = "double")]
     pub width: Located<String>,
-    /// Columns of the grid.
     pub columns: Located<usize>,
-    /// What stands above the columns.
     #[serde(default)]
     pub column_headings: Vec<String>,
-    /// What stands beside the rows.
     #[serde(default)]
     pub row_headings: Vec<String>,
     /// Letters (a), (b), … before captions.
     #[serde(default = "yes")]
     pub letters: bool,
-    /// Scenes by the names that panels give.
+    /// Scenes by the names that panels use.
     #[serde(default)]
     pub scenes: BTreeMap<String, SceneEntry>,
-    /// How applications are run, by their names.
+    /// Settings of applications, by name.
     #[serde(default)]
     pub applications: BTreeMap<String, Located<ApplicationEntry>>,
     /// Panels, row by row.
     pub panels: Vec<Located<PanelFile>>,
 }
 
-/// A scene to render.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneEntry {
-    /// Scene file, seen from the folder of the figure file.
+    /// Scene file, relative to the folder of the figure file.
     pub file: Located<String>,
-    /// Variant of it.
     pub variant: Option<u64>,
-    /// Seed.
     #[serde(default = "one")]
     pub seed: u64,
-    /// Size for a first look.
     pub preview: SizeFile,
-    /// Size for print.
+    /// Size of a render for print.
     pub full: SizeFile,
 }
 
-/// Size of a render.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SizeFile {
     /// Pixels of the camera's longer side.
     pub pixels: Located<u32>,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub spp: Located<u32>,
 }
 
-/// How an application is run.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ApplicationEntry {
-    /// Seeds; pictures are those of the first.
+    /// Number of seeds; images are those of the first.
     pub seeds: u64,
 }
 
-/// A panel.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PanelFile {
-    /// Scene that is viewed.
     pub scene: Option<Located<String>>,
-    /// What is shown; absent: the place stays free.
+    /// The view; without one the place stays empty.
     pub view: Option<Located<ViewFile>>,
-    /// Text under it; `{…}` are values of what is shown.
+    /// Caption; `{…}` inserts values of the view.
     #[serde(default)]
     pub caption: Located<String>,
-    /// Columns that it is wide.
+    /// Width in columns.
     pub span: Option<Located<usize>>,
-    /// Height over width of a map or a profile.
+    /// Ratio of height to width of a map or a profile.
     pub aspect: Option<Located<f64>>,
-    /// Draw the colour bar.
     #[serde(default = "yes")]
     pub colour_bar: bool,
-    /// Magnified parts.
+    /// Magnified crops.
     #[serde(default)]
     pub insets: Vec<Located<InsetFile>>,
-    /// Arrows.
     #[serde(default)]
     pub arrows: Vec<Located<ArrowFile>>,
-    /// A length in the scene.
+    /// A reference length in the scene.
     pub scale_bar: Option<Located<ScaleBarFile>>,
 }
 
-/// What a panel shows.
+/// The content of a panel.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ViewFile {
@@ -118,13 +105,13 @@ pub enum ViewFile {
     Profile(ProfileView),
     /// One element by its name.
     Element(ElementView),
-    /// A quantity of Lu and Chipman's decomposition.
+    /// A quantity of the Lu–Chipman decomposition.
     Decomposition(DecompositionFile),
     /// A layer of ground truth.
     Layer(LayerFile),
-    /// A picture of an application.
+    /// An image of an application.
     Apply(ApplyFile),
-    /// What the methods of an application are worth through a capture chain.
+    /// Scores of an application's methods through a capture chain.
     Curves(CurvesFile),
 }
 
@@ -132,30 +119,25 @@ pub enum ViewFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DecompositionFile {
-    /// Slice with matrices.
+    /// Slice with Mueller matrices.
     pub slice: String,
     /// `polarizance`, `diattenuation`, `retardance` (degrees), `depolarization` or `entropy`.
     pub quantity: QuantityFile,
-    /// Wavelength (nearest); absent: the middle one.
+    /// Wavelength (nearest); default: the middle one.
     pub wavelength_nm: Option<f64>,
-    /// Ends of the colour scale; absent: 0 to 1, 0 to 180 degrees.
+    /// Ends of the colour scale; default: 0 to 1, or 0 to 180 degrees.
     pub limits: Option<[f32; 2]>,
-    /// Grey where M00 is less than this share of its 99th percentile: there is hardly light there.
+    /// Grey where M00 is below this fraction of its 99th percentile, because there is too little light.
     #[serde(default)]
     pub least: f32,
 }
 
-/// A number of a decomposition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum QuantityFile {
-    /// Polarizance.
     Polarizance,
-    /// Diattenuation.
     Diattenuation,
-    /// Retardance.
     Retardance,
-    /// Depolarization.
     Depolarization,
     /// Cloude's entropy.
     Entropy,
@@ -165,12 +147,12 @@ pub enum QuantityFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LayerFile {
-    /// Name, as `sunstone layers` has it.
+    /// Name, as printed by `sunstone layers`.
     pub layer: String,
-    /// Of what stands behind smooth interfaces.
+    /// Use the layer behind smooth interfaces.
     #[serde(default)]
     pub through: bool,
-    /// Ends of the colour scale; absent: those of the values.
+    /// Ends of the colour scale; default: the range of the values.
     pub limits: Option<[f32; 2]>,
 }
 
@@ -180,17 +162,17 @@ pub struct LayerFile {
 pub struct ApplyFile {
     /// Name of the application.
     pub name: String,
-    /// Name of the picture.
+    /// Name of the image.
     pub picture: String,
-    /// Method that made it.
+    /// Method of the image.
     pub method: String,
-    /// Variant that it is of; absent: of what was learnt.
+    /// Variant of the image; default: the images of the learned quantities.
     pub variant: Option<u64>,
-    /// One channel alone, from 0; absent: a colour of three, or the one that there is.
+    /// A single channel, from 0; default: a colour of three channels, or the only one.
     pub channel: Option<usize>,
-    /// Ends of the colour scale of numbers, or black (0) and white of colours; absent: those of the values.
+    /// Ends of the colour scale of values, or black (0) and white of colours; default: the values' range.
     pub limits: Option<[f32; 2]>,
-    /// Name of what the numbers are, beside the colour bar.
+    /// Label of the colour bar.
     #[serde(default)]
     pub label: String,
 }
@@ -201,36 +183,35 @@ pub struct ApplyFile {
 pub struct CurvesFile {
     /// Name of the application.
     pub name: String,
-    /// Chain file, seen from the folder of the figure file.
+    /// Chain file, relative to the folder of the figure file.
     pub chain: String,
-    /// What is swept, as `sunstone apply --sweep` takes it: `photons=30,300,3000`.
+    /// Swept parameter, as for `sunstone apply --sweep`: `photons=30,300,3000`.
     pub sweep: Option<String>,
-    /// Instead of it numbers of captures, as `--captures` takes them: `1-8`.
+    /// Alternatively, numbers of captures, as for `--captures`: `1-8`.
     pub captures: Option<String>,
-    /// Name of the metric; absent: the first.
+    /// Name of the metric; default: the first.
     pub metric: Option<String>,
-    /// Methods whose lines are drawn, of few captures baselines; absent: all of them.
+    /// Methods to draw (with `captures`, baselines); default: all.
     #[serde(default)]
     pub methods: Vec<String>,
-    /// What is believed of the elements; absent: the first belief of the chain.
+    /// Assumed elements; default: the first belief of the chain.
     pub belief: Option<String>,
-    /// The first method less each of the others on the same captures, in place of what they are worth.
+    /// Draw the score of the first method minus that of each other method on the same captures.
     #[serde(default)]
     pub difference: bool,
-    /// Ends of the upward axis; absent: all points are on it.
+    /// Ends of the vertical axis; default: the range of all points.
     pub limits: Option<[f64; 2]>,
-    /// Names of lines under the axis.
+    /// List the names of lines under the axis.
     #[serde(default = "yes")]
     pub legend: bool,
 }
 
-/// A magnified part.
+/// A magnified crop.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InsetFile {
-    /// `[x, y, width, height]` as shares of the picture.
+    /// `[x, y, width, height]` as fractions of the image.
     pub crop: [f64; 4],
-    /// How many times as large.
     pub magnify: f64,
     /// `upper left`, `upper right`, `lower left` or `lower right`.
     #[serde(default = "lower_right")]
@@ -240,26 +221,23 @@ pub struct InsetFile {
     pub colour: String,
 }
 
-/// An arrow.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArrowFile {
-    /// Where it begins, as shares of the picture from the upper left.
+    /// Start, as fractions of the image from the upper left.
     pub from: [f64; 2],
-    /// Where it points.
+    /// Tip, as fractions of the image.
     pub to: [f64; 2],
-    /// Its colour.
     #[serde(default = "orange")]
     pub colour: String,
 }
 
-/// A length across, at the depth of what is seen somewhere.
+/// A horizontal reference length, at the depth of a point of the scene.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScaleBarFile {
-    /// Length, millimetres.
     pub length_mm: f64,
-    /// Where in the picture its depth is taken, as shares from the upper left.
+    /// Point whose depth is used, as fractions of the image from the upper left.
     #[serde(default = "middle")]
     pub of: [f64; 2],
 }
@@ -289,7 +267,7 @@ fn middle() -> [f64; 2] {
 }
 
 impl ViewFile {
-    /// The application that is viewed, of a view of one.
+    /// Returns the name of the application, if the view shows one.
     #[must_use]
     pub fn application(&self) -> Option<&str> {
         match self {
@@ -299,7 +277,7 @@ impl ViewFile {
         }
     }
 
-    /// The slice that is drawn, of a view of a scene.
+    /// Returns the name of the slice, if the view shows one.
     #[must_use]
     pub fn slice(&self) -> Option<&str> {
         Some(match self {

@@ -1,8 +1,10 @@
-//! What applications made of their renders, kept beside these: methods are fitted anew only where scenes, renders or the program changed.
+//! Cached results of applications, stored next to their renders. Methods are fitted again only if scenes,
+//! renders or the program changed.
 //!
-//! A file holds one run of an application at one size, whole or not at all: a line that says what it is with the digest of all that follows,
-//! a line of JSON with names and shapes, and all numbers as little-endian doubles. Its key is the digest of what went in
-//! ([`crate::applications::Run::inputs`]) and of the program itself. What has another key, or is damaged, is made anew and replaced.
+//! A file contains one run of an application at one size and is written atomically. Its first line has the
+//! format and a digest of the rest. A line of JSON with names and shapes follows, then all numbers as
+//! little-endian doubles. The key is the digest of the inputs ([`crate::applications::Run::inputs`]) and of
+//! the program. A file with another key, or a damaged one, is recomputed and replaced.
 
 use apply::application::Application;
 use apply::map::Map;
@@ -16,25 +18,25 @@ use crate::applications::Report;
 use crate::applications::curves;
 use crate::applications::links::Links;
 
-/// How a file of a fit begins, with the number of its format.
+/// Beginning of a file, with the number of its format.
 const BEGIN: &str = "sunstone fit 2 ";
 
-/// What panels show of a run.
+/// The results of a run that panels show.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fit {
-    /// Scores of all methods, of all seeds.
+    /// Scores of all methods for all seeds.
     pub scores: Vec<Score>,
-    /// The table.
+    /// The table of mean scores.
     pub rows: Vec<Row>,
-    /// Pictures of the first seed.
+    /// Images of the first seed.
     pub pictures: Vec<Picture>,
-    /// What methods are worth through a capture chain, in place of pictures.
+    /// Scores of methods through a capture chain, instead of images.
     pub points: Vec<Point>,
-    /// Where the first method wins.
+    /// The conditions under which the first method is best.
     pub verdicts: Vec<Verdict>,
 }
 
-/// A method at one place of a curve ([`curves::Point`]).
+/// A method at one point of a curve ([`curves::Point`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     pub metric: String,
@@ -43,7 +45,8 @@ pub struct Point {
     pub baseline: bool,
     #[serde(skip)]
     pub value: f64,
-    /// What it is worth with its standard error, then the first method less it with its own: NaN of the first.
+    /// Score and its standard error, then the first method minus this one and its standard error (NaN for the
+    /// first method).
     #[serde(skip)]
     pub numbers: [f64; 4],
 }
@@ -57,7 +60,7 @@ pub struct Verdict {
     pub words: String,
 }
 
-/// What a method is worth on one variant, at one seed.
+/// The score of a method on one variant at one seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     pub seed: u64,
@@ -68,7 +71,7 @@ pub struct Score {
     pub value: f64,
 }
 
-/// What a method is worth in the mean, with its standard error.
+/// The mean score of a method, with its standard error.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub method: String,
@@ -79,7 +82,7 @@ pub struct Row {
     pub error: f64,
 }
 
-/// What a method made.
+/// An image made by a method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Picture {
     pub method: String,
@@ -94,7 +97,7 @@ pub struct Picture {
 }
 
 impl Fit {
-    /// Of a report; of a sweep or of few captures without pictures.
+    /// Converts a report; sweeps and reports of few captures have no images.
     pub fn of(mut report: Report, application: &dyn Application, links: &Links) -> Self {
         let (mut points, mut verdicts) = (vec![], vec![]);
         for metric in application.metrics() {
@@ -161,7 +164,7 @@ impl Fit {
         }
     }
 
-    /// All numbers, in order.
+    /// Returns all numbers, in order.
     fn numbers(&mut self) -> impl Iterator<Item = &mut f64> {
         let scores = self.scores.iter_mut().map(|s| &mut s.value);
         let rows = self.rows.iter_mut().flat_map(|r| [&mut r.mean, &mut r.error]);
@@ -172,17 +175,18 @@ impl Fit {
     }
 }
 
-/// A digest in hexadecimal digits.
+/// Returns a digest in hexadecimal digits.
 pub fn digest(bytes: &[u8]) -> String {
     let digest = Sha256::digest(bytes);
     digest.iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// What tells this program from any other build of it, where all its code is in its executable; nothing if that cannot be read. Where code
-/// is loaded, as by Python, it tells nothing.
+/// Returns a digest of this executable, which identifies the build if all its code is in the executable;
+/// `None` if it cannot be read. If code is loaded dynamically, as by Python, the digest does not identify the
+/// build.
 #[must_use]
 pub fn program() -> Option<String> {
-    // What runs is there even if another build has taken its name.
+    // This link is valid even if another build replaced the file.
     let own = Path::new("/proc/self/exe");
     let path = if own.exists() {
         own.to_owned()
@@ -192,14 +196,15 @@ pub fn program() -> Option<String> {
     Some(digest(&std::fs::read(path).ok()?))
 }
 
-/// A place for one run of an application.
+/// The cache file of one run of an application.
 pub struct Place {
     path: PathBuf,
     key: String,
 }
 
 impl Place {
-    /// In a folder, by a name that stands for one application at one size, for what a program makes of inputs.
+    /// Creates the path in a folder. `name` identifies the application and its size, `program` and `inputs`
+    /// determine the key.
     pub fn new(folder: &Path, name: &str, program: &str, inputs: &str) -> Self {
         Self {
             path: folder.join(format!("{name}.fit")),
@@ -207,7 +212,7 @@ impl Place {
         }
     }
 
-    /// What is kept, if it is whole and of these inputs and this program.
+    /// Returns the cached results if the file is intact and its key matches.
     pub fn read(&self) -> Option<Fit> {
         let bytes = std::fs::read(&self.path).ok()?;
         let (first, rest) = line(&bytes)?;
@@ -232,7 +237,7 @@ impl Place {
         values.next().is_none().then_some(fit)
     }
 
-    /// Keeps what was made; that it cannot be kept is told, and no failure. What stands there and is no fit stays as it is.
+    /// Writes the results; a failure is only logged. Does not overwrite a file that is not a fit.
     pub fn write(&self, fit: &mut Fit) {
         let foreign = match std::fs::read(&self.path) {
             Ok(bytes) => !bytes.starts_with(BEGIN.as_bytes()),
@@ -256,7 +261,7 @@ impl Place {
     }
 }
 
-/// The first line, and what follows it.
+/// Returns the first line and the rest.
 fn line(bytes: &[u8]) -> Option<(&str, &[u8])> {
     let end = bytes.iter().position(|b| *b == b'\n')?;
     Some((std::str::from_utf8(&bytes[..end]).ok()?, &bytes[end + 1..]))
@@ -318,7 +323,7 @@ mod tests {
         // Another build, other renders.
         assert_eq!(place("q", "i").read(), None);
         assert_eq!(place("p", "j").read(), None);
-        // They replace it: one file a run.
+        // They replace the file: one file per run.
         place("q", "i").write(&mut Fit::default());
         assert_eq!(own.read(), None);
         assert_eq!(place("q", "i").read(), Some(Fit::default()));

@@ -1,4 +1,4 @@
-//! A figure file that was read, and all that can be said of it before its scenes and applications are looked at.
+//! A parsed figure file, and the checks that need neither its scenes nor its applications.
 
 use base::document;
 use base::locate::{InputError, Located};
@@ -8,19 +8,17 @@ use std::sync::Arc;
 
 use super::file::{ArrowFile, FigureFile, InsetFile, PanelFile};
 
-/// Most pixels of a picture's longer side.
+/// Maximum pixels of an image's longer side.
 const MOST_PIXELS: u32 = 8192;
-/// Most samples a pixel.
+/// Maximum samples per pixel.
 const MOST_SAMPLES: u32 = 1 << 24;
 
 /// A figure file with its text.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// Where it is.
     pub path: PathBuf,
-    /// Its text.
     pub text: Arc<str>,
-    /// What it says.
+    /// The parsed contents.
     pub file: FigureFile,
 }
 
@@ -28,13 +26,13 @@ impl Source {
     /// Reads a figure file.
     ///
     /// # Errors
-    /// [`InputError`] at the place of what is wrong with it, whatever its scenes and applications are.
+    /// [`InputError`] at the location of an error that does not depend on its scenes and applications.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let text = document::read(path, "figure file", "name a figure file, or a store of a render")?;
         Self::of_text(path, &text)
     }
 
-    /// As [`Self::read`], of its text.
+    /// As [`Self::read`], from its text.
     ///
     /// # Errors
     /// As [`Self::read`].
@@ -55,7 +53,7 @@ impl Source {
         Ok(source)
     }
 
-    /// The error at a place.
+    /// Returns an error at a location.
     pub fn error<T>(
         &self,
         at: &Located<T>,
@@ -71,13 +69,13 @@ impl Source {
         }
     }
 
-    /// A file that is named in it.
+    /// Returns the path of a file that is named relative to the figure file.
     #[must_use]
     pub fn beside(&self, name: &str) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(name)
     }
 
-    /// The width in millimetres.
+    /// Returns the width in millimetres.
     #[must_use]
     pub fn width_mm(&self) -> Option<f64> {
         match self.file.width.as_str() {
@@ -208,10 +206,10 @@ impl Source {
         })
     }
 
-    /// An inset, checked.
+    /// Checks and converts an inset.
     ///
     /// # Errors
-    /// [`InputError`] at its place.
+    /// [`InputError`] at its location.
     pub fn inset(&self, at: &Located<InsetFile>) -> Result<Inset, InputError> {
         let corner = Corner::named(&at.at).ok_or_else(|| {
             let help = "write upper left, upper right, lower left or lower right";
@@ -229,10 +227,10 @@ impl Source {
         Ok(inset)
     }
 
-    /// An arrow, checked.
+    /// Checks and converts an arrow.
     ///
     /// # Errors
-    /// [`InputError`] at its place.
+    /// [`InputError`] at its location.
     pub fn arrow(&self, at: &Located<ArrowFile>) -> Result<Arrow, InputError> {
         let arrow = Arrow {
             from: at.from,

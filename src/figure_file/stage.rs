@@ -1,4 +1,4 @@
-//! A scene of a figure, and what goes wrong on the way to the figure.
+//! A scene of a figure, and the errors of figure files.
 
 use apply::application::Size;
 use base::locate::InputError;
@@ -12,58 +12,51 @@ use super::caption::Value;
 use crate::applications::ApplicationError;
 use crate::studio::{Studio, StudioError};
 
-/// Where to and how to run.
+/// Folders and settings of a run.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Folder of renders.
     pub renders: PathBuf,
-    /// Folder of the scenes of applications; without one, `scenes` in a folder above the figure file or the current one.
+    /// Folder of the applications' scenes; default: `scenes` in a parent folder of the figure file or of the
+    /// current folder.
     pub scenes: Option<PathBuf>,
-    /// At preview size, else at full size.
+    /// Use preview size instead of full size.
     pub preview: bool,
-    /// What tells this program from others ([`super::program`]): what applications made of renders is kept beside these for it. Without
-    /// one methods are fitted each time.
+    /// Identifies this program ([`super::program`]) for the cache of application results next to the renders.
+    /// Without it, methods are fitted every time.
     pub program: Option<String>,
 }
 
-/// Why there is no figure.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureFileError {
-    /// The figure file is wrong.
+    /// The figure file is invalid.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// A scene is wrong, or a render of it stopped.
+    /// A scene is invalid, or its render stopped.
     #[error(transparent)]
     Studio(#[from] StudioError),
-    /// An application was not run.
     #[error(transparent)]
     Application(#[from] ApplicationError),
-    /// A slice is not there.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// A slice cannot be read.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// The figure cannot be drawn.
     #[error(transparent)]
     Figure(#[from] FigureError),
 }
 
-/// A scene of the figure.
 pub struct Stage<'a> {
     pub studio: Studio<'a>,
     pub variant: Variant,
     pub number: Option<u64>,
     pub seed: u64,
     pub size: Size,
-    /// Slices that panels show.
     pub slices: Vec<String>,
     pub scene: Scene,
     pub store: Option<TensorStore>,
 }
 
 impl Stage<'_> {
-    /// Values that captions may name.
+    /// Returns the values for captions.
     pub fn values(&self) -> Vec<(String, Value)> {
         let number = |name: &str, v: f64| (name.to_owned(), Value::Number(v));
         let mut out = vec![
@@ -77,7 +70,7 @@ impl Stage<'_> {
     }
 }
 
-/// Values of a variant's parameters.
+/// Returns the values of a variant's parameters.
 pub fn varied(variant: &Variant) -> impl Iterator<Item = (String, Value)> {
     variant.values.iter().map(|(name, v)| {
         let number = v.as_float().or_else(|| v.as_integer().map(|i| i as f64));

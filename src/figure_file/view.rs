@@ -20,7 +20,7 @@ use transport::scene::Scene;
 use super::file::{DecompositionFile, LayerFile, PanelFile, QuantityFile, ScaleBarFile, ViewFile};
 use super::stage::{FigureFileError, Stage};
 
-/// The view of a slice for the crate `figure`.
+/// Returns the corresponding view of the `figure` crate.
 fn plain(view: &ViewFile) -> Option<View> {
     Some(match view {
         ViewFile::Photo(v) => View::Photo(v.clone()),
@@ -33,7 +33,7 @@ fn plain(view: &ViewFile) -> Option<View> {
     })
 }
 
-/// Whether a panel can be drawn of its scene, told before it is rendered.
+/// Checks before rendering that a panel can be drawn from its scene.
 pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
     let Some(view) = &panel.view else { return Ok(()) };
     let slice = view
@@ -83,7 +83,6 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
     }
 }
 
-/// Names of layers.
 fn names<'a>(scene: &Scene, room: &'a mut Vec<&'static str>) -> &'a [&'static str] {
     let options = layers::Options {
         side: 1,
@@ -93,7 +92,7 @@ fn names<'a>(scene: &Scene, room: &'a mut Vec<&'static str>) -> &'a [&'static st
     room
 }
 
-/// What a view of a scene shows.
+/// Returns the tile of a view of a scene.
 pub fn tile(
     view: &ViewFile,
     stage: &Stage,
@@ -132,7 +131,7 @@ fn read(store: &TensorStore, name: &str, field: Field) -> Result<Tensor, FigureF
     Ok(store.slice(name)?.read_all(field)?)
 }
 
-/// Quantity, name and the ends of the scale.
+/// Returns the quantity, its name and its scale.
 fn scale(view: &DecompositionFile) -> Result<(Quantity, &'static str, Scale), String> {
     let (quantity, name, most) = match view.quantity {
         QuantityFile::Polarizance => (Quantity::Polarizance, "polarizance", 1.0),
@@ -213,7 +212,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
             let high = if high > low { high } else { low + 1.0 };
             tile::of_values(&name, width, all, Scale::Linear { low, high })
         }
-        // The colours of directions that everybody draws: 0 to 1 of (1 + n) / 2.
+        // The usual colours of normals: (1 + n) / 2 in 0 to 1.
         (LayerValues::Real(all), Parts::Vector) if layer.name.contains("normal") => {
             let colours = all
                 .chunks_exact(3)
@@ -234,7 +233,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
     drawn.map_err(|e| e.to_string())
 }
 
-/// The length in the picture at the depth of what is seen; else what is wrong and the fix.
+/// Returns the reference length in the image at the depth of a point, or an error with its fix.
 pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar, (String, String)> {
     let camera = &scene.camera;
     let [w, h] = camera.resolution.map(f64::from);
