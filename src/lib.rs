@@ -9,8 +9,6 @@
 //! `CONVENTIONS.md` defines units, frames and signs: metres, picoseconds, nanometres; Mueller matrices take Stokes
 //! vectors in the projector's frame to Stokes vectors in the camera's.
 
-#![warn(missing_docs)]
-
 // The command line names the library as programs do that use it.
 extern crate self as sunstone;
 

@@ -4,8 +4,6 @@
 //! Methods are functions of images ([`map::Map`]) and tensors; they know no scene, no renderer and no file. An
 //! [`application::Application`] names what it needs rendered, its methods and its metrics; [`catalog::all`] lists them all.
 
-#![warn(missing_docs)]
-
 pub mod analysis;
 pub mod application;
 pub mod catalog;

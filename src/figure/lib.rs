@@ -10,8 +10,6 @@
 //! ([`colour`]). Non-finite values, and normalized elements where M00 is not positive, are grey
 //! ([`colour::UNDEFINED`]). The same input gives the same bytes.
 
-#![warn(missing_docs)]
-
 use crate::spec::{FlightView, View};
 
 pub use check::check;

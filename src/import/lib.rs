@@ -12,8 +12,6 @@
 //!
 //! Everything in a file is used, noted or refused.
 
-#![warn(missing_docs)]
-
 mod accessor;
 pub mod appearance;
 pub mod attribute;

@@ -3,8 +3,6 @@
 //!
 //! `CONVENTIONS.md` defines the conventions of Stokes vectors, Mueller matrices and their frames.
 
-#![warn(missing_docs)]
-
 pub mod distortion;
 
 pub mod spectrum;

@@ -1,8 +1,6 @@
 //! Capture and reconstruction: capture schemes and their forward model, detectors, reconstruction of Mueller
 //! matrices, learned schemes and decompositions. The crate uses tensors, but no scenes.
 
-#![warn(missing_docs)]
-
 pub mod capture;
 pub mod decompose;
 pub mod denoise;

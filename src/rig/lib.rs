@@ -3,8 +3,6 @@
 //! Sensors of simulated instruments play rendered tensors. Sessions resume after a crash. This crate uses
 //! tensors and polarimetry, but never the renderer.
 
-#![warn(missing_docs)]
-
 pub mod calibrate;
 pub mod clock;
 pub mod conformance;

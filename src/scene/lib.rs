@@ -3,8 +3,6 @@
 //! `syntax` (values of a file or of a [`SceneBuilder`]) → `build` (semantic checks, errors with locations) →
 //! [`transport::scene::Scene`].
 
-#![warn(missing_docs)]
-
 mod build;
 mod builder;
 pub mod calibration;

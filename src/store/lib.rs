@@ -1,7 +1,5 @@
 //! Slices on disk: Zarr v3 stores, probe, merge, shards, and NumPy and OpenEXR files.
 
-#![warn(missing_docs)]
-
 pub mod alike;
 pub mod denoised;
 pub mod doubt;

@@ -7,8 +7,6 @@
 //! This is a separate crate because serde's code for these types is most of the scene code by size, and does
 //! not need optimization.
 
-#![warn(missing_docs)]
-
 mod defaults;
 pub mod device;
 pub mod emitter;
