@@ -20,7 +20,7 @@ use sunstone::scene::mitsuba::import::Import;
 ///   principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask, normalmap, null;
 /// - textures: bitmap and checkerboard; media: homogeneous;
 /// - shapes: sphere, disk, cylinder, rectangle, cube, obj, ply, serialized, bsplinecurve, linearcurve, sdfgrid, merge, shapegroup,
-///   instance; curves and grids become meshes in PLY files beside the scene file;
+///   instance; curves and grids become meshes in PLY files next to the scene file;
 /// - sensors: perspective, thinlens; films: hdrfilm, specfilm, and mitransient's transient_hdr_film;
 /// - emitters: projector, point, spot, directional, constant, envmap, area.
 ///

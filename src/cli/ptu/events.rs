@@ -13,7 +13,7 @@ use sunstone::rig::ptu::writer::{self, Description};
 
 const COLUMNS: &str = "kind,time,dtime,channel,markers";
 
-/// Print a file's records, one a line, as CSV.
+/// Print a file's records as CSV, one per line.
 ///
 /// Columns: kind (photon, sync, marker, overflow, unknown), time (counts of the time tag since the start:
 /// laser pulses in T3), dtime (counts since the laser pulse), channel, markers (bits: 1 is the first input, 8
