@@ -18,10 +18,7 @@ pub enum MatricesError {
         "{}: its shape is {shape:?}; Mueller matrices have the shape (..., 4, 4), rows the Stokes elements that leave",
         path.display()
     )]
-    Shape {
-        path: PathBuf,
-        shape: Vec<usize>,
-    },
+    Shape { path: PathBuf, shape: Vec<usize> },
     /// The selected part of the slice cannot be read.
     #[error(transparent)]
     Probe(#[from] ProbeError),

@@ -31,9 +31,7 @@ pub enum RoundsError {
     Merge(#[from] MergeError),
     /// Rounds of an earlier call exist.
     #[error("{path} holds rounds of an unfinished render: go on with --resume, or begin anew with --force")]
-    Rounds {
-        path: PathBuf,
-    },
+    Rounds { path: PathBuf },
     /// The folder of rounds contains other files, so it is not removed.
     #[error(
         "{path} is in the way, and holds other things than rounds: {found}; move it away, or choose another name"
@@ -47,10 +45,7 @@ pub enum RoundsError {
     #[error(transparent)]
     Store(#[from] RemoveError),
     #[error("cannot remove {path}: {cause}")]
-    Remove {
-        path: PathBuf,
-        cause: std::io::Error,
-    },
+    Remove { path: PathBuf, cause: std::io::Error },
 }
 
 impl RoundsError {

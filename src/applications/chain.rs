@@ -30,10 +30,7 @@ const CAPTURES: usize = 36;
 #[derive(Debug, thiserror::Error)]
 pub enum ChainFailure {
     #[error("variant {variant}: {cause}")]
-    Slice {
-        variant: u64,
-        cause: ChainError,
-    },
+    Slice { variant: u64, cause: ChainError },
     /// The elements cannot be calibrated.
     #[error("calibration: {0}; give `samples` air, mirror and polarizer")]
     Calibration(#[from] CalibrationError),

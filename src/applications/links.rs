@@ -24,10 +24,7 @@ pub enum LinksError {
     Apply(#[from] ApplyError),
     /// The methods refuse the slices from one link.
     #[error("captured, {label}: {cause}")]
-    Captured {
-        label: String,
-        cause: ApplyError,
-    },
+    Captured { label: String, cause: ApplyError },
     #[error("stopped; run the same command again to go on")]
     Interrupted,
 }

@@ -18,10 +18,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     #[error("cannot write {}: {cause}", path.display())]
-    Write {
-        path: PathBuf,
-        cause: std::io::Error,
-    },
+    Write { path: PathBuf, cause: std::io::Error },
     #[error(transparent)]
     Figure(#[from] FigureError),
 }
