@@ -1,8 +1,9 @@
-//! Applications from scene files: variants and seeds are rendered into a folder, where they stay, and given to the methods of
-//! [`apply`].
+//! Runs applications from scene files: renders their variants and seeds into a folder and passes them to the
+//! methods of [`apply`].
 //!
-//! A render is named by variant, seed, size, samples and the hash of its scene, which changes with all that it shows. What is
-//! finished is not rendered again; what was cut off goes on where it was. Delete the folder to render anew.
+//! The name of a render contains variant, seed, size, samples and the hash of its scene, which changes with
+//! its content. A finished render is not repeated; an unfinished render is resumed. Delete the folder to
+//! render everything again.
 
 pub mod chain;
 pub mod curves;
@@ -28,67 +29,61 @@ use transport::render::schedule::Watch;
 
 use crate::studio::{Studio, StudioError, TRUTH_SEED};
 
-/// Most seeds of a run.
+/// Maximum number of seeds of a run.
 pub const MOST_SEEDS: u64 = 1000;
 
-/// Where to and how to run.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Folder of scenes.
     pub scenes: PathBuf,
-    /// Folder of renders.
     pub renders: PathBuf,
-    /// At the plan's preview size, else its full size.
+    /// Use the plan's preview size, otherwise its full size.
     pub preview: bool,
-    /// Seeds, from 1 on.
+    /// Number of seeds; they are 1, 2, ….
     pub seeds: u64,
-    /// Ways of capturing that each give a table beside that of the slices as they were rendered.
+    /// Capture chains, each of which adds a table to that of the rendered slices.
     pub links: Links,
 }
 
-/// Why an application was not run to its end.
+/// The reason why an application was not completed.
 #[derive(Debug, thiserror::Error)]
 pub enum ApplicationError {
-    /// The scene file is wrong, or a render of it stopped.
+    /// The scene file is invalid, or a render of it stopped.
     #[error(transparent)]
     Studio(#[from] StudioError),
-    /// There is nothing to average over, or more than anybody renders.
+    /// The number of seeds is out of range.
     #[error("{0} seeds: give 1 to {MOST_SEEDS}")]
     Seeds(u64),
-    /// A render cannot be read back.
+    /// A render cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// A slice of one cannot be read back.
+    /// A slice of a render cannot be read.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// A slice cannot be captured.
     #[error(transparent)]
     Captured(#[from] LinksError),
-    /// The methods found what they were given wanting.
+    /// The methods refuse their input.
     #[error(transparent)]
     Apply(#[from] ApplyError),
 }
 
-/// What came out.
+/// The results of a run.
 #[derive(Clone, Debug)]
 pub struct Report {
     /// The table: metrics one after the other, methods in their order.
     pub rows: Vec<Row>,
     /// All scores, with their seeds.
     pub scores: Vec<(u64, Score)>,
-    /// Pictures and notes of the first seed.
     pub first: Outcome,
-    /// Size of the renders.
     pub size: Size,
-    /// Seeds.
+    /// Number of seeds.
     pub seeds: u64,
-    /// What the methods are worth on captured slices.
+    /// Results of the methods on captured slices.
     pub through: Vec<Through>,
-    /// Renders that were made now, not taken from the folder.
+    /// Number of renders of this run, without those taken from the folder.
     pub rendered: usize,
 }
 
-/// Renders what an application needs, and runs it once for each seed.
+/// Renders the data of an application, and runs the application once for each seed.
 ///
 /// # Errors
 /// [`ApplicationError`].
@@ -100,7 +95,7 @@ pub fn run(
     Run::new(application, settings, watch)?.report()
 }
 
-/// An application with what it is run on.
+/// An application with its settings and data.
 pub struct Run<'a> {
     application: &'a dyn Application,
     settings: &'a Settings,
@@ -109,7 +104,7 @@ pub struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Renders nothing yet.
+    /// Prepares a run without rendering.
     ///
     /// # Errors
     /// [`ApplicationError::Seeds`]; [`ApplicationError::Studio`] if the scene file cannot be read.
@@ -138,8 +133,9 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Renders what is not rendered yet, and says what all methods are given, but for the links: another text as soon as a scene, a render
-    /// or the size is another one. What methods make of it is the program's.
+    /// Renders missing data, and returns a text that identifies the input of all methods, except the links.
+    /// The text changes whenever a scene, a render or the size changes. The methods themselves are identified
+    /// by the program's version.
     ///
     /// # Errors
     /// [`ApplicationError`].
@@ -161,7 +157,7 @@ impl<'a> Run<'a> {
             let wanted: Vec<Wanted> = wanted.chain(observer.of_truth(number)).collect();
             let wanted = wanted.into_iter().filter(|w| !w.slices.is_empty());
             let wanted: Vec<Wanted> = wanted.collect();
-            // Names of its renders have the hash of all that its layers are of.
+            // Otherwise, the names of the variant's renders contain this hash.
             if wanted.iter().all(|w| w.variant != number) {
                 let scene = observer.studio.scene(&variant, pixels, &[])?;
                 out += &format!("scene {}\n", scene.sha256);
@@ -180,7 +176,7 @@ impl<'a> Run<'a> {
         Ok(out)
     }
 
-    /// Renders what is not rendered yet, and runs the application once for each seed.
+    /// Renders missing data, and runs the application once for each seed.
     ///
     /// # Errors
     /// [`ApplicationError`].
@@ -215,14 +211,14 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Renders that were made now, not taken from the folder.
+    /// Returns the number of renders of this run, without those taken from the folder.
     #[must_use]
     pub fn rendered(&self) -> usize {
         self.observer.studio.rendered()
     }
 }
 
-/// What no method may see of a variant but to learn from it and to be judged by it.
+/// Ground truth of a variant, which methods may use for training and scoring only.
 #[derive(Clone, Default)]
 struct Known {
     rig: Option<Rig>,
@@ -230,7 +226,7 @@ struct Known {
     slices: BTreeMap<String, Slice>,
 }
 
-/// A render.
+/// A render that is needed.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Wanted {
     variant: u64,
@@ -239,14 +235,13 @@ struct Wanted {
     slices: Vec<&'static str>,
 }
 
-/// Observes variants of one scene file.
 struct Observer<'a> {
     studio: Studio<'a>,
     plan: Plan,
     size: Size,
-    /// What is known by variant: it is the same for all seeds.
+    /// Ground truth by variant, which is equal for all seeds.
     truths: BTreeMap<u64, Known>,
-    /// Finished stores that nothing was read of yet.
+    /// Finished stores that have not been read yet.
     stores: BTreeMap<Wanted, TensorStore>,
 }
 
@@ -291,7 +286,7 @@ impl Observer<'_> {
             rig: truth::rig(&scene),
             ..Known::default()
         };
-        // Of first surfaces, and of what stands behind glass.
+        // Layers of the first surfaces, and of the surfaces behind glass.
         let mut sets: [Option<LayerSet>; 2] = [None, None];
         for truth in self.plan.truth.clone() {
             let (name, map) = match truth {
@@ -330,7 +325,7 @@ impl Observer<'_> {
         Ok(known)
     }
 
-    /// What methods see of a variant.
+    /// The render that methods see of a variant.
     fn of_seed(&self, variant: u64, seed: u64) -> Wanted {
         Wanted {
             variant,
@@ -340,7 +335,7 @@ impl Observer<'_> {
         }
     }
 
-    /// What a variant's truth is rendered of.
+    /// The renders of a variant's ground truth.
     fn of_truth(&self, variant: u64) -> impl Iterator<Item = Wanted> {
         self.plan
             .truth
@@ -363,7 +358,7 @@ impl Observer<'_> {
         })
     }
 
-    /// A finished store.
+    /// Returns a finished store.
     fn store(&mut self, wanted: &Wanted) -> Result<TensorStore, ApplicationError> {
         if let Some(store) = self.stores.remove(wanted) {
             return Ok(store);
@@ -385,7 +380,7 @@ impl Observer<'_> {
     }
 }
 
-/// A slice of a finished store.
+/// Reads a slice of a finished store.
 fn read(store: &TensorStore, name: &str) -> Result<Slice, ApplicationError> {
     let stored = store.slice(name)?;
     Ok(Slice {
@@ -394,7 +389,7 @@ fn read(store: &TensorStore, name: &str) -> Result<Slice, ApplicationError> {
     })
 }
 
-/// Where scenes are, seen from a folder: `scenes` in it, or in one of those that it is in.
+/// Finds the folder `scenes` with the file `scene`, in `from` or the nearest parent folder that has one.
 #[must_use]
 pub fn find_scenes(from: &Path, scene: &str) -> Option<PathBuf> {
     from.ancestors()

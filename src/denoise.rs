@@ -1,8 +1,9 @@
-//! Denoised stores: for figures, marked as what they are ([`store::denoised`]).
+//! Denoises stores for figures; the result is marked as denoised ([`store::denoised`]).
 //!
-//! A slice is read band by band of rows with [`HALO`] rows around, and, where it resolves more than matrices, chunk by chunk of
-//! what it resolves, so that memory is bounded by [`BAND`] numbers of a pixel's. Bands change no bit. Rows and columns that do not
-//! lie side by side in the camera (`rows = [10, 150]`) are images of their own.
+//! A slice is read in bands of rows, with [`HALO`] more rows on both sides. A slice with more axes than those
+//! of matrices is also read chunk by chunk along these axes. This limits memory to about [`BAND`] values. The
+//! result does not depend on the bands, bit for bit. Rows and columns that are not adjacent in the camera
+//! (`rows = [10, 150]`) are denoised as separate images.
 
 use polarimetry::denoise::average::average;
 use polarimetry::denoise::guide::{Guide, GuideBuilder};
@@ -19,39 +20,38 @@ use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
-/// Numbers of one array that are in memory at once, about: bands are as high as they allow.
+/// Approximate maximum number of values of one array in memory; it determines the height of bands.
 pub const BAND: usize = 1 << 23;
 
-/// Rows of a band at least.
+/// Minimum number of rows of a band.
 const LEAST_ROWS: usize = 16;
 
-/// Numbers of a pixel that are in memory anyhow: its weights.
+/// Number of values per pixel that are always in memory: its weights.
 const LEAST_NUMBERS: usize = 128;
 
-/// Why nothing was denoised.
+/// The reason why nothing was denoised.
 #[derive(Debug, thiserror::Error)]
 pub enum DenoiseError {
     /// The stores cannot be read, or are not renders of one scene.
     #[error(transparent)]
     Inputs(#[from] MergeError),
-    /// More stores than there are ways to use.
+    /// More than two stores.
     #[error(
         "{0} stores: give one, or two renders of one scene with different seeds; `sunstone merge` pools more"
     )]
     TooMany(usize),
-    /// An input has no values yet, or lost them.
+    /// A field of an input is not rendered yet, or is missing.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// A store cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The output cannot be made.
+    /// The output cannot be created.
     #[error(transparent)]
     Create(#[from] CreateError),
 }
 
 impl DenoiseError {
-    /// Whether the system refused, not what was given.
+    /// Returns whether a system error is the cause, rather than the input.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {
@@ -63,18 +63,17 @@ impl DenoiseError {
     }
 }
 
-/// What became of a slice.
+/// The result for a slice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// Its name.
     pub slice: String,
-    /// Root mean square of the stated errors of all means over that of what was rendered, of both renders together; `None` where
-    /// the slice is no image and was copied, or has no errors.
+    /// Root mean square of the estimated errors of all means, relative to that of the input renders together.
+    /// `None` if the slice was copied because it is not an image, or has no errors.
     pub error: Option<f64>,
 }
 
-/// Denoises a store, or two renders of one scene with different seeds, into a new store `out`. Slices without rows and columns of
-/// the camera are copied: those of the first of two.
+/// Denoises a store, or two renders of one scene with different seeds, into a new store `out`. Slices without
+/// camera rows and columns are copied from the first store.
 ///
 /// # Errors
 /// [`DenoiseError`].
@@ -82,7 +81,7 @@ pub fn denoise(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<Vec<Outc
     denoise_in_bands(inputs, out, replace, BAND)
 }
 
-/// As [`denoise`], with bands of about so many numbers.
+/// Does the same as [`denoise`] with a band of about `band` values.
 ///
 /// # Errors
 /// [`DenoiseError`].
@@ -111,7 +110,7 @@ pub fn denoise_in_bands(
     let layouts: Vec<_> = slices
         .iter()
         .map(|all| {
-            // Of what is mixed from several pixels nothing is known of totals.
+            // Denoising mixes pixels, so the totals are unknown.
             let layout = SliceLayout {
                 totals: false,
                 ..all[0].layout().clone()
@@ -141,7 +140,7 @@ pub fn denoise_in_bands(
     Ok(outcomes)
 }
 
-/// What is noted of how it was made.
+/// Returns the attribute that records the inputs and the method.
 fn mark(stores: &[&TensorStore], slices: &[Vec<StoredSlice>]) -> Value {
     let of = |s: &&TensorStore| json!({"path": s.path().display().to_string(), "manifest": s.fingerprint()});
     let copied: Vec<&str> = slices
@@ -161,12 +160,12 @@ fn mark(stores: &[&TensorStore], slices: &[Vec<StoredSlice>]) -> Value {
     })
 }
 
-/// Whether a slice has rows and columns of the camera.
+/// Returns whether a slice has camera rows and columns.
 fn is_image(slice: &StoredSlice) -> bool {
     slice.find(AxisKind::Y) == Some(0) && slice.find(AxisKind::X) == Some(1)
 }
 
-/// Copies a slice as it is.
+/// Copies a slice unchanged.
 fn copy(from: &StoredSlice, to: &StoredSlice) -> Result<(), DenoiseError> {
     for field in Field::ALL.into_iter().filter(|f| from.has(*f) && to.has(*f)) {
         for (start, shape) in from.chunks(field)? {
@@ -176,7 +175,7 @@ fn copy(from: &StoredSlice, to: &StoredSlice) -> Result<(), DenoiseError> {
     Ok(())
 }
 
-/// Entries of an axis that lie side by side, run by run.
+/// Splits an axis into runs of adjacent entries.
 fn runs(axis: &Axis, single: bool) -> Vec<Range<usize>> {
     let mut all: Vec<Range<usize>> = vec![];
     for (i, c) in axis.coords.iter().enumerate() {
@@ -188,14 +187,14 @@ fn runs(axis: &Axis, single: bool) -> Vec<Range<usize>> {
     all
 }
 
-/// Squares of errors, before and after, and their number.
+/// Sums of squared errors before and after denoising.
 #[derive(Default)]
 struct Squares {
     before: f64,
     after: f64,
 }
 
-/// Denoises one slice; gives [`Outcome::error`].
+/// Denoises one slice, and returns [`Outcome::error`].
 fn image(
     renders: &[StoredSlice],
     shares: &[f32],
@@ -230,7 +229,7 @@ fn image(
     Ok(ratio.is_finite().then_some(ratio))
 }
 
-/// A band of a slice: rows to write, and those to read, of some columns.
+/// A band of a slice: the rows to write and the rows to read, for a range of columns.
 struct Part {
     rows: Range<usize>,
     read: Range<usize>,
@@ -238,7 +237,7 @@ struct Part {
 }
 
 impl Part {
-    /// First index and shape of a box of what pixels hold, over some rows.
+    /// Returns the first index and the shape of a box over some rows and the axes after rows and columns.
     fn over(&self, rows: &Range<usize>, start: &[u64], shape: &[u64]) -> [Vec<u64>; 2] {
         let pixels = [rows, &self.columns];
         let first = pixels.iter().map(|r| r.start as u64).chain(start.iter().copied());
@@ -326,7 +325,7 @@ impl Part {
 /// First index and shape of a box.
 type Region = (Vec<u64>, Vec<u64>);
 
-/// Chunks of what the pixels of a field hold, along the axes behind rows and columns.
+/// Returns the chunks of a field along the axes after rows and columns.
 fn rest_chunks(slice: &StoredSlice, field: Field) -> Result<Vec<Region>, AccessError> {
     let layout = slice.field_layout(field)?;
     let rest = &layout.axes[2..];

@@ -1,4 +1,4 @@
-//! The `sunstone` program.
+//! The `sunstone` program, which only calls `sunstone::cli::run`.
 
 use std::process::ExitCode;
 

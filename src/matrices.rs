@@ -1,4 +1,4 @@
-//! Mueller matrices from files: an array of them, or a slice of a store.
+//! Reads Mueller matrices from an array file or from a slice of a store.
 
 use polarimetry::capture::mueller_image::{DEFAULT_NM, ImageError, MuellerImage};
 use std::path::{Path, PathBuf};
@@ -8,24 +8,18 @@ use store::zarr::StoredSlice;
 use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
 
-/// Why there are no matrices.
+/// The reason why matrices cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum MatricesError {
-    /// The array cannot be read.
     #[error(transparent)]
     Read(#[from] NumpyError),
-    /// The array holds something else.
+    /// The shape of the array does not end with 4, 4.
     #[error(
         "{}: its shape is {shape:?}; Mueller matrices have the shape (..., 4, 4), rows the Stokes elements that leave",
         path.display()
     )]
-    Shape {
-        /// File of the array.
-        path: PathBuf,
-        /// Its shape.
-        shape: Vec<usize>,
-    },
-    /// The slice cannot be read so.
+    Shape { path: PathBuf, shape: Vec<usize> },
+    /// The selected part of the slice cannot be read.
     #[error(transparent)]
     Probe(#[from] ProbeError),
     /// The slice does not resolve polarization.
@@ -35,32 +29,32 @@ pub enum MatricesError {
     NotMueller,
 }
 
-/// Matrices, their leading shape, and what is known of it.
+/// Mueller matrices with their leading shape.
 #[derive(Clone, Debug)]
 pub struct Matrices {
-    /// Lengths of the axes before the two of Stokes elements; of a slice, wavelengths are the last of them.
+    /// Lengths of the axes before the two Stokes axes. For a slice, wavelength is the last of them.
     pub shape: Vec<usize>,
-    /// 16 elements a matrix, row-major.
+    /// The elements, 16 per matrix, row-major.
     pub values: Values,
-    /// Standard errors of the elements, of a slice.
+    /// Standard errors of the elements, for a slice.
     pub errors: Option<Values>,
-    /// Of a slice: its axes and what else it says.
+    /// Axes and other data of a slice.
     pub facts: Option<SliceFacts>,
 }
 
-/// What a slice says of its matrices.
+/// Axes, wavelengths and bin width of a slice.
 #[derive(Clone, Debug)]
 pub struct SliceFacts {
     /// Axes of the leading shape.
     pub axes: Vec<Axis>,
-    /// Wavelengths, nanometres: those of its axis, or the one that was selected.
+    /// Wavelengths, nanometres: those of the wavelength axis, or the selected one.
     pub nm: Vec<f64>,
-    /// Width of its time bins, ps.
+    /// Width of the time bins, ps.
     pub bin_ps: Option<f64>,
 }
 
 impl Matrices {
-    /// An array (.npy) of matrices, of shape (..., 4, 4).
+    /// Reads an array (.npy) of shape (..., 4, 4).
     ///
     /// # Errors
     /// [`MatricesError::Read`], [`MatricesError::Shape`].
@@ -79,7 +73,7 @@ impl Matrices {
         })
     }
 
-    /// Matrices of a part of a stored slice, row-major over the axes that it has besides those of Stokes elements.
+    /// Reads the matrices of a part of a stored slice, row-major over its axes without the Stokes axes.
     ///
     /// # Errors
     /// [`MatricesError::Probe`], [`MatricesError::NotMueller`].
@@ -117,8 +111,8 @@ impl Matrices {
         })
     }
 
-    /// The matrices as a rig sees them. `wavelengths_nm` are those of the last axis of an array (none: there is no such
-    /// axis); a slice knows its own, and takes no others.
+    /// Converts the matrices to the input of a rig. `wavelengths_nm` are those of an array's last axis; if
+    /// empty, the array has no such axis. A slice has its own wavelengths and accepts no others.
     ///
     /// # Errors
     /// Those of [`MuellerImage::of_array`] and [`MuellerImage::of_slice`].
@@ -134,7 +128,7 @@ impl Matrices {
     }
 }
 
-/// The stored wavelength that was selected: the probe took its axis away.
+/// Returns the selected wavelength of a stored slice, whose axis is not in the probe's result.
 fn selected_nm(stored: &[Axis], select: &[Selection]) -> f64 {
     let axis = stored.iter().find(|a| a.kind == AxisKind::Wavelength);
     let wanted = select.iter().find_map(|s| match (s.axis, s.range) {
@@ -146,7 +140,8 @@ fn selected_nm(stored: &[Axis], select: &[Selection]) -> f64 {
     nearest.copied().unwrap_or(wanted)
 }
 
-/// A tensor's values with the two Stokes axes last; only wavelengths stand behind them.
+/// Reorders a tensor's values so that the two Stokes axes are last. Only wavelength may follow them in the
+/// tensor.
 fn stokes_last(t: &Tensor) -> Vec<f32> {
     let lanes = t.extent(AxisKind::Wavelength);
     let mut out = Vec::with_capacity(t.data.len());

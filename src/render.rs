@@ -1,4 +1,4 @@
-//! Renders: from a scene to a store on disk, to arrays in memory, or into any other sink.
+//! Renders a scene into a store on disk, into arrays in memory, or into any other sink.
 
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
@@ -14,12 +14,12 @@ use transport::render::schedule::{self, Share};
 pub use transport::render::schedule::{Unwatched, Watch};
 use transport::scene::Scene;
 
-/// Why a render into a store stopped.
+/// The reason why a render into a store stopped.
 pub type RenderError = schedule::RenderError<SinkError>;
 
-/// A render of all slices of a scene, which says where to and how.
+/// A render of all slices of a scene, with its options and destination.
 ///
-/// The same scene, seed and samples give the same bits, whatever the number of threads and the sink.
+/// The same scene, seed and samples give bit-identical results for any number of threads and any sink.
 ///
 /// ```
 /// use sunstone::{Camera, Field, Material, Object, Projector, Render, SceneBuilder, Slice};
@@ -47,7 +47,7 @@ pub struct Render<'a> {
 }
 
 impl<'a> Render<'a> {
-    /// Of a scene, on the threads of the current rayon pool, unwatched.
+    /// Returns a render of a scene on the threads of the current rayon pool, without a watch.
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
         let version = env!("CARGO_PKG_VERSION");
@@ -63,55 +63,58 @@ impl<'a> Render<'a> {
         }
     }
 
-    /// Reports to `watch` once a tile, and ends when it says so.
+    /// Reports each finished tile to `watch`, which can stop the render.
     #[must_use]
     pub fn watch(mut self, watch: &'a dyn Watch) -> Self {
         self.watch = watch;
         self
     }
 
-    /// Notes something beside the provenance that every render notes: an attribute of a store.
+    /// Adds an attribute of the store, in addition to the provenance that every render records.
     #[must_use]
     pub fn attribute(mut self, name: &'a str, value: Value) -> Self {
         self.attributes.push((name, value));
         self
     }
 
-    /// A part of it alone: its tiles get the bits that they have in the whole, all others stay zero. A store says which part
-    /// it is and reads as no finished render; [`store::merge::merge`] joins a complete set to the bytes of the whole.
+    /// Renders only a part. Its tiles are bit-identical to those of the whole render; all others stay zero.
+    /// The store records the part and does not open as a finished render. [`store::merge::merge`] joins all
+    /// parts; the result equals the whole render byte for byte.
     #[must_use]
     pub fn part(mut self, part: Part) -> Self {
         self.share.part = Some(part);
         self
     }
 
-    /// With so many samples of the pixels of each tile, row by row, in place of one number for all: a tile gets the bits that it has in a
-    /// render of its number everywhere, and tiles of none stay zero. The scene's settings hold the largest number.
+    /// Sets the samples per pixel of each tile, row by row, instead of one number for all. A tile is
+    /// bit-identical to that of a render with its number everywhere; tiles with 0 samples stay zero. The
+    /// scene's settings contain the largest number.
     #[must_use]
     pub fn samples(mut self, samples: &'a [u32]) -> Self {
         self.share.samples = Some(samples);
         self
     }
 
-    /// With walks from the light that all parts K of N make together, by files in a folder that their machines share: otherwise each
-    /// part makes all of them for itself. Nobody waits for a part that is not running, and no bit changes.
+    /// Shares the light paths between all parts K of N, by files in a folder that their machines share.
+    /// Otherwise each part traces all of them. Parts never block on one another; the output is bit-identical.
     #[must_use]
     pub fn shared_light(mut self, folder: &'a Path) -> Self {
         self.share.light = Some(folder);
         self
     }
 
-    /// On so many threads of its own.
+    /// Uses a separate pool of `threads` threads.
     #[must_use]
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = Some(threads);
         self
     }
 
-    /// Into a sink.
+    /// Renders into a sink.
     ///
     /// # Errors
-    /// [`schedule::RenderError`]: the scene keeps nothing, has no such part, threads cannot be started, or the sink refuses.
+    /// [`schedule::RenderError`]: the scene has no slices or no such part, threads cannot be started, or the
+    /// sink fails.
     pub fn into_sink<S: Sink + Send>(self, sink: &mut S) -> Result<Summary, schedule::RenderError<S::Error>> {
         let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, self.share, sink, self.watch);
         match self.threads {
@@ -124,20 +127,20 @@ impl<'a> Render<'a> {
         }
     }
 
-    /// Into arrays in memory: all fields of all slices.
+    /// Renders all fields of all slices into arrays in memory.
     ///
     /// # Errors
-    /// [`schedule::RenderError`]: the scene keeps nothing, or threads cannot be started.
+    /// [`schedule::RenderError`]: the scene has no slices, or threads cannot be started.
     pub fn to_arrays(self) -> Result<Arrays, schedule::RenderError<Infallible>> {
         let mut arrays = Arrays::default();
         self.into_sink(&mut arrays)?;
         Ok(arrays)
     }
 
-    /// Into a new Zarr store, which must not exist yet.
+    /// Renders into a new Zarr store, which must not exist yet.
     ///
     /// # Errors
-    /// [`RenderError`]; what was finished stays on disk and can be resumed ([`Self::to_target`]).
+    /// [`RenderError`]; finished tiles stay on disk and the render can be resumed ([`Self::to_target`]).
     pub fn to_store(self, path: &Path) -> Result<Summary, RenderError> {
         self.to_target(&Target {
             path: path.to_owned(),
@@ -145,37 +148,37 @@ impl<'a> Render<'a> {
         })
     }
 
-    /// Into a Zarr store that is made, replaced or resumed.
+    /// Renders into a Zarr store that is created, replaced or resumed.
     ///
     /// # Errors
-    /// [`RenderError`]; what was finished stays on disk and can be resumed.
+    /// [`RenderError`]; finished tiles stay on disk and the render can be resumed.
     pub fn to_target(self, target: &Target) -> Result<Summary, RenderError> {
         self.into_sink(&mut ZarrSink::new(target.clone()))
     }
 }
 
-/// What a render is to do otherwise than its scene says: what is `None` stays, and all slices do where none is named.
+/// Settings that override those of a scene. `None` keeps the scene's setting; without slice names all slices
+/// are kept.
 #[derive(Clone, Debug, Default)]
 pub struct Choices {
     /// Samples per camera pixel.
     pub spp: Option<u32>,
-    /// Least number of independent groups of samples.
+    /// Minimum number of independent groups of samples.
     pub replicates: Option<u32>,
-    /// Random seed.
     pub seed: Option<u64>,
-    /// Names of the slices that are kept.
+    /// Names of the slices to keep.
     pub slices: Option<Vec<String>>,
 }
 
-/// Most samples and groups of them that may be asked for.
+/// Maximum number of samples, and of groups of samples.
 const MOST_SAMPLES: u32 = 1 << 30;
 
 impl Choices {
-    /// Changes a scene, wholly or not at all. `dashes` stand before the names of choices in messages: those of a command, or
-    /// nothing.
+    /// Applies the choices to a scene, all or none of them. `dashes` is the prefix of option names in
+    /// messages, such as `--`, or empty.
     ///
     /// # Errors
-    /// A message that names the choice, what is wrong with it and the fix.
+    /// A message with the name of the choice, the fault and the fix.
     pub fn apply(&self, scene: &mut Scene, dashes: &str) -> Result<(), String> {
         for (name, given) in [("spp", self.spp), ("replicates", self.replicates)] {
             if let Some(n) = given.filter(|n| !(1..=MOST_SAMPLES).contains(n)) {
@@ -200,20 +203,21 @@ impl Choices {
     }
 }
 
-/// Most threads that may be asked for: as many as the machine can make use of, and then some, not so many that it does nothing
-/// else.
+/// Returns the maximum number of threads: more than the machine can use, but not so many that they overload
+/// it.
 #[must_use]
 pub fn most_threads() -> usize {
     8 * cores()
 }
 
-/// Threads that the machine runs at once.
+/// Returns the number of threads that the machine runs concurrently.
 #[must_use]
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Whether the system refused a render into a store, as a full disk does, and not what was asked for.
+/// Returns whether a system error, such as a full disk, stopped a render into a store, rather than the
+/// request.
 #[must_use]
 pub fn is_of_system(e: &RenderError) -> bool {
     match e {
@@ -226,7 +230,7 @@ pub fn is_of_system(e: &RenderError) -> bool {
 /// Renders all slices of a scene into a store, on the current rayon thread pool.
 ///
 /// # Errors
-/// [`RenderError`]; what was finished stays on disk and can be resumed.
+/// [`RenderError`]; finished tiles stay on disk and the render can be resumed.
 pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summary, RenderError> {
     Render::new(scene).watch(watch).to_target(target)
 }

@@ -1,4 +1,5 @@
-//! Rigs whose bench plays a scene: the scene is rendered to the tensor that the simulated sensors play.
+//! Rigs whose simulated bench uses a scene: the scene is rendered to the tensor that the simulated sensors
+//! capture.
 //!
 //! This module is part of the public API crate because the crate `rig` does not use the renderer.
 
@@ -15,22 +16,20 @@ use std::path::{Path, PathBuf};
 use store::sink::{SinkError, Target, is_finished};
 use transport::render::schedule::{RenderError, Watch};
 
-/// Why a bench has no tensor.
+/// The reason why a bench has no tensor.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// The scene is wrong.
     #[error(transparent)]
     Scene(#[from] InputError),
-    /// The render failed.
     #[error(transparent)]
     Render(#[from] RenderError<SinkError>),
-    /// Ctrl-C.
+    /// The user interrupted the render.
     #[error("interrupted while the bench's tensor was rendered; run it again to go on")]
     Interrupted,
 }
 
-/// The scene that a bench plays, with the devices' pixels that the rig has and the one slice that is played; `None` where the
-/// bench plays something else.
+/// Returns the scene of a bench, with the device resolutions of the rig and only the slice that the bench
+/// needs. `None` if the bench does not use a scene.
 ///
 /// # Errors
 /// [`InputError`] of the scene.
@@ -75,8 +74,8 @@ fn located<T: Clone>(
     new.into()
 }
 
-/// The store of the tensor that a bench plays: rendered into `folder` unless it is there, under a name of all that it depends
-/// on. `None` where the bench plays a sample.
+/// Returns the store of a bench's tensor. Renders it into `folder` unless it exists there; its name contains
+/// everything that it depends on. `None` if the bench uses a sample.
 ///
 /// # Errors
 /// [`BenchError`].

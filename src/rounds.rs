@@ -1,9 +1,9 @@
-//! Renders to an error instead of to a number of samples: rounds of samples, in tiles that need them, until a slice is known well
-//! enough.
+//! Renders to a target error instead of a number of samples: rounds of samples, in the tiles that need them,
+//! until a slice reaches the error.
 //!
-//! Every round is a store of its own beside the result, rendered with its own random numbers, in parts and on many machines if need
-//! be. What the next one is follows from those before it and from nothing else, so that the result depends neither on threads nor
-//! on interruptions. In the end all are pooled into one store.
+//! Each round is a separate store next to the result, rendered with its own seed, and optionally in parts on
+//! many machines. A round depends only on the previous rounds, so the result depends neither on threads nor
+//! on interruptions. Finally all rounds are pooled into one store.
 
 use crate::render::{Part, Render, RenderError, SinkError, Target, Watch};
 use optics::sampling::mix::mix;
@@ -18,49 +18,38 @@ pub use tensor::target::Goal;
 use tensor::target::{ATTRIBUTE, Next, ROUND, Survey};
 use transport::scene::Scene;
 
-/// Why a render to an error stopped.
+/// The reason why a render to an error stopped.
 #[derive(Debug, thiserror::Error)]
 pub enum RoundsError {
-    /// What is asked for makes no sense.
+    /// The goal is invalid.
     #[error("{0}")]
     Goal(String),
-    /// A round cannot be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// Rounds cannot be read, or pooled.
+    /// Rounds cannot be read or pooled.
     #[error(transparent)]
     Merge(#[from] MergeError),
-    /// Rounds of another call are in the way.
+    /// Rounds of an earlier call exist.
     #[error("{path} holds rounds of an unfinished render: go on with --resume, or begin anew with --force")]
-    Rounds {
-        /// Their folder.
-        path: PathBuf,
-    },
-    /// What would be removed as rounds is something else.
+    Rounds { path: PathBuf },
+    /// The folder of rounds contains other files, so it is not removed.
     #[error(
         "{path} is in the way, and holds other things than rounds: {found}; move it away, or choose another name"
     )]
     Other {
-        /// Where rounds would be.
         path: PathBuf,
-        /// What is in it.
+        /// The name of one of these files.
         found: String,
     },
-    /// The rounds cannot be removed.
+    /// A store of a round cannot be removed.
     #[error(transparent)]
     Store(#[from] RemoveError),
-    /// The folder of rounds cannot be removed.
     #[error("cannot remove {path}: {cause}")]
-    Remove {
-        /// The folder.
-        path: PathBuf,
-        /// Why not.
-        cause: std::io::Error,
-    },
+    Remove { path: PathBuf, cause: std::io::Error },
 }
 
 impl RoundsError {
-    /// Whether the system refused, and not what was asked for.
+    /// Returns whether a system error is the cause, rather than the request.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {
@@ -73,25 +62,26 @@ impl RoundsError {
     }
 }
 
-/// Where the rounds of a render stand.
+/// The state of a render in rounds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Standing {
-    /// Number of the next round, from 0: so many are finished.
+    /// Number of the next round, from 0; equals the number of finished rounds.
     pub round: u32,
-    /// Relative error that the goal's share of lit pixels does not exceed; not before the first round.
+    /// Relative error that the goal's share of lit pixels does not exceed; `None` before the first round.
     pub error: Option<f64>,
-    /// Samples so far, of all pixels.
+    /// Number of samples so far, of all pixels.
     pub samples: u64,
-    /// Their mean number a pixel.
+    /// Mean number of samples per pixel.
     pub mean: f64,
-    /// Samples a pixel that would be needed for the same error if all had the same number, so far as variances tell.
+    /// Estimated number of samples per pixel that would give the same error if it were equal for all pixels.
     pub uniform: f64,
-    /// What comes next.
+    /// The next step.
     pub next: Next,
 }
 
 impl Standing {
-    /// The same as JSON, the next round's numbers left out: `next` is `round`, `reached` or `exhausted`.
+    /// Returns the state as JSON, without the sample counts of the next round. `next` is `round`, `reached`
+    /// or `exhausted`.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let next = match &self.next {
@@ -106,30 +96,28 @@ impl Standing {
     }
 }
 
-/// How to render to an error.
+/// A render to a target error, with its options.
 pub struct ToError<'a> {
-    /// The goal.
     pub goal: Goal,
-    /// Told of every tile, and asked whether to go on.
+    /// Receives every finished tile, and can stop the render.
     pub watch: &'a dyn Watch,
-    /// Told of every round before it begins, and of the end.
+    /// Called with the state before each round and at the end.
     pub begins: &'a dyn Fn(&Standing),
-    /// Attributes of the store beside those that every render has.
+    /// Additional attributes of the store.
     pub attributes: Vec<(&'a str, Value)>,
-    /// Threads; 0 for all.
+    /// Number of threads; 0 for all.
     pub threads: usize,
 }
 
-/// What one machine of many makes of a round.
+/// The part of a round that one of many machines renders.
 #[derive(Clone, Copy, Debug)]
 pub struct RoundPart<'a> {
-    /// Which part.
     pub part: Part,
-    /// Folder of walks from the light in common ([`Render::shared_light`]).
+    /// Folder of shared light paths ([`Render::shared_light`]).
     pub light: Option<&'a Path>,
 }
 
-/// The folder of the rounds of a store, beside it.
+/// Returns the folder for the rounds of a store, next to the store.
 #[must_use]
 pub fn folder_of(store: &Path) -> PathBuf {
     let mut name = store.file_name().unwrap_or_default().to_owned();
@@ -137,11 +125,11 @@ pub fn folder_of(store: &Path) -> PathBuf {
     store.with_file_name(name)
 }
 
-/// Seed of a round: the first has the scene's own.
+/// Returns the seed of a round; the first round has the seed of the scene.
 fn seed_of(seed: u64, round: u32) -> u64 {
     match round {
         0 => seed,
-        // As many bits as every reader of JSON keeps.
+        // 53 bits, which every JSON parser preserves.
         n => mix(seed ^ mix(0x5eed_0f20_0d5e_ed00 + u64::from(n))) >> 11,
     }
 }
@@ -155,14 +143,15 @@ fn round_attribute(goal: &Goal, round: u32) -> Value {
 }
 
 impl ToError<'_> {
-    /// Renders rounds until the goal is reached, and pools them; the summary is that of this run, complete only at the end.
+    /// Renders rounds until the goal is reached, and pools them. The summary is that of this call; it is
+    /// complete only at the end.
     ///
     /// # Errors
-    /// [`RoundsError`]; what was finished stays beside the target and can be resumed.
+    /// [`RoundsError`]; finished work stays next to the target and can be resumed.
     pub fn render(&self, scene: &mut Scene, target: &Target) -> Result<Summary, RoundsError> {
         self.check_goal(scene)?;
         let folder = folder_of(&target.path);
-        // Of all rounds: who replaces them must not do so under the hands of another.
+        // The lock covers all rounds, so that no other process replaces them meanwhile.
         let lock = PlaceLock::take(&folder);
         let _lock = lock.map_err(|e| RenderError::Sink(SinkError::Create(e)))?;
         if target.resume && is_finished(&target.path) {
@@ -212,10 +201,10 @@ impl ToError<'_> {
         }
     }
 
-    /// Where rounds in a folder stand; before round number `round`, if one is named, whatever there is of it and later ones.
+    /// Returns the state of the rounds in a folder, or, if `round` is given, their state before that round.
     ///
     /// # Errors
-    /// [`RoundsError`], of rounds of another render too.
+    /// [`RoundsError`], also for rounds of another render.
     pub fn standing(
         &self,
         scene: &Scene,
@@ -258,10 +247,10 @@ impl ToError<'_> {
         }
     }
 
-    /// Renders a part of a round, which follows from the rounds before it in the folder.
+    /// Renders a part of a round, which is determined by the previous rounds in the folder.
     ///
     /// # Errors
-    /// [`RoundsError`], and if there is no such round.
+    /// [`RoundsError`], also if there is no such round.
     pub fn part_of_round(
         &self,
         scene: &mut Scene,
@@ -280,7 +269,6 @@ impl ToError<'_> {
         }
     }
 
-    /// Renders a round, or a part of it.
     fn round(
         &self,
         scene: &mut Scene,
@@ -344,13 +332,13 @@ impl ToError<'_> {
         Ok(())
     }
 
-    /// Refuses a finished store that is another render.
+    /// Refuses a finished store of another render.
     fn check_result(&self, scene: &Scene, path: &Path) -> Result<(), RoundsError> {
         let target = TensorStore::open(path)
             .ok()
             .and_then(|store| store.attributes().remove(ATTRIBUTE));
         let ours = self.goal.to_json();
-        // What was reached stands beside what was asked for.
+        // The attribute contains the goal and also the result.
         let same = |theirs: &Value| {
             ours.as_object()
                 .is_some_and(|g| g.iter().all(|(k, v)| theirs.get(k) == Some(v)))
@@ -373,7 +361,7 @@ fn mismatch(path: &Path, what: &'static str, theirs: Option<&Value>, ours: Optio
     .into()
 }
 
-/// Refuses a store of another scene or other choices, or with other attributes than these.
+/// Refuses a store of another scene, with other choices, or with attributes other than `expected`.
 fn check_same(scene: &Scene, path: &Path, expected: &[(&'static str, Value)]) -> Result<(), RoundsError> {
     let store = TensorStore::open(path).map_err(|e| RenderError::Sink(SinkError::Open(e)))?;
     let theirs = store.attributes();
@@ -399,14 +387,14 @@ fn check_same(scene: &Scene, path: &Path, expected: &[(&'static str, Value)]) ->
     Ok(())
 }
 
-/// Whether a name is that of a round's store, or of what is beside it while it is written.
+/// Returns whether a name is that of a round's store, or of a temporary file next to it.
 fn is_of_rounds(name: &str) -> bool {
     let name = name.trim_start_matches('.');
     let rest = name.trim_start_matches(|c: char| c.is_ascii_digit());
     rest.len() < name.len() && rest.starts_with(".zarr")
 }
 
-/// Whether anything has a store's place.
+/// Returns whether a store exists at a path.
 fn is_there(path: &Path) -> bool {
     if is_address(path) {
         TensorStore::open(path).is_ok()
@@ -423,10 +411,11 @@ fn has_rounds(folder: &Path) -> bool {
     }
 }
 
-/// Removes the folder of rounds, if it is there and nothing else.
+/// Removes the folder of rounds, if it exists and contains nothing else.
 fn remove(folder: &Path) -> Result<(), RoundsError> {
     if is_address(folder) {
-        // The last first: what is left of a removal that was cut short are the first ones, which are found again.
+        // Remove the last round first: an interrupted removal then leaves the first ones, which the next call
+        // finds.
         let mut count = 0;
         while is_there(&round_store(folder, count)) {
             count += 1;

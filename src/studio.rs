@@ -1,8 +1,8 @@
-//! Renders of scenes and their variants at any size, kept in a folder: what is finished is not rendered again, what was cut off goes
-//! on where it was.
+//! Renders scenes and their variants at any size into a folder. A finished render is not repeated; an
+//! unfinished render is resumed.
 //!
-//! A render is named by scene, variant, seed, size, samples, the hash of its scene, which changes with all that it shows, and the first
-//! digits of the seed that its random numbers come from, which is another one for every variant.
+//! The name of a render contains scene, variant, seed, size, samples, the hash of its scene, which changes
+//! with its content, and the first digits of the seed of its random numbers, which differs between variants.
 
 use apply::application::Size;
 use base::locate::{InputError, Located};
@@ -21,57 +21,52 @@ use transport::scene::Scene;
 
 use crate::render::Render;
 
-/// Seed of renders that are the truth: none of the seeds that methods see.
+/// Seed of ground-truth renders, different from all seeds that methods see.
 pub const TRUTH_SEED: u64 = 1 << 32;
 
-/// Groups of samples that standard errors are estimated from, at least.
+/// Minimum number of sample groups for the estimation of standard errors.
 const REPLICATES: u32 = 8;
 
-/// After how long it is told that another process works at a render: it may but look whether that is finished.
+/// Time after which a wait for another process is reported. Shorter locks occur when a process only checks
+/// whether a render is finished.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// 2⁶⁴ over the golden ratio, the step of SplitMix64.
+/// The step of SplitMix64: 2⁶⁴ over the golden ratio.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Between two looks.
+/// Interval between attempts.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Why there is no render.
+/// The reason why there is no render.
 #[derive(Debug, thiserror::Error)]
 pub enum StudioError {
-    /// The scene file, or a variant of it, is wrong.
+    /// The scene file, or a variant of it, is invalid.
     #[error(transparent)]
     Scene(#[from] InputError),
-    /// The scene file lacks what is asked for.
+    /// The scene file lacks a requested slice or other item.
     #[error("{file}: {what}; {fix}")]
     Lacks {
-        /// The scene file.
         file: PathBuf,
-        /// What is wrong.
         what: String,
-        /// How to fix it.
         fix: String,
     },
-    /// A render stopped.
     #[error(transparent)]
     Render(#[from] RenderError<SinkError>),
-    /// The user stopped it; what is finished stays.
+    /// The user stopped the render; finished tiles are kept.
     #[error("stopped; run the same command again to go on")]
     Interrupted,
-    /// A render cannot be read back.
+    /// A render cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// What is kept under a render's name is not that render.
+    /// The store at the render's path is not that render.
     #[error("{cause}; or delete {path}, and the same command renders it")]
     Kept {
-        /// Where the render is to be.
+        /// Path of the render.
         path: PathBuf,
-        /// What is wrong with it.
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
 }
 
-/// Renders of one scene file.
 pub struct Studio<'a> {
     path: PathBuf,
     text: String,
@@ -81,7 +76,7 @@ pub struct Studio<'a> {
 }
 
 impl<'a> Studio<'a> {
-    /// Of a scene file, into a folder of renders.
+    /// Opens a scene file with a folder for renders.
     ///
     /// # Errors
     /// [`StudioError::Scene`] if it cannot be read.
@@ -95,13 +90,13 @@ impl<'a> Studio<'a> {
         })
     }
 
-    /// Renders that were made now, not taken from the folder.
+    /// Returns the number of new renders, without those taken from the folder.
     #[must_use]
     pub fn rendered(&self) -> usize {
         self.rendered
     }
 
-    /// A variant's file with its values; without a number the scene file itself.
+    /// Returns a variant's file with its values; without a number, the scene file itself.
     ///
     /// # Errors
     /// [`StudioError::Scene`].
@@ -115,7 +110,8 @@ impl<'a> Studio<'a> {
         })
     }
 
-    /// The scene of a variant, its camera so large, with these slices alone.
+    /// Returns the scene of a variant with only these slices; the longer side of its camera has `pixels`
+    /// pixels.
     ///
     /// # Errors
     /// [`StudioError::Scene`], [`StudioError::Lacks`].
@@ -124,7 +120,8 @@ impl<'a> Studio<'a> {
         Ok(scene::from_file(&self.path, &self.text, &file)?)
     }
 
-    /// A finished store of a variant ([`Self::variant`] of the same number).
+    /// Returns the finished store of a variant ([`Self::variant`] of the same number), rendering it if
+    /// necessary.
     ///
     /// # Errors
     /// [`StudioError`].
@@ -157,7 +154,8 @@ impl<'a> Studio<'a> {
                 replace: false,
             };
             match Render::new(&scene).watch(self.watch).to_target(&target) {
-                // Whoever holds it renders the same, and lets go of it when it ends, however that comes.
+                // The holder of the lock renders the same data, and releases the lock whenever its process
+                // ends.
                 Err(e) if is_locked(&e) => {
                     if !told && begun.elapsed() > PATIENCE {
                         tracing::warn!("waiting for another process that renders {}", path.display());
@@ -178,8 +176,8 @@ impl<'a> Studio<'a> {
         Ok(TensorStore::open(&path)?)
     }
 
-    /// A file with these slices alone, its camera's longer side so many pixels; rows, columns and blocks of slices stay where they
-    /// are in the picture.
+    /// Returns a file with only these slices, the longer side of whose camera has `pixels` pixels. Rows,
+    /// columns and blocks of slices keep their place in the image.
     fn sized(&self, file: &SceneFile, pixels: u32, slices: &[&str]) -> Result<SceneFile, StudioError> {
         let mut file = file.clone();
         let known: Vec<&str> = file.slices.iter().map(|f| f.name.as_str()).collect();
@@ -214,7 +212,7 @@ impl<'a> Studio<'a> {
         Ok(file)
     }
 
-    /// The error of a scene that lacks something.
+    /// Returns the error for a scene that lacks an item.
     #[must_use]
     pub fn lacks(&self, what: String, fix: String) -> StudioError {
         StudioError::Lacks {
@@ -225,12 +223,13 @@ impl<'a> Studio<'a> {
     }
 }
 
-/// Rows, columns and blocks of a camera of another size: the pixels whose middle lies there. Bins keep their size.
+/// Rescales rows, columns and blocks to another camera size: each becomes the pixel that contains its centre.
+/// Bins keep their size.
 fn resized(of: &CameraSelectFile, old: [u32; 2], new: [u32; 2]) -> CameraSelectFile {
     let at = |i: u32, axis: usize| {
         let [old, new] = [old[axis], new[axis]].map(u64::from);
         let middle = (2 * u64::from(i) + 1) * new / (2 * old.max(1));
-        // What lies outside is told where it is read.
+        // An index outside the image is kept; the parser reports it.
         if u64::from(i) < old { middle as u32 } else { i }
     };
     let all = |list: &[u32], axis| {
@@ -261,7 +260,7 @@ fn is_locked(e: &RenderError<SinkError>) -> bool {
     )
 }
 
-/// Something else under a render's name is told with its fix: nothing that is kept is deleted by itself.
+/// Converts the error for another store at a render's path. Existing stores are never deleted automatically.
 fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     match e {
         RenderError::Sink(
@@ -281,10 +280,12 @@ fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
     }
 }
 
-/// What a variant's render of a seed draws its random numbers from: with one seed for all variants pixels where nothing moved would have
-/// the same noise, and methods would be judged on the noise that they learnt from. The scene file itself keeps its seed.
+/// Returns the seed of the random numbers of a variant's render. With one seed for all variants, pixels that
+/// do not change between variants would have equal noise, and methods would be tested on their training
+/// noise. The scene file itself keeps its seed.
 fn drawn_from(number: Option<u64>, seed: u64) -> u64 {
-    // Odd and so one to one in the number: variants of one seed never share random numbers.
+    // The factor is odd, so the map is one-to-one in the number: variants of one seed never share random
+    // numbers.
     number.map_or(seed, |n| mix(mix(seed.wrapping_add(STEP)) ^ n.wrapping_mul(STEP)))
 }
 
@@ -314,11 +315,11 @@ mod tests {
             CameraSelectFile::Rows(r) => r,
             _ => vec![],
         };
-        // Row 150 of 256 lies at 150.5 / 256 of the height: in row 37 of 64 and row 301 of 512.
+        // Row 150 of 256 is at 150.5 / 256 of the height: in row 37 of 64 and row 301 of 512.
         assert_eq!(rows(&[150], [256, 256], [64, 64]), [37]);
         assert_eq!(rows(&[150], [256, 256], [512, 512]), [301]);
         assert_eq!(rows(&[0, 1, 255], [256, 256], [64, 64]), [0, 63]);
-        // What the scene has wrong stays wrong.
+        // An invalid index stays invalid.
         assert_eq!(rows(&[999], [256, 256], [64, 64]), [999]);
     }
 }

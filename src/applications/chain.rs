@@ -1,4 +1,5 @@
-//! Observations through the capture chain: the rig of each seed, its calibration, and all slices of a variant.
+//! Applies the capture chain to observations: the rig of each seed, its calibration, and all slices of a
+//! variant.
 
 use apply::chain::error::ChainError;
 use apply::chain::exposure::{Detectors, Laboratory, mean_reading};
@@ -19,55 +20,49 @@ use rig::calibrate::polarimetric::samples::{self, CalibrationError};
 use rig::session::rig_file::sample_of;
 use tensor::axes::AxisKind;
 
-/// Pixels of a camera that calibration averages, on each side.
+/// Width and height of the pixel block that calibration averages.
 const SIDE: usize = 16;
 
-/// Captures of a sample: all elements turn.
+/// Number of captures of a sample, in which all elements rotate.
 const CAPTURES: usize = 36;
 
-/// Why a chain gave nothing.
+/// The reason why a chain failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ChainFailure {
-    /// A slice cannot be captured.
     #[error("variant {variant}: {cause}")]
-    Slice {
-        /// The variant.
-        variant: u64,
-        /// Why not.
-        cause: ChainError,
-    },
+    Slice { variant: u64, cause: ChainError },
     /// The elements cannot be calibrated.
     #[error("calibration: {0}; give `samples` air, mirror and polarizer")]
     Calibration(#[from] CalibrationError),
-    /// A detector refuses to see the samples.
+    /// The detector refuses the light of a sample.
     #[error("calibration: {0}")]
     Detector(#[from] DetectorError),
 }
 
-/// A way of capturing that gives a table.
+/// A configuration of the capture chain, with a table in the report.
 #[derive(Clone, Debug)]
 pub struct Link {
-    /// What it is called.
+    /// Name in the report.
     pub label: String,
-    /// How slices are captured.
+    /// The chain that captures slices.
     pub chain: Chain,
-    /// What is believed of the elements.
+    /// The assumed parameters of the elements.
     pub belief: Belief,
-    /// What is known of matrices, where the captures alone are too few.
+    /// The prior of matrices, for captures that do not determine them.
     pub prior: Option<Moment>,
-    /// The slice that goes through it, if not all of them do.
+    /// Name of the slice to capture, if not all are captured.
     pub only: Option<String>,
 }
 
-/// A rig of one seed.
+/// The real and the assumed scheme for one seed.
 #[derive(Clone, Debug)]
 pub struct Rig {
     real: Scheme,
     believed: Scheme,
 }
 
-/// A seed that is another one for all other numbers and names (SplitMix64 over them: steps of the odd number next to 2⁶⁴ over the golden
-/// ratio).
+/// Derives a distinct seed from numbers and a name (SplitMix64 over them; the step is the odd number next to
+/// 2⁶⁴ over the golden ratio).
 fn mixed(seed: u64, numbers: &[u64], name: &str) -> u64 {
     let bytes = name.bytes().map(u64::from);
     numbers.iter().copied().chain(bytes).fold(seed, |state, n| {
@@ -76,13 +71,13 @@ fn mixed(seed: u64, numbers: &[u64], name: &str) -> u64 {
 }
 
 impl Link {
-    /// Elements in truth of a seed's rig, at the settings of a scheme.
+    /// Returns the true elements of a seed's rig, at the settings of a scheme.
     fn real(&self, settings: &Scheme, seed: u64) -> Scheme {
         let rig = mixed(self.chain.seed, &[seed], "rig");
         self.chain.laboratory.optics.of(settings, rig)
     }
 
-    /// The rig of a seed, calibrated at the wavelengths `nm` if it is to be.
+    /// Returns the rig of a seed, calibrated at the wavelengths `nm` if the link requires it.
     ///
     /// # Errors
     /// [`ChainFailure`].
@@ -107,7 +102,7 @@ impl Link {
         Ok(Rig { real, believed })
     }
 
-    /// The camera at the exposure that makes the mean reading of a sample with T00 = 1 what is asked for.
+    /// Returns the camera at the exposure that gives the requested mean reading for a sample with T00 = 1.
     fn sample_noise(&self, real: &Scheme) -> Noise {
         let Some(mut camera) = self.chain.laboratory.camera.clone() else {
             return Noise::None;
@@ -120,7 +115,8 @@ impl Link {
         }
     }
 
-    /// An observation with all of `slices`, or the link's only one, captured; truths stay as they are.
+    /// Returns an observation with captured slices: all of `slices`, or the link's only one. Ground truth is
+    /// unchanged.
     ///
     /// # Errors
     /// [`ChainFailure`].
@@ -155,7 +151,7 @@ impl Link {
     }
 }
 
-/// The detectors of a laboratory as exposed for an observation's slices, through a scheme.
+/// Returns the detectors of a laboratory, exposed for an observation's slices through a scheme.
 ///
 /// # Errors
 /// [`ChainFailure::Slice`].
@@ -177,7 +173,7 @@ pub fn exposed(
     })
 }
 
-/// Wavelengths of the first slice that has them, nanometres.
+/// Returns the wavelengths of the first slice that has them, nanometres.
 #[must_use]
 pub fn wavelengths(all: &[Observation]) -> Vec<f64> {
     let slices = all.iter().flat_map(|o| o.slices.values());
@@ -188,7 +184,7 @@ pub fn wavelengths(all: &[Observation]) -> Vec<f64> {
     known.next().unwrap_or_else(|| vec![DEFAULT_NM])
 }
 
-/// Whether both have the same elements, by name.
+/// Returns whether both schemes have elements of the same names.
 fn same_elements(a: &Scheme, b: &Scheme) -> bool {
     let names = |s: &Scheme| -> Vec<String> {
         let all = s.generator().iter().chain(s.analyzer());
@@ -197,10 +193,11 @@ fn same_elements(a: &Scheme, b: &Scheme) -> bool {
     names(a) == names(b)
 }
 
-/// The least standard deviation of a sample's readings: without noise, rounding.
+/// Minimum standard deviation of a sample's readings: without noise, that of rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// The elements as captures of known samples tell them, by what `sunstone rig calibrate` runs.
+/// Returns the elements as calibrated from captures of known samples, with the algorithm of `sunstone rig
+/// calibrate`.
 ///
 /// # Errors
 /// [`ChainFailure`].

@@ -1,4 +1,4 @@
-//! What methods are worth against one thing of a chain, and where the first ceases to win.
+//! Scores of methods as a function of one parameter of a chain, and the range in which the first method wins.
 
 use super::Report;
 use super::links::{Links, Part, Through, WHOLE};
@@ -8,27 +8,26 @@ use apply::comparison::table;
 use apply::metrics::paired::{Estimate, difference, estimate};
 use figure::chart::{Chart, ChartAxis, Series, SeriesStyle};
 
-/// Standard errors that a difference is above zero to be called a win.
+/// Number of standard errors by which a difference must exceed zero to count as a win.
 const SURE: f64 = 2.0;
 
-/// One method along a series.
+/// The score of one method at one value of a series.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Series that the link is in.
+    /// Series of the link.
     pub series: String,
     /// Value along the axis.
     pub value: f64,
-    /// Name of the method.
     pub method: String,
-    /// What it is worth by a metric.
+    /// Score by a metric.
     pub worth: Estimate,
-    /// Ours less this, on the same renders; `None` of ours.
+    /// Difference of our score and this score on the same renders; `None` for our method.
     pub ours_less_this: Option<Estimate>,
-    /// Whether it is one of those that ours is to beat.
+    /// Whether the method is a baseline.
     pub baseline: bool,
 }
 
-/// Points of a sweep or of few captures; none of anything else.
+/// Returns the points of a sweep or of few captures; otherwise none.
 #[must_use]
 pub fn points(metric: Metric, report: &Report, links: &Links) -> Vec<Point> {
     match links {
@@ -38,7 +37,7 @@ pub fn points(metric: Metric, report: &Report, links: &Links) -> Vec<Point> {
     }
 }
 
-/// Points of a sweep: all methods through every link.
+/// Returns the points of a sweep: all methods through every link.
 fn of_sweep(metric: Metric, report: &Report) -> Vec<Point> {
     let mut out = vec![];
     for t in &report.through {
@@ -62,13 +61,13 @@ fn is_baseline(t: &Through, method: &str) -> bool {
         .is_none_or(|task| task.baselines.contains(&method))
 }
 
-/// The link of all captures.
+/// Returns the link with all captures.
 fn whole(report: &Report) -> Option<(&Through, &Task)> {
     let found = report.through.iter().find(|t| t.place.series == WHOLE)?;
     Some((found, found.task.as_ref()?))
 }
 
-/// Points of few captures: ours through every link, and baselines through all captures.
+/// Returns the points of few captures: our method through every link, and baselines through all captures.
 fn of_captures(metric: Metric, report: &Report) -> Vec<Point> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
@@ -104,23 +103,22 @@ fn better(metric: Metric, difference: f64) -> f64 {
     }
 }
 
-/// Whether a difference of ours and another is a win beyond doubt.
+/// Returns whether the difference between our method and another is a significant win.
 fn wins(metric: Metric, d: &Estimate) -> bool {
     better(metric, d.mean) > SURE * d.error
 }
 
-/// Where the first method beats a baseline.
+/// The range in which the first method beats a baseline.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Verdict {
-    /// Series that it is of.
     pub series: String,
-    /// The baseline.
     pub baseline: String,
-    /// Of a sweep the last value, from good parts to bad, down to which it does, or all at which it does; of few captures their least number.
+    /// For a sweep, the last value, from best to worst, at which it still wins, or all values at which it
+    /// wins. For few captures, the smallest number of captures.
     pub words: String,
 }
 
-/// All verdicts of a sweep or of few captures, series by series.
+/// Returns all verdicts of a sweep or of few captures, series by series.
 #[must_use]
 pub fn verdicts(metric: Metric, report: &Report, links: &Links) -> Vec<Verdict> {
     match links {
@@ -130,7 +128,7 @@ pub fn verdicts(metric: Metric, report: &Report, links: &Links) -> Vec<Verdict> 
     }
 }
 
-/// Verdicts as sentences, one a series.
+/// Formats verdicts as sentences, one per series.
 #[must_use]
 pub fn sentences(metric: Metric, links: &Links, verdicts: &[Verdict]) -> Vec<String> {
     let beats = match links {
@@ -174,7 +172,7 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
             } else if wins == first {
                 format!("down to {}", part.shown(all[first - 1].0))
             } else {
-                // Not with the best parts alone: baselines suffer, too.
+                // Wins are not always at the best values, because baselines degrade too.
                 let at = all.iter().filter(|(_, won)| *won).map(|(v, _)| part.shown(*v));
                 format!("at {} alone", at.collect::<Vec<_>>().join(", "))
             };
@@ -188,7 +186,8 @@ fn of_values(metric: Metric, part: Part, points: &[Point]) -> Vec<Verdict> {
     out
 }
 
-/// For each choice of captures the least number that beats each baseline. Baselines are seen through all captures.
+/// Returns, for each choice of captures, the smallest number that beats each baseline. Baselines use all
+/// captures.
 fn least(metric: Metric, report: &Report) -> Vec<Verdict> {
     let Some((whole, task)) = whole(report) else {
         return vec![];
@@ -220,12 +219,12 @@ fn least(metric: Metric, report: &Report) -> Vec<Verdict> {
     out
 }
 
-/// A text for a table.
+/// Quotes a text for a CSV table.
 pub(super) fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
 
-/// A table of points.
+/// Formats points as a CSV table.
 #[must_use]
 pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
     let number = |v: f64| if v.is_nan() { String::new() } else { v.to_string() };
@@ -251,10 +250,10 @@ pub fn csv(metric: Metric, axis: &str, points: &[Point]) -> String {
     out
 }
 
-/// Numbers of captures that are named along an axis, at most.
+/// Maximum number of labelled capture counts on an axis.
 const MOST_NAMED: usize = 12;
 
-/// The axis along which links stand, named; none where they do not.
+/// Returns the labelled axis of a sweep or of few captures; otherwise an empty one.
 #[must_use]
 pub fn axis(links: &Links) -> ChartAxis {
     let (label, log, named) = match links {
@@ -270,7 +269,7 @@ pub fn axis(links: &Links) -> ChartAxis {
             (part.label(), log, named)
         }
         Links::Few(_, range) => {
-            // There is nothing between whole numbers; of many, as many as there is room for.
+            // The axis has integers only; at most MOST_NAMED of them are labelled.
             let step = range.clone().count().div_ceil(MOST_NAMED).max(1);
             let whole = range.clone().step_by(step).map(|n| (n as f64, n.to_string()));
             ("captures", false, whole.collect())
@@ -284,8 +283,8 @@ pub fn axis(links: &Links) -> ChartAxis {
     }
 }
 
-/// Points with the names of their curves: methods of a sweep, choices of few captures. What is seen through all captures is a line across
-/// these, however many all are.
+/// Names the curve of each point: the method for a sweep, the choice for few captures. A method with all
+/// captures becomes a horizontal line.
 #[must_use]
 pub fn named(points: Vec<Point>, links: &Links) -> Vec<(String, Point)> {
     if !matches!(links, Links::Few(..)) {
@@ -304,7 +303,8 @@ pub fn named(points: Vec<Point>, links: &Links) -> Vec<(String, Point)> {
     points.into_iter().map(name).collect()
 }
 
-/// The chart of points: a band of one and two standard errors around each line; of a single place a dashed line across.
+/// Draws points with bands of one and two standard errors around each line. A curve with a single point
+/// becomes a dashed horizontal line.
 #[must_use]
 pub fn chart(title: &str, metric: Metric, x: ChartAxis, points: &[(String, Point)]) -> Chart {
     let mut series: Vec<Series> = vec![];
@@ -380,7 +380,7 @@ mod tests {
         }
     }
 
-    /// Two standard errors are no win, a little more are.
+    /// Two standard errors are not a win; slightly more are.
     #[test]
     fn verdicts_say_where_ours_wins_beyond_doubt() {
         let mut all = vec![];
@@ -401,7 +401,7 @@ mod tests {
         };
         let photons = ["down to 1000 e⁻", "always", "at 100 e⁻ alone", "never"];
         told(METRIC, Part::Photons, photons);
-        // Of axes small errors come first.
+        // For axes, small errors come first.
         told(
             METRIC,
             Part::Axis,

@@ -1,4 +1,5 @@
-//! The ways of capturing that an application is run through: a chain's beliefs, a sweep of one thing, few captures.
+//! Capture configurations for applications: a chain with each belief, a sweep of one parameter, or few
+//! captures.
 
 use super::chain::{ChainFailure, Link, exposed, wavelengths};
 use apply::application::{Application, Score};
@@ -13,45 +14,36 @@ use apply::observation::Observation;
 use std::ops::RangeInclusive;
 use transport::render::schedule::Watch;
 
-/// Why an application was not run on captured slices.
+/// The reason why an application failed on captured slices.
 #[derive(Debug, thiserror::Error)]
 pub enum LinksError {
-    /// A slice cannot be captured.
     #[error(transparent)]
     Chain(#[from] ChainFailure),
-    /// The methods found what they were given wanting.
+    /// The methods refuse their input.
     #[error(transparent)]
     Apply(#[from] ApplyError),
-    /// They found what came through one link wanting.
+    /// The methods refuse the slices from one link.
     #[error("captured, {label}: {cause}")]
-    Captured {
-        /// The link's name.
-        label: String,
-        /// What they found.
-        cause: ApplyError,
-    },
-    /// The user stopped it.
+    Captured { label: String, cause: ApplyError },
     #[error("stopped; run the same command again to go on")]
     Interrupted,
 }
 
-/// One thing of a chain, of which many values are tried.
+/// A parameter of a chain that can be swept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Electrons of a reading (and counts of a counter's), where they are exposed for.
+    /// Electrons per reading (and counts of a counter) at the chosen exposure.
     Photons,
-    /// Extinction ratio of all polarizers.
     Extinction,
     /// Standard deviation of retardances.
     Retardance,
     /// Standard deviation of axes.
     Axis,
-    /// What is believed of the elements.
+    /// The assumed parameters of the elements.
     Calibration,
 }
 
 impl Part {
-    /// All of them.
     pub const ALL: [Self; 5] = [
         Self::Photons,
         Self::Extinction,
@@ -60,7 +52,7 @@ impl Part {
         Self::Calibration,
     ];
 
-    /// Its name on the command line.
+    /// Returns the name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -72,7 +64,7 @@ impl Part {
         }
     }
 
-    /// Its name on an axis, with its unit.
+    /// Returns the label of an axis, with its unit.
     #[must_use]
     pub fn label(self) -> &'static str {
         match self {
@@ -84,7 +76,7 @@ impl Part {
         }
     }
 
-    /// Values that are tried.
+    /// Returns the default values of a sweep.
     #[must_use]
     pub fn values(self) -> &'static [f64] {
         match self {
@@ -96,10 +88,10 @@ impl Part {
         }
     }
 
-    /// From text: a name, and after `=` values instead of the usual ones, divided by commas.
+    /// Parses a name and, after `=`, comma-separated values that replace the default ones.
     ///
     /// # Errors
-    /// In words.
+    /// A message.
     pub fn parse(text: &str) -> Result<(Self, Vec<f64>), String> {
         let (name, values) = text
             .split_once('=')
@@ -142,7 +134,7 @@ impl Part {
         }
     }
 
-    /// Values from the best part to the worst.
+    /// Sorts values from best to worst.
     pub fn better_first(self, values: &mut [f64]) {
         values.sort_by(f64::total_cmp);
         if !matches!(self, Self::Retardance | Self::Axis) {
@@ -150,7 +142,7 @@ impl Part {
         }
     }
 
-    /// Words for a value.
+    /// Formats a value.
     #[must_use]
     pub fn shown(self, value: f64) -> String {
         match self {
@@ -162,7 +154,8 @@ impl Part {
         }
     }
 
-    /// A chain with this value; `None` if its elements are those of a file, whose errors are no tolerances.
+    /// Returns a chain with this value; `None` if its elements come from a file, whose errors are not
+    /// tolerances.
     #[must_use]
     pub fn with(self, chain: &Chain, value: f64) -> Option<Chain> {
         let mut out = chain.clone();
@@ -182,16 +175,16 @@ impl Part {
     }
 }
 
-/// Most values of a sweep.
+/// Maximum number of values in a sweep.
 const MOST_VALUES: usize = 100;
 
-/// Most captures that are chosen.
+/// Maximum number of chosen captures.
 const MOST_CAPTURES: usize = 64;
 
-/// A range of numbers of captures from text.
+/// Parses a range of numbers of captures.
 ///
 /// # Errors
-/// In words.
+/// A message.
 pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
     let (a, b) = text.split_once('-').unwrap_or((text, text));
     let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
@@ -202,47 +195,45 @@ pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
 
 const BELIEFS: [Belief; 3] = [Belief::Nominal, Belief::Calibrated, Belief::Exact];
 
-/// What slices go through.
+/// The capture configurations of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Links {
-    /// Nothing.
+    /// No capture.
     #[default]
     None,
     /// A chain with each of its beliefs.
     Chain(Chain),
-    /// A chain with other values of one thing.
+    /// A chain with several values of one parameter.
     Sweep(Chain, Part, Vec<f64>),
-    /// Few captures.
+    /// A chain with few captures.
     Few(Chain, RangeInclusive<usize>),
 }
 
-/// Where a link stands in a sweep.
+/// The position of a link in a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
-    /// Name of the series that it is in.
+    /// Name of its series.
     pub series: String,
     /// Value along the axis.
     pub value: f64,
 }
 
-/// What methods are worth through one link.
+/// The results through one link.
 #[derive(Clone, Debug)]
 pub struct Through {
-    /// The link's name.
     pub label: String,
-    /// Where it stands.
     pub place: Place,
-    /// As of [`super::Report`].
+    /// Rows as in [`super::Report`].
     pub rows: Vec<Row>,
     /// Scores, with their seeds.
     pub scores: Vec<(u64, Score)>,
-    /// Pixels that were captured, and that were clipped.
+    /// Numbers of captured and of clipped pixels.
     pub count: Count,
-    /// What was learnt, of few captures.
+    /// The task that was derived for few captures.
     pub task: Option<Task>,
 }
 
-/// A link with what came of it so far.
+/// A link with its results so far.
 pub(super) struct Running {
     link: Link,
     place: Place,
@@ -268,7 +259,7 @@ impl Running {
         }
     }
 
-    /// With its table.
+    /// Adds the table of results.
     pub(super) fn compared(self, application: &dyn Application) -> Through {
         Through {
             label: self.link.label,
@@ -281,7 +272,8 @@ impl Running {
     }
 }
 
-/// Captures one seed's observations in all ways, and runs the application on each. Ways are settled by the first seed.
+/// Captures one seed's observations through all links, and runs the application on each. The first seed
+/// determines the links.
 pub(super) fn capture(
     application: &dyn Application,
     links: &Links,
@@ -352,7 +344,7 @@ impl Links {
     }
 }
 
-/// Each value with each of the chain's beliefs, a series a belief.
+/// Returns links for each value and each of the chain's beliefs, one series per belief.
 fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
     let mut out = vec![];
     if part == Part::Calibration {
@@ -381,10 +373,10 @@ fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
     out
 }
 
-/// Name of the series of all captures, by which baselines are measured.
+/// Name of the series with all captures, which baselines use.
 pub const WHOLE: &str = "all captures";
 
-/// The chain as it is, then few captures chosen in each way.
+/// Returns the unchanged chain, then few captures by each choice.
 fn few(
     chain: &Chain,
     range: RangeInclusive<usize>,

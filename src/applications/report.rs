@@ -1,4 +1,4 @@
-//! Tables and pictures of a [`Report`], as files.
+//! Writes tables and pictures of a [`Report`] to files.
 
 use super::curves::{self, Point, quoted};
 use super::links::Links;
@@ -14,27 +14,20 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Why a file was not written.
+/// The reason why a file was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
-    /// A file cannot be written.
     #[error("cannot write {}: {cause}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why not.
-        cause: std::io::Error,
-    },
-    /// A picture cannot be drawn.
+    Write { path: PathBuf, cause: std::io::Error },
     #[error(transparent)]
     Figure(#[from] FigureError),
 }
 
-/// Maps in a row of a page.
+/// Number of maps per row of a page.
 const COLUMNS: usize = 4;
 
-/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, which is made, each whole or not at all; of a sweep and of few captures also
-/// their tables and charts.
+/// Writes `table.csv`, `scores.csv`, `report.json` and the pictures into a folder, which is created. Also
+/// writes the tables and charts of a sweep and of few captures. Each file is written atomically.
 ///
 /// # Errors
 /// [`ReportError`].
@@ -64,14 +57,14 @@ pub fn write(
     curve(application, report, &settings.links, folder)
 }
 
-/// What a sweep, or few captures, say in words.
+/// Returns the verdicts of a sweep, or of few captures, as sentences.
 #[must_use]
 pub fn verdicts(application: &dyn Application, report: &Report, links: &Links) -> Vec<String> {
     let of = |metric| curves::sentences(metric, links, &curves::verdicts(metric, report, links));
     application.metrics().into_iter().flat_map(of).collect()
 }
 
-/// The table and the charts of a sweep, or of few captures.
+/// Writes the table and the charts of a sweep, or of few captures.
 fn curve(
     application: &dyn Application,
     report: &Report,
@@ -109,7 +102,7 @@ fn curve(
     Ok(())
 }
 
-/// A number for a table: nothing where it is not known.
+/// Formats a number for a table; unknown values are empty.
 fn cell(v: f64) -> String {
     if v.is_finite() {
         format!("{v}")
@@ -118,7 +111,7 @@ fn cell(v: f64) -> String {
     }
 }
 
-/// Rows of the slices as they were rendered, then of every link.
+/// Returns the rows of the rendered slices, then those of every link.
 fn tables(report: &Report) -> impl Iterator<Item = (&str, &[Row])> {
     let through = report.through.iter().map(|t| (t.label.as_str(), &t.rows[..]));
     [("", &report.rows[..])].into_iter().chain(through)
@@ -165,7 +158,7 @@ fn scores_csv(report: &Report) -> String {
     out
 }
 
-/// What `report.json` says.
+/// Returns the content of `report.json`.
 #[must_use]
 pub fn document(application: &dyn Application, report: &Report) -> Value {
     let estimate = |e: &Estimate| json!({"mean": e.mean, "standard_error": e.error, "variants": e.counts[0], "seeds": e.counts[1]});
@@ -199,10 +192,10 @@ pub fn document(application: &dyn Application, report: &Report) -> Value {
     })
 }
 
-/// Pictures that stand on one page: its file's name, its title, and their labels.
+/// The pictures of one page: file name, title, and the labels of the pictures.
 type Page<'a> = (String, String, Vec<(String, &'a Picture)>);
 
-/// Pictures in one unit side by side, a page a variant; of the others a page a method.
+/// Groups pictures with shared units by variant, and the others by method, one page each.
 fn pages(pictures: &[Picture]) -> Vec<Page<'_>> {
     let mut all: BTreeMap<(String, String), Vec<(String, &Picture)>> = BTreeMap::new();
     for p in pictures {
@@ -233,7 +226,7 @@ fn draw(path: &Path, title: &str, page: &[(String, &Picture)]) -> Result<(), Rep
     for (label, picture) in page {
         let map = &picture.map;
         let channels = map.channels.max(1);
-        // What was learnt is shown wavelength by wavelength; images by their mean.
+        // Pictures of learned quantities are drawn for each wavelength; images are averaged over wavelengths.
         let apart = picture.variant.is_none() && channels > 1;
         for channel in 0..if apart { channels } else { 1 } {
             let value = |pixel: &[f64]| {

@@ -1,4 +1,5 @@
-//! Truth maps from the geometry of a scene: what the camera's rays meet first behind smooth glass and water ([`Viewer`]).
+//! Ground-truth maps from the geometry of a scene: the first surface that camera rays hit behind smooth glass
+//! and water ([`Viewer`]).
 
 use apply::map::Map;
 use apply::pinhole::{Pinhole, Rig};
@@ -8,10 +9,10 @@ use transport::device::pinhole::Pinhole as Device;
 use transport::render::sight::{Sight, Viewer};
 use transport::scene::Scene;
 
-/// Rays along each side of a pixel, of which shares of it are.
+/// Number of rays along each side of a pixel, for the shares of pixels.
 const GRID: u32 = 3;
 
-/// What the ray through each pixel's centre ends at.
+/// Fills a map from the hit of the ray through each pixel's centre.
 fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(Sight, &mut [f64])) -> Map {
     let viewer = Viewer::new(scene);
     let [w, h] = scene.camera.resolution.map(|n| n as usize);
@@ -23,7 +24,7 @@ fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(Sight, &mut [f64
     })
 }
 
-/// Share of each pixel that is of one of the materials.
+/// Returns the share of each pixel that the given materials cover.
 #[must_use]
 pub fn material(scene: &Scene, of: &[&str]) -> Map {
     let (viewer, names) = (Viewer::new(scene), &scene.names);
@@ -41,13 +42,15 @@ pub fn material(scene: &Scene, of: &[&str]) -> Map {
     })
 }
 
-/// Number of the object ([`transport::names::Names::objects`]) at each pixel's centre; NaN of nothing.
+/// Returns the number of the object ([`transport::names::Names::objects`]) at each pixel's centre; NaN
+/// without an object.
 #[must_use]
 pub fn object(scene: &Scene) -> Map {
     centres(scene, 1, |sight, out| out[0] = f64::from(sight.object))
 }
 
-/// Texture coordinates at each pixel's centre, of a scene that keeps them ([`Scene::keep_texture_coordinates`]); NaN of nothing.
+/// Returns the texture coordinates at each pixel's centre; NaN without an object. The scene must keep them
+/// ([`Scene::keep_texture_coordinates`]).
 #[must_use]
 pub fn texture(scene: &Scene) -> Map {
     centres(scene, 2, |sight, out| {
@@ -57,7 +60,7 @@ pub fn texture(scene: &Scene) -> Map {
     })
 }
 
-/// A layer; `None` if there is none of this name.
+/// Returns the layer of this name; `None` if there is none.
 #[must_use]
 pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
     let layer = layers.get(name)?;
@@ -73,7 +76,7 @@ pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
     })
 }
 
-/// Camera and projector of a scene as if calibrated without error.
+/// Returns the camera and the projector of a scene as a calibrated rig without calibration error.
 #[must_use]
 pub fn rig(scene: &Scene) -> Option<Rig> {
     Some(Rig {

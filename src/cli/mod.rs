@@ -1,6 +1,6 @@
-//! Command line: one module a command, one exit point. Hidden in the library, for the program `sunstone` and for the same
-//! command in the Python package; nobody else should rely on it.
-// Its docs are what --help prints, where <name> is a place holder and no tag of a page.
+//! The command line: one module for each command and one exit point. It is hidden in the library, only for
+//! the program `sunstone` and the same command in the Python package.
+// These docs are the text of --help, in which <name> is a placeholder and not an HTML tag.
 #![allow(rustdoc::invalid_html_tags)]
 
 mod apply;
@@ -44,9 +44,9 @@ use std::process::ExitCode;
 
 /// Polarized, time-resolved light transport between every projector pixel and every camera pixel.
 ///
-/// Sunstone renders slices of the tensor T(s, s', p, p', t): where light of one projector pixel s' ends up, in which
-/// camera pixel s, after what travel time t, and with what change p' → p of its Stokes vector. A scene file says what
-/// there is and which slices to keep; one render fills them all, with error bars.
+/// Sunstone renders slices of the tensor T(s, s', p, p', t): the light from projector pixel s' that reaches
+/// camera pixel s after travel time t, with the change p' → p of its Stokes vector. A scene file describes
+/// the scene and the slices to keep; one render fills all of them, with error bars.
 #[derive(Parser)]
 #[command(
     version,
@@ -76,7 +76,7 @@ Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."
 struct Arguments {
     #[command(subcommand)]
     command: Command,
-    /// Say more (-v steps, -vv details); the variable SUNSTONE_LOG=debug does the same.
+    /// Print more (-v for steps, -vv for details); the environment variable SUNSTONE_LOG=debug does the same.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
 }
@@ -115,18 +115,19 @@ enum Command {
     Schema,
 }
 
-/// Parses, runs, reports: the program's words, its exit code.
+/// Parses the program's arguments, runs the command, reports errors and returns the exit code.
 #[must_use]
 pub fn run() -> ExitCode {
     run_words(std::env::args_os()).into()
 }
 
-/// [`run`] with words of one's own, the first of which is the program's name; the only place that makes exit codes.
+/// Does the same as [`run`] with the given arguments, the first of which is the program's name. Only this
+/// function makes exit codes.
 pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = match Arguments::try_parse_from(words) {
         Ok(arguments) => arguments,
         Err(e) => {
-            // As clap does it itself: where its text cannot be shown, the code says enough.
+            // As in clap itself: if the text cannot be printed, the exit code is enough.
             let _ = e.print();
             return u8::try_from(e.exit_code()).unwrap_or(2);
         }
@@ -176,7 +177,7 @@ fn start_logging(verbose: u8) {
         1 => Level::INFO,
         _ => Level::DEBUG,
     });
-    // In a process that logs already, that goes on.
+    // If the process has a logger already, that one stays.
     let _ = tracing_subscriber::fmt()
         .with_max_level(level)
         .with_writer(std::io::stderr)

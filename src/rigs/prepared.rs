@@ -1,4 +1,5 @@
-//! A plan and its rig, on their way to instruments and to the store of a run; what `sunstone rig` and Python do alike.
+//! Prepares a plan and its rig for instruments and for the store of a run; used by `sunstone rig` and by
+//! Python.
 
 use super::{BenchError, tensor_of};
 use base::locate::InputError;
@@ -15,19 +16,19 @@ use std::path::{Path, PathBuf};
 use store::zarr::frames::FrameStore;
 use transport::render::schedule::Watch;
 
-/// Why a plan comes to no instruments, or a run to no store.
+/// The reason why a plan or the store of a run cannot be prepared.
 #[derive(Debug, thiserror::Error)]
 pub enum PrepareError {
-    /// A file is wrong.
+    /// A file is invalid.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// What was asked for is.
+    /// The request is invalid.
     #[error("{0}")]
     Wrong(String),
     /// An instrument, the disk or a render failed.
     #[error("{0}")]
     Failed(String),
-    /// The render of what a bench plays was stopped.
+    /// The render for a bench was interrupted.
     #[error("{0}")]
     Interrupted(String),
 }
@@ -40,29 +41,27 @@ fn failed(e: impl std::fmt::Display) -> PrepareError {
     PrepareError::Failed(e.to_string())
 }
 
-/// What to do with a store that is there.
+/// The action for an existing store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// Leave it, and say so.
+    /// Refuse it with an error.
     Refuse,
-    /// Go on with it.
+    /// Resume it.
     Resume,
-    /// Write another one in its place.
+    /// Replace it.
     Replace,
 }
 
 /// A plan with its rig.
 pub struct Prepared {
-    /// The plan.
     pub plan: Plan,
-    /// The rig file.
     pub rig: RigPlan,
     /// Files that are read.
     pub inputs: Vec<PathBuf>,
 }
 
 impl Prepared {
-    /// Reads a plan, and the rig that it names, or another one.
+    /// Reads a plan, and the rig that it names or `rig`.
     ///
     /// # Errors
     /// [`PrepareError`]: a file is wrong, or no rig is named.
@@ -82,7 +81,7 @@ impl Prepared {
         })
     }
 
-    /// Puts a known sample (air, mirror, polarizer) on a simulated bench, in another night.
+    /// Puts a known sample (air, mirror, polarizer) on a simulated bench, with another noise seed.
     ///
     /// # Errors
     /// [`PrepareError::Wrong`]: there is no such sample.
@@ -94,22 +93,22 @@ impl Prepared {
         })?;
         if let Some(bench) = &mut self.rig.bench {
             bench.scene = Scene::Sample(mueller);
-            // Another night has other noise.
+            // Another sample has other noise.
             let letters = std::array::from_fn(|i| sample.as_bytes().get(i).copied().unwrap_or(0));
             bench.seed = bench.seed.wrapping_add(u64::from_le_bytes(letters));
         }
         Ok(())
     }
 
-    /// Overshoot with which a stage comes to its goals, degrees.
+    /// Returns the overshoot with which a stage approaches its targets, degrees.
     #[must_use]
     pub fn approach_deg(&self, stage: &str) -> f64 {
         let file = self.rig.stages.get(stage);
         file.map_or(rig_file::APPROACH_DEG, |s| s.approach_deg)
     }
 
-    /// The instruments of the rig file, but those of the names in `given`, which somebody else has. A bench that plays a scene
-    /// renders it first, into `folder`, unless `dry`: its light then meets nothing.
+    /// Returns the instruments of the rig file, except those named in `given`, which the caller provides. A
+    /// bench with a scene renders it first, into `folder`; with `dry` it does not, and the sample is black.
     ///
     /// # Errors
     /// [`PrepareError`].
@@ -136,7 +135,7 @@ impl Prepared {
         };
         let size = size.map(|n| n as usize);
         let scenery = if dry {
-            // Nothing is taken: what the light would meet is of no matter.
+            // Nothing is captured, so the sample is irrelevant.
             Scenery::sample([0.0; 16], size)
         } else {
             let tensor = tensor_of(&self.rig, &self.plan, bench, folder, watch);
@@ -151,10 +150,10 @@ impl Prepared {
         assemble::assemble(&rest, Some(&world)).map_err(failed)
     }
 
-    /// The plan, made ready for instruments.
+    /// Returns the steps of the plan for a rig.
     ///
     /// # Errors
-    /// [`PrepareError::Wrong`]: the rig cannot do it.
+    /// [`PrepareError::Wrong`]: the rig cannot execute the plan.
     pub fn steps(&self, rig: &Rig) -> Result<Steps, PrepareError> {
         let made = match &self.rig.geometry {
             Some(geometry) => geometry.with(|g| Steps::new(self.plan.clone(), rig, Some(g))),
@@ -163,10 +162,11 @@ impl Prepared {
         made.map_err(wrong)
     }
 
-    /// The store of a run, new or to go on with, and what of it is sound.
+    /// Creates or resumes the store of a run, and returns it with the frames that are intact.
     ///
     /// # Errors
-    /// [`PrepareError`]: it is there, is another run's, is finished, is what is read, cannot be written.
+    /// [`PrepareError`]: the store exists, belongs to another run, is finished, is an input, or cannot be
+    /// written.
     pub fn begin(
         &self,
         output: &Path,
@@ -193,7 +193,7 @@ impl Prepared {
         Ok((store, recovered))
     }
 
-    /// Refuses an output that is read.
+    /// Refuses an output that is an input.
     fn spare_inputs(&self, output: &Path) -> Result<(), PrepareError> {
         let tensor = self.rig.bench.as_ref().and_then(|b| match &b.scene {
             Scene::Tensor(path) => Some(path),
@@ -214,7 +214,7 @@ impl Prepared {
     }
 }
 
-/// A rig file without some instruments.
+/// Returns a rig file without some instruments.
 fn without(rig: &RigPlan, given: &[String]) -> RigPlan {
     let mut rest = rig.clone();
     for name in given {

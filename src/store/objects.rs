@@ -23,7 +23,7 @@ pub enum Ask {
     Whole,
     /// The bytes of a range.
     Bytes(Range<u64>),
-    /// The last bytes, by their number; and the size of the object where it is known.
+    /// The given number of last bytes, and the size of the object if it is known.
     End(u64, Option<u64>),
 }
 
@@ -70,7 +70,7 @@ pub enum Put {
 
 /// The client of an object store, for the objects below one address. Keys are relative to the address. Calls block.
 pub trait ObjectClient: Send + Sync + fmt::Debug {
-    /// Reads parts of objects, in the order of the requests: the bytes, and the size of the object. `None` where there is no object.
+    /// Reads parts of objects, in the order of the requests: the bytes, and the size of the object. `None` if there is no object.
     ///
     /// # Errors
     ///
@@ -91,7 +91,7 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// If the store is read-only.
     fn may_be_written(&self) -> Result<(), Refusal>;
 
-    /// Writes objects, and replaces those that exist. Each is written whole or not at all.
+    /// Writes objects, and replaces existing ones. Each is written atomically.
     ///
     /// # Errors
     ///
@@ -105,7 +105,7 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// If the store refuses or cannot be reached.
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal>;
 
-    /// Reads an object with its version; `None` where there is no object.
+    /// Reads an object with its version; `None` if there is no object.
     ///
     /// # Errors
     ///
@@ -150,12 +150,12 @@ impl Objects {
         open(scheme, address).map(Self)
     }
 
-    /// Reads an object whole.
+    /// Reads a whole object.
     pub(crate) fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
         Ok(self.get_many(&[key.to_owned()])?.pop().flatten())
     }
 
-    /// Reads objects whole, in their order.
+    /// Reads whole objects, in their order.
     pub(crate) fn get_many(&self, keys: &[String]) -> Result<Vec<Option<Bytes>>, Refusal> {
         let asks = keys.iter().map(|key| (key.clone(), Ask::Whole)).collect();
         let found = self.0.ask(asks)?;
@@ -167,12 +167,12 @@ impl Objects {
         self.0.put_many(vec![(key.to_owned(), bytes)])
     }
 
-    /// Writes an object where none exists.
+    /// Writes an object if none exists.
     pub(crate) fn put_new(&self, key: &str, bytes: Bytes) -> Result<Put, Refusal> {
         self.0.put_if(key, bytes, Condition::Absent)
     }
 
-    /// Writes an object in the place of one version of it.
+    /// Replaces one version of an object.
     pub(crate) fn put_over(&self, key: &str, bytes: Bytes, old: Version) -> Result<Put, Refusal> {
         self.0.put_if(key, bytes, Condition::Is(old))
     }
