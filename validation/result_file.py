@@ -38,7 +38,7 @@ FORMAT = 1
 
 # What the whole program is made of where light is traced, stored and read from scene files. What reads other programs' files is not
 # in it: of 80 commits that made convergence.json old, 22 had touched that alone.
-TRACER = ["src/optics", "src/tensor", "src/store", "src/transport", "src/scene/build", "src/render.rs"]
+TRACER = ["src/optics", "src/tensor", "src/store", "src/transport", "src/scene/build", "src/sunstone/render.rs"]
 POLARIMETRY = ["src/optics", "src/polarimetry"]
 
 

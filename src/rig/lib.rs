@@ -3,11 +3,10 @@
 //! Sensors of simulated instruments play rendered tensors. Sessions resume after a crash. This crate uses
 //! tensors and polarimetry, but never the renderer.
 
-pub mod calibrate;
+pub use {calibrate, instrument, ptu};
+
 pub mod clock;
 pub mod conformance;
 pub mod driver;
-pub mod instrument;
-pub mod ptu;
 pub mod session;
 pub mod simulated;

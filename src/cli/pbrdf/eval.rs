@@ -1,6 +1,6 @@
 //! The `sunstone pbrdf eval` command: Mueller matrices of a material at given directions.
 
-use crate::cli::failure::Failure;
+use crate::failure::Failure;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -164,7 +164,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let incoming = a.incoming.unwrap_or(Pair([0.0; 2])).direction();
         subject.eval(incoming, what)?
     };
-    crate::cli::output::print(&readable(&value, 0))
+    crate::output::print(&readable(&value, 0))
 }
 
 /// Formats JSON with short values on one line, so that each row of a matrix is one line.

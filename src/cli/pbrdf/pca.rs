@@ -1,8 +1,8 @@
 //! The `sunstone pbrdf pca` command: principal components of a folder of tables, or of the stand-ins.
 
 use super::data::MaterialSource;
-use crate::cli::failure::Failure;
-use crate::cli::places;
+use crate::failure::Failure;
+use crate::places;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use sunstone::figure::components::{Map, draw};
@@ -28,7 +28,7 @@ pub struct Arguments {
     #[command(flatten)]
     data: MaterialSource,
     /// Picture to write.
-    #[arg(short, long, default_value = "components.png", value_parser = crate::cli::figure::picture)]
+    #[arg(short, long, default_value = "components.png", value_parser = crate::figure::picture)]
     output: PathBuf,
     /// Also write arrays: mean (4, 4); spectrum (16), the singular values; share (16) of the variance;
     /// components (16, 4, 4), as drawn; vectors (16, 4, 4), the components with unit length.
@@ -102,12 +102,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         )
         .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
-    crate::cli::output::print(table(&data, &components, &quantity).trim_end())?;
+    crate::output::print(table(&data, &components, &quantity).trim_end())?;
     for path in [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()]
         .into_iter()
         .flatten()
     {
-        crate::cli::output::print(&path.display().to_string())?;
+        crate::output::print(&path.display().to_string())?;
     }
     Ok(())
 }
@@ -175,7 +175,7 @@ fn picture(a: &Arguments, data: &DataSet, c: &Components, quantity: &str) -> Res
         &notes,
     )
     .map_err(Failure::input)?;
-    crate::cli::figure::save(&image, &a.output)
+    crate::figure::save(&image, &a.output)
 }
 
 fn arrays(path: &Path, c: &Components) -> std::io::Result<()> {

@@ -1,7 +1,7 @@
 //! The `sunstone pbrdf sheet` command: every material of a file as a sphere, as 4×4 Mueller grids on one
 //! page.
 
-use crate::cli::failure::Failure;
+use crate::failure::Failure;
 use std::path::{Path, PathBuf};
 use sunstone::base::spectral_table;
 use sunstone::figure::sheet::{Grid, draw};
@@ -20,10 +20,10 @@ pub struct Arguments {
     /// File of materials.
     material: PathBuf,
     /// Picture to write.
-    #[arg(short, long, default_value = "sheet.png", value_parser = crate::cli::figure::picture)]
+    #[arg(short, long, default_value = "sheet.png", value_parser = crate::figure::picture)]
     output: PathBuf,
     /// Wavelength to show, nanometres (the nearest available).
-    #[arg(short, long, default_value_t = 550.0, value_parser = crate::cli::places::wavelength)]
+    #[arg(short, long, default_value_t = 550.0, value_parser = crate::places::wavelength)]
     wavelength: f64,
     /// Number of materials per row.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
@@ -37,7 +37,7 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    crate::cli::places::files([Some(&a.material)], [Some(&a.output)])?;
+    crate::places::files([Some(&a.material)], [Some(&a.output)])?;
     let set = MaterialSet::load(&a.material)?;
     if spectral_table::nearest_within(set.wavelengths.nm(), a.wavelength).is_none() {
         return Err(Failure::input(format!(
@@ -58,8 +58,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         "M00 is shown as intensity on a scale of its own; grey: no light.",
     ];
     let image = draw(&title, &grids?, a.columns.into(), &notes).map_err(Failure::input)?;
-    crate::cli::figure::save(&image, &a.output)?;
-    crate::cli::output::print(&a.output.display().to_string())
+    crate::figure::save(&image, &a.output)?;
+    crate::output::print(&a.output.display().to_string())
 }
 
 /// Returns the lane of the nearest wavelength.

@@ -2,8 +2,8 @@
 
 use super::data::banded_failure;
 use super::resolution::Resolution;
-use crate::cli::failure::Failure;
-use crate::cli::places;
+use crate::failure::Failure;
+use crate::places;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use sunstone::pbrdf::stand_ins::BandedMaterials;
@@ -74,7 +74,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     bar.finish_and_clear();
     let list = synth::list(&a.output, &a.bands)
         .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
-    crate::cli::output::print(&list.display().to_string())
+    crate::output::print(&list.display().to_string())
 }
 
 /// Returns the materials to make: those given by name, or all that light from a point can show.

@@ -1,7 +1,7 @@
 //! The `sunstone pbrdf info`, `slice` and `plot` commands: inspect a `.pbsdf` file.
 
-use crate::cli::failure::Failure;
-use crate::cli::places;
+use crate::failure::Failure;
+use crate::places;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use sunstone::base::spectral_table::nearest_within;
@@ -66,7 +66,7 @@ pub fn info(a: &InfoArguments) -> Result<(), Failure> {
             band.low, band.high
         );
     }
-    crate::cli::output::print(text.trim_end())
+    crate::output::print(text.trim_end())
 }
 
 /// Draw a table's Mueller matrices over half angle and difference angle.
@@ -81,7 +81,7 @@ pub struct PlotArguments {
     #[arg(long, default_value_t = 90.0, allow_hyphen_values = true)]
     phi_d: f32,
     /// Picture to write.
-    #[arg(short, long, default_value = "pbrdf.png", value_parser = crate::cli::figure::picture)]
+    #[arg(short, long, default_value = "pbrdf.png", value_parser = crate::figure::picture)]
     output: PathBuf,
 }
 
@@ -115,8 +115,8 @@ pub fn plot(a: &PlotArguments) -> Result<(), Failure> {
         "M00 (BRDF, 1/sr) is shown as intensity, white its 99th percentile; grey: not known.",
     ];
     let image = draw(&title, &grids, 3, &notes).map_err(Failure::input)?;
-    crate::cli::figure::save(&image, &a.output)?;
-    crate::cli::output::print(&a.output.display().to_string())
+    crate::figure::save(&image, &a.output)?;
+    crate::output::print(&a.output.display().to_string())
 }
 
 /// Write part of a table. Given angles and wavelengths are fixed at their nearest entries; the other axes are
@@ -157,7 +157,7 @@ pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
         _ => return Err(Failure::input("the output must end in .npy or .csv")),
     }
     .map_err(|e| Failure::failed(format!("cannot write {}: {e}", a.output.display())))?;
-    crate::cli::output::print(&a.output.display().to_string())
+    crate::output::print(&a.output.display().to_string())
 }
 
 /// Refuses values outside a table's angles and bands.

@@ -35,11 +35,11 @@ pub struct Arguments {
     pub(super) force: bool,
     /// Wavelengths in nanometres of the last axis of the intensities. A single wavelength applies to all
     /// intensities.
-    #[arg(long, value_delimiter = ',', value_parser = crate::cli::places::wavelength, default_value = "550")]
+    #[arg(long, value_delimiter = ',', value_parser = crate::places::wavelength, default_value = "550")]
     pub(super) wavelengths: Vec<f64>,
     /// Horizontal field of view, degrees: each pixel's light passed plates and mirrors in that pixel's
     /// direction. The first two axes after captures and channels must then be rows and columns.
-    #[arg(long, value_name = "DEGREES", value_parser = crate::cli::places::view)]
+    #[arg(long, value_name = "DEGREES", value_parser = crate::places::view)]
     pub(super) view: Option<f64>,
     /// Standard deviation of the intensities' noise.
     #[arg(long)]

@@ -3,8 +3,8 @@
 use super::arguments::{Arguments, again};
 use super::in_doubt::in_doubt;
 use super::progress::Progress;
-use crate::cli::failure::Failure;
-use crate::cli::{figure, output};
+use crate::failure::Failure;
+use crate::{figure, output};
 use serde_json::Value;
 use std::sync::Mutex;
 use sunstone::render::{Summary, Target};
