@@ -43,7 +43,7 @@ len(truth)
 # ## Design matrices
 #
 # A scheme maps 16 elements to intensities, `A @ M.reshape(16)`. Rank 16 determines a matrix. The error variance over its bound measures how
-# good the settings are. (Sixteen captures of dual rotating retarders, in steps of 5 and 25 degrees, barely reach rank 16 and are useless.)
+# good the settings are. (Sixteen captures of dual rotating retarders by 5 and 25 degrees barely reach rank 16 and are useless.)
 
 # %%
 for scheme in (ps.Scheme.drr(16), ps.Scheme.drr(36), ps.Scheme.qrpr(36), ps.Scheme.drr(9, polarizer_array=True)):

@@ -13,8 +13,8 @@
 # %% [markdown]
 # # A cluster
 #
-# This tutorial distributes one render over several processes with Dask. The result is bit-identical, even if workers die. Here, the cluster is
-# two processes of this machine. On a real cluster, only the lines that make the cluster differ:
+# This tutorial distributes one render over several processes with Dask. The result is bit-identical, even if workers die. Here, the
+# cluster is two processes of this machine. On a real cluster, only the lines that make the cluster differ:
 #
 # ```python
 # from dask_jobqueue import SLURMCluster
@@ -45,8 +45,8 @@ client = cluster.get_client()
 cluster
 
 # %% [markdown]
-# A render is split into parts by tiles of its image. Each part is a pure function of scene, seed and samples, so the result does not depend on
-# which worker renders it, when, or how often. To show this, the next cell kills a worker during the render.
+# A render is split into parts by tiles of its image. Each part is a pure function of scene, seed and samples, so the result does not
+# depend on which worker renders it, when, or how often. To show this, the next cell kills a worker during the render.
 
 # %%
 processes = client.run(os.getpid)

@@ -14,8 +14,8 @@
 # # Seeing through milk
 #
 # A ruler stands in a tank of milky water. Light that the milk scatters hides it. Epipolar position, arrival time and polarization separate
-# this light from the light of the ruler. This tutorial uses few samples and pixels. For results at a larger size, and for claims that do not
-# hold, see [the application](../applications/scattering.md).
+# this light from the light of the ruler. This tutorial uses few samples and pixels. For results at a larger size, and for claims that do
+# not hold, see [the application](../applications/scattering.md).
 
 # %%
 from pathlib import Path

@@ -13,7 +13,7 @@
 # %% [markdown]
 # # A first tensor
 #
-# This tutorial goes from a scene file to a Mueller image, a time profile and standard errors. It uses few samples, so you can run it quickly.
+# This tutorial goes from a scene file to a Mueller image, a time profile and standard errors. It uses few samples and runs quickly.
 
 # %%
 import tempfile
