@@ -28,10 +28,8 @@ pub enum WavelengthError {
     /// The list is empty or longer than [`MAX_WAVELENGTHS`].
     #[error("{0} wavelengths given; a render carries 1 to 4 at once")]
     Count(usize),
-    /// A value is not a plausible optical wavelength in nanometres.
     #[error("wavelength {0} is outside 100..100000 nm")]
     Range(f64),
-    /// Two wavelengths are equal or out of order.
     #[error("wavelengths must rise strictly: {0} nm is followed by {1} nm")]
     Order(f64, f64),
 }
@@ -86,7 +84,6 @@ impl Wavelengths {
     }
 }
 
-/// Returns the largest lane.
 #[inline]
 #[must_use]
 pub fn max_lane(s: Spectral) -> f32 {

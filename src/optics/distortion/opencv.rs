@@ -12,31 +12,18 @@ use glam::DVec2;
 /// documentation, `calib3d`.)
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Opencv {
-    /// Radial, of r².
     pub k1: f64,
-    /// Radial, of r⁴.
     pub k2: f64,
-    /// Radial, of r⁶.
     pub k3: f64,
-    /// Radial, of r² in the denominator.
     pub k4: f64,
-    /// Radial, of r⁴ in the denominator.
     pub k5: f64,
-    /// Radial, of r⁶ in the denominator.
     pub k6: f64,
-    /// Tangential, along y.
     pub p1: f64,
-    /// Tangential, along x.
     pub p2: f64,
-    /// Thin prism, along x of r².
     pub s1: f64,
-    /// Thin prism, along x of r⁴.
     pub s2: f64,
-    /// Thin prism, along y of r².
     pub s3: f64,
-    /// Thin prism, along y of r⁴.
     pub s4: f64,
-    /// The sensor's tilt.
     pub tilt: Tilt,
 }
 

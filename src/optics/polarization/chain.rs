@@ -18,20 +18,12 @@ use glam::Vec3A;
 pub enum Chain {
     /// Neither a polarizing nor a depolarizing interaction yet: a factor times a frame rotation (cos 2θ, sin
     /// 2θ).
-    Rotation {
-        f: Spectral,
-        /// cos 2θ.
-        cos2: f32,
-        /// sin 2θ.
-        sin2: f32,
-    },
+    Rotation { f: Spectral, cos2: f32, sin2: f32 },
     /// Any matrix.
     Full(Mueller),
     /// column · rowᵀ.
     RankOne {
-        /// Camera side.
         column: [Spectral; 4],
-        /// Projector side.
         row: [Spectral; 4],
         /// Only element 0 of the column is non-zero.
         column_flat: bool,
@@ -278,7 +270,6 @@ impl Chain {
         out
     }
 
-    /// Multiplies every element by a factor per lane.
     #[inline]
     pub fn scale(&mut self, f: Spectral) {
         match self {
@@ -311,7 +302,6 @@ impl Chain {
         }
     }
 
-    /// Returns the full matrix.
     #[inline]
     #[must_use]
     pub fn to_mueller(&self) -> Mueller {

@@ -43,7 +43,6 @@ impl Scatter {
         }
     }
 
-    /// Multiplies every element by a factor per lane.
     #[inline]
     #[must_use]
     pub fn scaled(self, f: Spectral) -> Self {

@@ -12,7 +12,6 @@
 use glam::Vec3A;
 use std::f32::consts::{FRAC_1_PI, FRAC_2_SQRT_PI};
 
-/// 1/√π.
 const FRAC_1_SQRT_PI: f32 = FRAC_2_SQRT_PI / 2.0;
 
 /// Returns erfc(x)·exp(x²) for x ≥ 0, with the absolute error 1.5e-7 in erfc (Abramowitz & Stegun 1964,

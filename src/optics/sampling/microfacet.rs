@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::FRAC_1_PI;
 
-/// Distribution of normals.
+/// Distribution of facet normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Distribution {
@@ -40,9 +40,7 @@ pub enum Masking {
 /// Microfacets about +z. Directions are unit vectors in a frame whose z axis is the surface normal.
 #[derive(Clone, Copy, Debug)]
 pub struct Microfacet {
-    /// Distribution of normals.
     pub distribution: Distribution,
-    /// Masking and shadowing model.
     pub masking: Masking,
     /// Width α of the distribution (Beckmann: the root mean square slope), above 0.
     pub alpha: f32,

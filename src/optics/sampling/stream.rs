@@ -61,7 +61,6 @@ impl Group {
         }
     }
 
-    /// Returns its number of samples.
     #[inline]
     #[must_use]
     pub fn size(self) -> u32 {

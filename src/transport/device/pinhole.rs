@@ -25,7 +25,6 @@ pub struct Lens {
 }
 
 impl Default for Lens {
-    /// Returns a pinhole.
     fn default() -> Self {
         Self {
             radius: 0.0,
@@ -342,14 +341,12 @@ impl Pinhole {
         (self.focal.x * self.focal.y * stretch * cubed) as f32
     }
 
-    /// Returns image right in world coordinates.
     #[inline]
     #[must_use]
     pub fn right(&self) -> Vec3A {
         self.axes.x_axis
     }
 
-    /// Returns forward in world coordinates.
     #[inline]
     #[must_use]
     pub fn forward(&self) -> Vec3A {

@@ -12,7 +12,6 @@ use optics::spectrum::Spectral;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Projector {
-    /// Pose and intrinsics.
     pub pinhole: Pinhole,
     /// Irradiance at 1 m on the axis per wavelength, W/(m² nm).
     pub irradiance: Spectral,

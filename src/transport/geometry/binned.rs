@@ -104,7 +104,6 @@ impl Entry {
     }
 }
 
-/// Returns the bounds of boxes.
 fn boxes(entries: &[Entry]) -> Extent {
     let mut all = Extent::EMPTY;
     entries.iter().for_each(|e| all.add(e.lo, e.hi));

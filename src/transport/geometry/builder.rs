@@ -300,7 +300,6 @@ impl GeometryBuilder {
         )
     }
 
-    /// Returns the mesh of a triangle.
     #[inline]
     fn part(&self, primitive: u32) -> &Part {
         let (id, _) = index(primitive);
@@ -359,13 +358,11 @@ impl GeometryBuilder {
         Aabb::new(lo - part.origin, hi - part.origin)
     }
 
-    /// Returns the bounds of a set.
     fn extent(&self, set: &Set) -> Aabb {
         let all = set.primitives.par_iter().map(|p| self.bounds(*p));
         all.reduce(Aabb::empty, |a, b| a.union(&b))
     }
 
-    /// Returns the shading data of a triangle.
     fn triangle(&self, primitive: u32) -> Triangle {
         let (part, corners, [a, b, c, _]) = self.corners(primitive);
         let indices = |first: u32| {

@@ -29,25 +29,20 @@ pub(super) fn avx2() -> bool {
     return false;
 }
 
-/// The outline of a primitive, for occlusion bounds.
+/// The outline of a primitive in world space, metres, for occlusion bounds.
 #[derive(Clone, Copy, Debug)]
 pub enum Outline {
-    /// A convex flat polygon; a triangle's last corner is repeated.
+    /// A convex flat polygon with corners in order; a triangle's last corner is repeated.
     Flat {
-        /// In order, world, metres.
         corners: [Vec3A; 4],
     },
     Ball {
-        /// World, metres.
         centre: Vec3A,
-        /// Metres.
         radius: f32,
     },
     /// An unknown shape inside this sphere.
     Inside {
-        /// World, metres.
         centre: Vec3A,
-        /// Metres.
         radius: f32,
     },
 }

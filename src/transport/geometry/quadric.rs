@@ -26,7 +26,6 @@ pub enum QuadricKind {
 #[derive(Clone, Copy, Debug)]
 pub struct Quadric {
     pub kind: QuadricKind,
-    /// Index of the material.
     pub material: u32,
     to_world: Affine3A,
     to_object: Affine3A,
@@ -428,7 +427,6 @@ mod tests {
                 let [a, b] = [&ball, &plain].map(|q| q.intersect(o, d, f32::INFINITY));
                 let p = (o + d * a - centre).length();
                 if a.is_infinite() != b.is_infinite() {
-                    // Grazing.
                     assert!((p - 0.7).abs() < 1e-3 || !p.is_finite());
                     continue;
                 }

@@ -98,7 +98,6 @@ fn nothing_meets_itself() {
             0 | 1 => {
                 let mut mesh = Mesh::rectangle();
                 if shape == 1 {
-                    // Two triangles.
                     mesh.indices.swap(0, 1);
                 }
                 mesh.transform(&place(Vec3::new(size, size * (0.05 + stream.uniform()), 1.0)));
@@ -229,7 +228,6 @@ fn closed_rooms_lose_no_light() {
                     };
                     let s = g.surface(&ray, &hit);
                     if s.ng.dot(ray.dir) < 0.0 {
-                        // From outside.
                         back += 1;
                         break;
                     }

@@ -82,7 +82,6 @@ struct Window {
 }
 
 impl Window {
-    /// Returns the bounds of points.
     fn about(points: &[Vec2]) -> Self {
         let nothing = Self {
             lo: Vec2::INFINITY,
@@ -193,7 +192,6 @@ impl Survey {
                 }
                 match child {
                     Child::Branch(node) => todo.push(node),
-                    // A quadric.
                     Child::Leaf(leaf) if leaf & 1 == 1 => return None,
                     Child::Leaf(leaf) => {
                         for place_in_pack in 0..8 {
@@ -441,7 +439,6 @@ fn corners(aabb: &Aabb, pad: Vec3A) -> [Vec3A; 8] {
     [0, 1, 2, 3, 4, 5, 6, 7].map(|i| Vec3A::from_array([0, 1, 2].map(|k| [lo, hi][i >> k & 1][k])))
 }
 
-/// Returns the angle between two directions.
 fn angle(a: Vec3A, b: Vec3A) -> f32 {
     a.cross(b).length().atan2(a.dot(b))
 }

@@ -65,9 +65,7 @@ enum Form {
 pub struct AreaLight {
     /// Radiance, W/(m² sr nm), which may be an image over the texture coordinates.
     pub radiance: Spectrum,
-    /// True if both sides emit.
     pub two_sided: bool,
-    /// Frame and filter of its light.
     pub polarized: Polarized,
     /// True if each triangle is a separate light in the light tree.
     split: bool,

@@ -12,19 +12,9 @@ pub enum Across {
     /// Uniform, W/(m² nm).
     Even(Spectral),
     /// Power `power` (W/nm) uniform over a disk of this radius (metres) about the axis through the origin.
-    Disk {
-        /// W/nm.
-        power: Spectral,
-        /// Metres.
-        radius: f32,
-    },
+    Disk { power: Spectral, radius: f32 },
     /// A Gaussian of this radius (metres), at which the irradiance is e⁻² of that on the axis.
-    Gaussian {
-        /// W/nm.
-        power: Spectral,
-        /// Metres.
-        radius: f32,
-    },
+    Gaussian { power: Spectral, radius: f32 },
 }
 
 /// Light with a single direction.
@@ -39,7 +29,6 @@ pub struct Distant {
     pub spread: f32,
     /// Irradiance; for a diverging beam, at its origin.
     pub across: Across,
-    /// Frame and filter of its light.
     pub polarized: Polarized,
 }
 

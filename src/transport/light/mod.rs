@@ -35,13 +35,10 @@ const SKY: u32 = NONE >> 1;
 /// All lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
-    /// Area lights.
     pub areas: Vec<AreaLight>,
     /// Index of the area light of a material, by the material's index; [`NONE`] for all others.
     pub of_material: Vec<u32>,
-    /// Environment map.
     pub sky: Option<Sky>,
-    /// Light with a single direction.
     pub distant: Vec<Distant>,
     /// Probability of sampling the sky.
     sky_chance: f32,

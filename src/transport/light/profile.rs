@@ -14,7 +14,6 @@ pub enum Profile {
     /// A cone: full intensity within `beam`, decreasing linearly with the angle to zero at `cutoff`
     /// (Mitsuba's `spot`).
     Spot {
-        /// Unit axis.
         axis: Vec3A,
         /// Half angle of full intensity, radians.
         beam: f32,

@@ -44,7 +44,6 @@ pub struct Sky {
     columns: Vec<f32>,
     /// World to the map's local frame.
     to_local: Mat3A,
-    /// Frame and filter of its light.
     pub polarized: Polarized,
 }
 
@@ -119,7 +118,6 @@ impl Sky {
         &self.texels
     }
 
-    /// Returns the positions of its rows.
     #[must_use]
     pub fn rows(&self) -> Rows {
         self.placed

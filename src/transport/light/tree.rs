@@ -218,7 +218,6 @@ impl Node {
         (self.intensity * emits * receives * near).0
     }
 
-    /// Samples one of the children.
     #[inline(always)]
     fn descend(&self, at: &Receiver, choice: &mut Choice) {
         let weights = self.importances(at);
@@ -334,7 +333,6 @@ impl LightTree {
     }
 }
 
-/// Returns the bounds of several lights.
 fn bounds_of(items: &[(u32, Bounds)]) -> Bounds {
     let [(_, first), rest @ ..] = items else {
         unreachable!("groups are divided into two that are not empty");

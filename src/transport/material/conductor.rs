@@ -14,7 +14,6 @@ use optics::spectrum::Spectral;
 /// Smooth conductor of complex index n + i·k, relative to the outside.
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor {
-    /// Real part of the index.
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
@@ -40,7 +39,6 @@ pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> Fresn
 }
 
 impl Conductor {
-    /// Returns the mirror reflection.
     #[inline]
     #[must_use]
     pub fn specular(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<Specular> {

@@ -47,23 +47,13 @@ pub struct OpticalConstants {
 /// Reasons why a lookup fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstantsError {
-    /// The name is neither in the table nor an alias.
     #[error("there are no optical constants of `{name}`; known are {known}")]
-    Unknown {
-        /// The requested name.
-        name: String,
-        /// All known names.
-        known: String,
-    },
-    /// The wavelength is outside the range of the source.
+    Unknown { name: String, known: String },
     #[error("the optical constants of {name} cover {first} to {last} nm, not {nm} nm")]
     Range {
         name: String,
-        /// The requested wavelength, nm.
         nm: f64,
-        /// Shortest wavelength of the source, nm.
         first: f64,
-        /// Longest wavelength of the source, nm.
         last: f64,
     },
 }

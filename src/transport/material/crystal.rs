@@ -31,8 +31,8 @@
 //!
 //! Time of flight uses the mean index.
 //!
-//! Precision: the phase is computed in f64, but points are f32. A coordinate of 1 m has a resolution of 60
-//! nm, which is a retardance of 0.4° in quartz and 7° in calcite. If the order of a thick plate matters,
+//! Precision: the phase is computed in f64, but points are f32. A coordinate of 1 m has a resolution of
+//! 60 nm, which is a retardance of 0.4° in quartz and 7° in calcite. If the order of a thick plate matters,
 //! place the crystal within centimetres of the origin.
 
 use super::dielectric::Dielectric;

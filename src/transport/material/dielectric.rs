@@ -126,7 +126,6 @@ impl Dielectric {
         })
     }
 
-    /// See [`super::Materials::sample`].
     #[inline]
     pub fn sample(&self, at: &Surface, wo: Vec3A, lanes: &mut Lanes, stream: &mut Stream) -> Option<Sampled> {
         let interface = self.interface(at, wo)?;

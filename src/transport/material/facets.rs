@@ -18,9 +18,7 @@ use optics::sampling::microfacet::{Distribution, Masking, Microfacet};
 
 #[derive(Clone, Copy, Debug)]
 pub struct Roughness {
-    /// Distribution of facet normals.
     pub distribution: Distribution,
-    /// Masking and shadowing model.
     pub masking: Masking,
     /// Width α of the distribution of normals, above 0.
     pub alpha: Scalar,

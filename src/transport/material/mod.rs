@@ -83,7 +83,6 @@ pub enum Material {
 pub struct Materials {
     pub list: Vec<Material>,
     pub textures: Textures,
-    /// Tables of the measured materials.
     pub tables: Vec<measured::table::Table>,
 }
 
@@ -398,7 +397,6 @@ impl Materials {
             .any(|m| matches!(m, Material::NormalMap(map) if map.heights))
     }
 
-    /// Returns true if some material is [`Material::Null`].
     #[must_use]
     pub fn any_null(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::Null))
@@ -411,7 +409,6 @@ impl Materials {
         matches!(self.list[id as usize], Material::Crystal(_))
     }
 
-    /// Returns true if the material is [`Material::Null`].
     #[inline]
     #[must_use]
     pub fn is_null(&self, id: u32) -> bool {

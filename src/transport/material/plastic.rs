@@ -39,11 +39,9 @@ pub struct Plastic {
     pub albedo: Spectrum,
     /// Index of the coat relative to the outside (1 in unused lanes).
     pub eta: Spectral,
-    /// Roughness of the coat's facets.
     pub roughness: Roughness,
     /// Factor k of the surface reflection.
     pub specular: Spectral,
-    /// Treatment of light that the coat reflects back into the body.
     pub interreflection: Interreflection,
     /// Transmission of the coat's facets; `None` uses the smooth mean surface.
     pub passage: Option<coat::Table>,
@@ -232,7 +230,6 @@ impl Plastic {
         Some([Scatter::Fresnel { block, s }, body])
     }
 
-    /// See [`super::Materials::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {

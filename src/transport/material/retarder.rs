@@ -42,7 +42,6 @@ pub struct Retarder {
     pub retardance: Spectral,
     /// Power transmittance, 0..1.
     pub transmittance: Spectral,
-    /// Dependence of the retardance on incidence.
     pub tilt: Tilt,
 }
 

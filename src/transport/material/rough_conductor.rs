@@ -19,13 +19,11 @@ use optics::spectrum::Spectral;
 /// Conductor of complex index n + i·k with isotropic roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughConductor {
-    /// Real part of the index.
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
     /// Factor applied to the reflected light, 0..1.
     pub reflectance: Spectrum,
-    /// Roughness of the facets.
     pub roughness: Roughness,
 }
 

@@ -25,9 +25,7 @@ use optics::spectrum::Spectral;
 /// Rough interface between the inside and the outside of a closed surface.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
-    /// Indices on both sides.
     pub interface: Dielectric,
-    /// Roughness of the facets.
     pub roughness: Roughness,
     /// The scene's wavelengths.
     pub lanes: Lanes,

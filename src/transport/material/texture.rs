@@ -37,15 +37,11 @@ pub const SAME: UvMap = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 /// One image. Several images may share texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Image {
-    /// In texels.
     pub width: u32,
-    /// In texels.
     pub height: u32,
     /// Index of its first texel.
     pub first: u32,
-    /// Interpolation between texels.
     pub filter: Filter,
-    /// Continuation beyond the edges.
     pub wrap: Wrap,
     /// Maps the surface's texture coordinates to those of the image.
     pub uv: UvMap,
@@ -188,18 +184,15 @@ impl Textures {
 pub struct Spectrum {
     /// The value, or the factor of the image.
     pub value: Spectral,
-    /// Index of the image.
     pub texture: Option<u32>,
 }
 
 impl Spectrum {
-    /// Returns a value without an image.
     #[must_use]
     pub fn uniform(value: Spectral) -> Self {
         Self { value, texture: None }
     }
 
-    /// Returns the value at texture coordinates.
     #[inline]
     #[must_use]
     pub fn at(&self, textures: &Textures, uv: [f32; 2]) -> Spectral {
@@ -215,18 +208,15 @@ impl Spectrum {
 pub struct Scalar {
     /// The value, or the factor of the image.
     pub value: f32,
-    /// Index of the image.
     pub texture: Option<u32>,
 }
 
 impl Scalar {
-    /// Returns a value without an image.
     #[must_use]
     pub fn uniform(value: f32) -> Self {
         Self { value, texture: None }
     }
 
-    /// Returns the value at texture coordinates.
     #[inline]
     #[must_use]
     pub fn at(&self, textures: &Textures, uv: [f32; 2]) -> f32 {

@@ -33,7 +33,6 @@ pub const LARGEST_PHASE: f64 = 1e5;
 /// Reasons why a sphere cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MieError {
-    /// The sphere is too small or too large.
     #[error("a particle of size parameter 2π·radius·index/wavelength = {0:.4e} is outside 1e-6..3000")]
     Size(f64),
     /// The index is not that of a passive material, or extreme.
@@ -46,9 +45,7 @@ pub enum MieError {
 pub struct Sphere {
     /// Size parameter.
     pub x: f64,
-    /// Scattering efficiency.
     pub q_sca: f64,
-    /// Absorption efficiency.
     pub q_abs: f64,
     /// Backscattering efficiency, 4 |S(180°)|²/x².
     pub q_back: f64,
@@ -161,7 +158,6 @@ impl Sphere {
         self.q_sca + self.q_abs
     }
 
-    /// Returns the number of terms of the series.
     #[must_use]
     pub fn terms(&self) -> usize {
         self.sums.len()

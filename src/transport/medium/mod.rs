@@ -69,7 +69,6 @@ pub struct Medium {
 #[derive(Clone, Debug, Default)]
 pub struct Media {
     pub list: Vec<Medium>,
-    /// Tabulated matrices.
     pub tables: Vec<table::Table>,
     pub grids: Vec<Grid>,
 }

@@ -35,7 +35,6 @@ use optics::spectrum::Wavelengths;
 pub struct Milk {
     /// Percentage by weight of fat: whole milk 3.5, reduced-fat 1.5, skimmed 0.1.
     pub fat_percent: f64,
-    /// Percentage by weight of protein.
     pub protein_percent: f64,
     /// Pressure of homogenization in MPa; 0: untreated.
     pub homogenization_mpa: f64,

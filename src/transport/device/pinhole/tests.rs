@@ -90,7 +90,6 @@ fn projection_inverts_direction() {
     }
 }
 
-/// Ideal and distorted.
 #[test]
 fn many_are_as_each_alone() {
     let mut stream = Stream::new(2, 0, 0);
