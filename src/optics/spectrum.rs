@@ -38,8 +38,8 @@ impl Wavelengths {
     /// Creates a list of vacuum wavelengths in nanometres after checking it.
     ///
     /// # Errors
-    /// [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the values do not ascend
-    /// strictly.
+    /// [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the order is not
+    /// ascending.
     pub fn new(nm: Vec<f64>) -> Result<Self, WavelengthError> {
         if nm.is_empty() || nm.len() > MAX_WAVELENGTHS {
             return Err(WavelengthError::Count(nm.len()));

@@ -1,5 +1,5 @@
 //! OpenCV's fisheye lens (Kannala & Brandt 2006; Kalibr's `equidistant`): the image radius is a polynomial of
-//! the angle to the axis.
+//! the angle.
 
 use glam::DVec2;
 
@@ -72,8 +72,7 @@ impl Fisheye {
         [t2, t2 * t2, t2 * t2 * t2, t2 * t2 * t2 * t2].map(|power| p * (t * power / r))
     }
 
-    /// Maps distorted normalized coordinates to ideal ones; `None` beyond [`WIDEST`] and where the polynomial
-    /// decreases.
+    /// Maps distorted normalized coordinates to ideal ones; `None` beyond [`WIDEST`] or where not monotonic.
     #[inline]
     #[must_use]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {

@@ -28,8 +28,8 @@ pub struct Opencv {
 }
 
 impl Opencv {
-    /// Creates a lens from OpenCV's list: k1, k2, p1, p2, k3 to k6, s1 to s4, without tilt. Missing
-    /// coefficients are 0.
+    /// Creates a lens from OpenCV's list: k1, k2, p1, p2, k3 to k6, s1 to s4, without tilt. Missing ones are
+    /// 0.
     #[must_use]
     pub fn from_list(list: &[f64]) -> Self {
         let at = |i: usize| list.get(i).copied().unwrap_or(0.0);

@@ -2,8 +2,7 @@
 //!
 //! A path is traced from the camera, so the product is extended on the right: `chain ← chain · (next
 //! interaction)`. A depolarizing interaction is f·e₀e₀ᵀ. After it, the product is the outer product of a
-//! column (camera side) and a row (projector side): 8 numbers instead of 16, of which usually only 2 are
-//! non-zero.
+//! column (camera side) and a row (projector side): 8 numbers instead of 16, mostly only 2 non-zero.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -16,8 +15,7 @@ use glam::Vec3A;
 /// camera frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
-    /// Neither a polarizing nor a depolarizing interaction yet: a factor times a frame rotation (cos 2θ, sin
-    /// 2θ).
+    /// No polarizing or depolarizing interaction yet: a factor times a frame rotation (cos 2θ, sin 2θ).
     Rotation { f: Spectral, cos2: f32, sin2: f32 },
     /// Any matrix.
     Full(Mueller),

@@ -57,8 +57,7 @@ impl Microfacet {
         }
     }
 
-    /// Returns Smith's Λ(w): hidden over visible area of the facets that face `w`, which may be on either
-    /// side.
+    /// Returns Smith's Λ(w): hidden over visible area of the facets that face `w`, on either side.
     #[inline]
     fn lambda(&self, w: Vec3A) -> f32 {
         match self.distribution {
@@ -74,8 +73,7 @@ impl Microfacet {
         1.0 / (1.0 + self.lambda(w))
     }
 
-    /// Returns masking and shadowing G2(wo, wi), for reflection if both are on one side, else for
-    /// transmission.
+    /// Returns masking and shadowing G2(wo, wi) of reflection (both on one side) or transmission.
     #[inline]
     #[must_use]
     pub fn g2(&self, wo: Vec3A, wi: Vec3A) -> f32 {

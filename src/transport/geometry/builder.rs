@@ -141,8 +141,7 @@ impl GeometryBuilder {
         self.object = number;
     }
 
-    /// Sets whether [`Geometry::facet`] identifies the triangles of meshes that are added to the world from
-    /// now on.
+    /// Sets whether [`Geometry::facet`] identifies the triangles of meshes added to the world from now on.
     pub fn facets(&mut self, known: bool) {
         self.facets = known;
     }

@@ -27,8 +27,7 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// The world or an instance as the owner of a primitive. Never 0, so that `Option<Hit>` is no larger than
-/// `Hit`.
+/// The world or an instance as the owner of a primitive. Never 0, so that `Option<Hit>` is as small as `Hit`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Owner(NonZeroU32);
 

@@ -205,8 +205,7 @@ impl AreaLight {
         }
     }
 
-    /// Returns the axis and the minimum cosine of the cone that a sphere subtends, as seen from `p` outside
-    /// it.
+    /// Returns axis and minimum cosine of the cone that a sphere subtends from `p` outside it.
     #[inline]
     fn cone(quadric: &Quadric, p: Vec3A) -> Option<(Vec3A, f32)> {
         let (centre, radius) = quadric.ball()?;

@@ -22,7 +22,7 @@ pub enum Across {
 pub struct Distant {
     /// Unit direction of propagation.
     pub dir: Vec3A,
-    /// A point of the starting plane, from which travel time counts. `None`: from infinity, without a travel
+    /// A point of the starting plane, from which travel time counts. `None`: from infinity, without travel
     /// time.
     pub origin: Option<Vec3A>,
     /// Divergence of a beam: radius at 1 m over radius at the origin, minus 1; 0 if collimated.
@@ -33,8 +33,7 @@ pub struct Distant {
 }
 
 impl Distant {
-    /// Returns the irradiance at normal incidence, W/(m² nm), at a squared distance (m²) from the axis at the
-    /// origin.
+    /// Returns the irradiance at normal incidence, W/(m² nm), at a squared distance from the axis, m².
     #[inline]
     fn irradiance(&self, aside2: f32) -> Spectral {
         match self.across {

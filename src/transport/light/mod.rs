@@ -131,8 +131,7 @@ impl Lights {
         }
     }
 
-    /// Samples a point of the chosen light with two more uniforms; a distance of `far` metres is outside the
-    /// scene.
+    /// Samples a point of the chosen light with two more uniforms; `far` metres is outside the scene.
     #[inline]
     #[must_use]
     pub fn draw(
@@ -174,8 +173,7 @@ impl Lights {
         (1.0 - self.sky_chance) * chance * light.density(at.p, dir, found.surface, part as usize)
     }
 
-    /// Returns the density per steradian with which [`Self::draw`] samples the sky in the unit direction
-    /// `dir`.
+    /// Returns the density per steradian of [`Self::draw`] for the sky in the unit direction `dir`.
     #[inline]
     #[must_use]
     pub fn sky_density(&self, dir: Vec3A) -> f32 {

@@ -71,8 +71,7 @@ impl Blend {
         materials.sample(id, at, wo, lanes, stream)
     }
 
-    /// See [`Parts::specular`]. If both materials have the lobe and its directions differ, only that of the
-    /// first is returned.
+    /// See [`Parts::specular`]. If the lobes of both have different directions, only the first is returned.
     #[inline]
     #[must_use]
     pub fn specular(

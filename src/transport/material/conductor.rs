@@ -21,8 +21,7 @@ pub struct Conductor {
     pub reflectance: Spectrum,
 }
 
-/// Returns mirror reflection at a smooth opaque surface. `fresnel` maps the cosine of incidence to the
-/// Fresnel matrix.
+/// Returns mirror reflection at a smooth opaque surface. `fresnel` takes the cosine of incidence.
 #[inline]
 pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> FresnelBlock) -> Option<Specular> {
     let n = facing(at, wo)?;

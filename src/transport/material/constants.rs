@@ -2,8 +2,7 @@
 //!
 //! The values come from the table `pbrdf/optical_constants.csv`, which is compiled into the program
 //! (refractiveindex.info, CC0). The table and `pbrdf/README.md` cite the paper of each substance. Between the
-//! table's wavelengths, n and k are interpolated linearly, as refractiveindex.info does with tabulated
-//! sources.
+//! table's wavelengths, n and k are interpolated linearly, as refractiveindex.info does.
 
 use std::sync::OnceLock;
 
@@ -112,8 +111,7 @@ pub fn find(name: &str) -> Result<&'static OpticalConstants, ConstantsError> {
         })
 }
 
-/// Returns the refractive index n and extinction coefficient k ≥ 0 of a substance at a vacuum wavelength in
-/// nanometres.
+/// Returns refractive index n and extinction coefficient k ≥ 0 at a vacuum wavelength in nanometres.
 ///
 /// # Errors
 /// [`ConstantsError`] if the substance or the wavelength is not in the table.

@@ -97,8 +97,7 @@ impl Materials {
         }
     }
 
-    /// Returns true if some lobe is not a delta lobe, so that next-event estimation can illuminate the
-    /// surface.
+    /// Returns true if some lobe is not a delta lobe, so that next-event estimation applies.
     #[inline(always)]
     #[must_use]
     pub fn has_extended_lobe(&self, id: u32) -> bool {
@@ -307,8 +306,7 @@ impl Materials {
         }
     }
 
-    /// Returns true if some material transmits light without deflection, so that connections must test for
-    /// it.
+    /// Returns true if some material transmits light undeflected, so that connections must test for it.
     #[must_use]
     pub fn any_straight(&self) -> bool {
         // Composite materials need no case: their parts are in the same list.
@@ -360,8 +358,7 @@ impl Materials {
         (s.wi == -wo && s.filling.is_none()).then_some(s.scatter)
     }
 
-    /// Returns the medium on the side of the surface opposite to `wo`, for materials that scatter light
-    /// through the surface.
+    /// Returns the medium on the side opposite to `wo`, if the material can scatter light to that side.
     #[inline]
     #[must_use]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Filling> {

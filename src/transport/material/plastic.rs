@@ -143,8 +143,7 @@ impl Plastic {
         })
     }
 
-    /// Returns the sum of all lobes in the frame of the reflection, times a weight that may depend on the
-    /// density of `wi`.
+    /// Returns the sum of all lobes in the frame of the reflection, times a function of the density of `wi`.
     #[inline]
     fn value(
         &self,

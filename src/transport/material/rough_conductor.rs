@@ -1,5 +1,4 @@
-//! Rough metal: microfacets that are Fresnel mirrors (Walter et al. 2007; Mueller form as in Baek et al.
-//! 2018).
+//! Rough metal with Fresnel mirrors as microfacets (Walter et al. 2007; Mueller form: Baek et al. 2018).
 //!
 //! Only single scattering between facets is modelled: multiply scattered energy is absorbed. Mitsuba's
 //! `roughconductor` uses separable masking and shadowing. At α = 0.3 the correlated form differs by well

@@ -116,8 +116,7 @@ impl RoughDielectric {
         }
     }
 
-    /// Samples a facet among those visible from `wo`, then reflection or refraction by their power. The
-    /// weight is F·G2/G1.
+    /// Samples a visible facet, then reflection or refraction by their power. The weight is F·G2/G1.
     #[inline]
     pub fn sample(
         &self,

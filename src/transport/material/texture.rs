@@ -48,8 +48,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// Returns an image of the texels from `first` on, with default filter and wrap mode and the identity
-    /// map.
+    /// Returns an image of the texels from `first` on, with default filter, wrap mode and map.
     #[must_use]
     pub fn new([width, height]: [u32; 2], first: u32) -> Self {
         Self {
@@ -85,8 +84,7 @@ impl Image {
 pub const ATTRIBUTE: u32 = u32::MAX;
 /// Number of triangles in one row of the texture-coordinate grid of [`corner_uv`].
 const COLUMNS: u32 = 2048;
-/// Maximum number of triangles with values at their corners. Beyond it, f32 texture coordinates are too
-/// coarse.
+/// Maximum number of triangles with corner values. Beyond it, f32 texture coordinates are too coarse.
 pub const MOST_CORNERS: usize = 1 << 22;
 
 /// Returns the texture coordinates of corner `k` of the triangle with values `Textures::corners[number]`.
@@ -110,8 +108,7 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Returns the value at texture coordinates. The image's own coordinates (0, 0) are its lower left
-    /// corner.
+    /// Returns the value at texture coordinates. (0, 0) of the image is its lower left corner.
     #[inline]
     #[must_use]
     pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {

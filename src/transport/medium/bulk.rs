@@ -63,8 +63,7 @@ impl Amount {
     /// Returns the number of particles per m³.
     ///
     /// # Errors
-    /// [`BulkError::Density`], and [`BulkError::Amount`] if the amount is negative, NaN, or fills more than
-    /// the whole volume.
+    /// [`BulkError::Density`], and [`BulkError::Amount`] if the amount is negative, NaN or too large.
     pub fn number_density(self, sizes: &SizeDistribution) -> Result<f64, BulkError> {
         let volume = sizes.mean_volume();
         let n = match self {
@@ -132,8 +131,7 @@ pub struct Ensemble {
 }
 
 impl Ensemble {
-    /// Creates an ensemble without particles, in a host of real index `host`, at a vacuum wavelength in
-    /// nanometres.
+    /// Creates an empty ensemble in a host of real index `host`, at a vacuum wavelength in nanometres.
     #[must_use]
     pub fn new(host: f64, nm: f64) -> Self {
         Self {

@@ -60,8 +60,7 @@ fn terms(x: f64) -> usize {
     (x + 4.05 * x.cbrt() + 8.0) as usize
 }
 
-/// Returns D_0 … D_count of a complex argument, by downward recurrence from an index at which an initial
-/// error vanishes.
+/// Returns D_0 … D_count, by downward recurrence from an index at which an initial error vanishes.
 fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     let start = (count as f64).max(z.norm() + 8.0 * z.norm().cbrt()) as usize + 16;
     let mut out = vec![C::default(); count + 1];
@@ -170,8 +169,7 @@ impl Sphere {
         &self.sums
     }
 
-    /// Returns S1 and S2 in a direction with the given [`angular`] functions, at least [`Self::terms`] of
-    /// them.
+    /// Returns S1 and S2 in a direction with at least [`Self::terms`] [`angular`] functions.
     #[must_use]
     pub fn amplitudes_with(&self, angular: &[[f64; 2]]) -> [C; 2] {
         let (mut even, mut odd) = (C::default(), C::default());
