@@ -45,7 +45,7 @@ pub(super) fn vector(row: [f32; 4]) -> Vec3A {
 
 impl Triangle {
     /// Creates a triangle. `uvs` are the texture coordinates of the corners, if any; `normals` and
-    /// `uv_indices` are the results of [`Self::normals`] and [`Self::uvs`].
+    /// `uv_indices` are the results of [`Self::normals`] and [`Self::uvs()`].
     pub(super) fn new(
         corners: [Vec3A; 3],
         uvs: Option<[[f32; 2]; 3]>,
