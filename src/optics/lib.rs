@@ -1,5 +1,4 @@
-//! Polarization optics, lens distortion, and the mathematics of sampling. Pure computation, without file
-//! access.
+//! Polarization optics, lens distortion, and the mathematics of sampling. Performs no file access.
 //!
 //! `CONVENTIONS.md` defines the conventions of Stokes vectors, Mueller matrices and their frames.
 

@@ -28,10 +28,8 @@ pub enum WavelengthError {
     /// The list is empty or longer than [`MAX_WAVELENGTHS`].
     #[error("{0} wavelengths given; a render carries 1 to 4 at once")]
     Count(usize),
-    /// A value is not a plausible optical wavelength in nanometres.
     #[error("wavelength {0} is outside 100..100000 nm")]
     Range(f64),
-    /// Two wavelengths are equal or out of order.
     #[error("wavelengths must rise strictly: {0} nm is followed by {1} nm")]
     Order(f64, f64),
 }
@@ -40,8 +38,8 @@ impl Wavelengths {
     /// Creates a list of vacuum wavelengths in nanometres after checking it.
     ///
     /// # Errors
-    /// [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the values do not ascend
-    /// strictly.
+    /// [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the order is not
+    /// ascending.
     pub fn new(nm: Vec<f64>) -> Result<Self, WavelengthError> {
         if nm.is_empty() || nm.len() > MAX_WAVELENGTHS {
             return Err(WavelengthError::Count(nm.len()));
@@ -86,7 +84,6 @@ impl Wavelengths {
     }
 }
 
-/// Returns the largest lane.
 #[inline]
 #[must_use]
 pub fn max_lane(s: Spectral) -> f32 {

@@ -1,5 +1,5 @@
 //! OpenCV's fisheye lens (Kannala & Brandt 2006; Kalibr's `equidistant`): the image radius is a polynomial of
-//! the angle to the axis.
+//! the angle.
 
 use glam::DVec2;
 
@@ -7,11 +7,10 @@ use glam::DVec2;
 /// ray at 90° does not intersect.
 pub const WIDEST: f64 = 1.565;
 
-/// With r = |p| on the plane z = 1 and θ = atan r, p is mapped to p·θ_d/r, θ_d = θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶
-/// + k4 θ⁸).
+/// With r = |p| on the plane z = 1 and θ = atan r, p is mapped to p·θ_d/r,
+/// θ_d = θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Fisheye {
-    /// k1 to k4.
     pub k: [f64; 4],
 }
 
@@ -73,8 +72,7 @@ impl Fisheye {
         [t2, t2 * t2, t2 * t2 * t2, t2 * t2 * t2 * t2].map(|power| p * (t * power / r))
     }
 
-    /// Maps distorted normalized coordinates to ideal ones; `None` beyond [`WIDEST`] and where the polynomial
-    /// decreases.
+    /// Maps distorted normalized coordinates to ideal ones; `None` beyond [`WIDEST`] or where not monotonic.
     #[inline]
     #[must_use]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {

@@ -60,8 +60,7 @@ impl Distortion {
         }
     }
 
-    /// Maps distorted normalized coordinates to ideal ones; `None` if there are none where the distortion is
-    /// one-to-one.
+    /// Maps distorted normalized coordinates to ideal ones; `None` where the distortion is not one-to-one.
     #[inline]
     #[must_use]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {

@@ -12,37 +12,24 @@ use glam::DVec2;
 /// documentation, `calib3d`.)
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Opencv {
-    /// Radial, of r².
     pub k1: f64,
-    /// Radial, of r⁴.
     pub k2: f64,
-    /// Radial, of r⁶.
     pub k3: f64,
-    /// Radial, of r² in the denominator.
     pub k4: f64,
-    /// Radial, of r⁴ in the denominator.
     pub k5: f64,
-    /// Radial, of r⁶ in the denominator.
     pub k6: f64,
-    /// Tangential, along y.
     pub p1: f64,
-    /// Tangential, along x.
     pub p2: f64,
-    /// Thin prism, along x of r².
     pub s1: f64,
-    /// Thin prism, along x of r⁴.
     pub s2: f64,
-    /// Thin prism, along y of r².
     pub s3: f64,
-    /// Thin prism, along y of r⁴.
     pub s4: f64,
-    /// The sensor's tilt.
     pub tilt: Tilt,
 }
 
 impl Opencv {
-    /// Creates a lens from OpenCV's list: k1, k2, p1, p2, k3 to k6, s1 to s4, without tilt. Missing
-    /// coefficients are 0.
+    /// Creates a lens from OpenCV's list: k1, k2, p1, p2, k3 to k6, s1 to s4, without tilt. Missing ones are
+    /// 0.
     #[must_use]
     pub fn from_list(list: &[f64]) -> Self {
         let at = |i: usize| list.get(i).copied().unwrap_or(0.0);

@@ -12,7 +12,6 @@ pub struct Tilt {
 }
 
 impl Default for Tilt {
-    /// Returns a sensor perpendicular to the axis.
     fn default() -> Self {
         Self {
             tau: [0.0; 2],
@@ -83,7 +82,6 @@ fn homography(m: &DMat3, p: DVec2) -> DVec2 {
     if v.z > 0.0 {
         DVec2::new(v.x, v.y) / v.z
     } else {
-        // Behind the sensor.
         DVec2::NAN
     }
 }

@@ -2,8 +2,7 @@
 //!
 //! A path is traced from the camera, so the product is extended on the right: `chain ← chain · (next
 //! interaction)`. A depolarizing interaction is f·e₀e₀ᵀ. After it, the product is the outer product of a
-//! column (camera side) and a row (projector side): 8 numbers instead of 16, of which usually only 2 are
-//! non-zero.
+//! column (camera side) and a row (projector side): 8 numbers instead of 16, mostly only 2 non-zero.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -16,22 +15,13 @@ use glam::Vec3A;
 /// camera frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
-    /// Neither a polarizing nor a depolarizing interaction yet: a factor times a frame rotation (cos 2θ, sin
-    /// 2θ).
-    Rotation {
-        f: Spectral,
-        /// cos 2θ.
-        cos2: f32,
-        /// sin 2θ.
-        sin2: f32,
-    },
+    /// No polarizing or depolarizing interaction yet: a factor times a frame rotation (cos 2θ, sin 2θ).
+    Rotation { f: Spectral, cos2: f32, sin2: f32 },
     /// Any matrix.
     Full(Mueller),
     /// column · rowᵀ.
     RankOne {
-        /// Camera side.
         column: [Spectral; 4],
-        /// Projector side.
         row: [Spectral; 4],
         /// Only element 0 of the column is non-zero.
         column_flat: bool,
@@ -278,7 +268,6 @@ impl Chain {
         out
     }
 
-    /// Multiplies every element by a factor per lane.
     #[inline]
     pub fn scale(&mut self, f: Spectral) {
         match self {
@@ -311,7 +300,6 @@ impl Chain {
         }
     }
 
-    /// Returns the full matrix.
     #[inline]
     #[must_use]
     pub fn to_mueller(&self) -> Mueller {

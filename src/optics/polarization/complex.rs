@@ -11,7 +11,6 @@ pub struct Complex {
 }
 
 impl Complex {
-    /// Returns a real number per lane.
     #[inline]
     #[must_use]
     pub fn real(re: Spectral) -> Self {
@@ -21,14 +20,12 @@ impl Complex {
         }
     }
 
-    /// Returns the squared modulus.
     #[inline]
     #[must_use]
     pub fn norm2(self) -> Spectral {
         self.re * self.re + self.im * self.im
     }
 
-    /// Returns the complex conjugate.
     #[inline]
     #[must_use]
     pub fn conj(self) -> Self {
@@ -38,7 +35,6 @@ impl Complex {
         }
     }
 
-    /// Multiplies by a real number per lane.
     #[inline]
     #[must_use]
     pub fn scale(self, f: Spectral) -> Self {

@@ -11,7 +11,6 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Returns the number of elements.
     #[inline]
     #[must_use]
     pub fn count(self) -> usize {

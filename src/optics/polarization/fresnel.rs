@@ -36,7 +36,6 @@ impl FresnelBlock {
         }
     }
 
-    /// Multiplies every element by a factor per lane.
     #[inline]
     #[must_use]
     pub fn scaled(self, f: Spectral) -> Self {
@@ -48,7 +47,6 @@ impl FresnelBlock {
         }
     }
 
-    /// Returns the full matrix.
     #[inline]
     #[must_use]
     pub fn to_mueller(self) -> Mueller {

@@ -26,7 +26,6 @@ impl Mueller {
         }
     }
 
-    /// Returns the transpose.
     #[inline]
     #[must_use]
     pub fn transposed(&self) -> Self {
@@ -35,7 +34,6 @@ impl Mueller {
         }
     }
 
-    /// No light.
     pub const ZERO: Self = Self {
         m: [[Spectral::ZERO; 4]; 4],
     };
@@ -49,7 +47,6 @@ impl Mueller {
         }
     }
 
-    /// Returns the identity in every lane.
     #[inline]
     #[must_use]
     pub fn identity() -> Self {
@@ -60,14 +57,12 @@ impl Mueller {
         m
     }
 
-    /// Returns one lane as a plain matrix.
     #[inline]
     #[must_use]
     pub fn lane(&self, lane: usize) -> [[f32; 4]; 4] {
         self.m.map(|row| row.map(|e| e.to_array()[lane]))
     }
 
-    /// Multiplies every element by a factor per lane.
     #[inline]
     #[must_use]
     pub fn scaled(&self, f: Spectral) -> Self {

@@ -43,7 +43,6 @@ impl Scatter {
         }
     }
 
-    /// Multiplies every element by a factor per lane.
     #[inline]
     #[must_use]
     pub fn scaled(self, f: Spectral) -> Self {
@@ -65,8 +64,7 @@ impl Scatter {
         }
     }
 
-    /// Returns the full matrix between the given frames of light that leaves along `wo` and of light that
-    /// arrives along `-wi`.
+    /// Returns the full matrix between the given frames of light leaving along `wo` and arriving along `-wi`.
     #[inline]
     #[must_use]
     pub fn between(&self, wo: Vec3A, frame_out: Vec3A, wi: Vec3A, frame_in: Vec3A) -> Mueller {

@@ -163,8 +163,7 @@ mod tests {
         }
     }
 
-    /// Each wavelength lane has a separate thickness in waves: a quarter wave in one is not a quarter wave in
-    /// another.
+    /// Each wavelength lane has a separate thickness in waves: a quarter wave in one is none in another.
     #[test]
     fn lanes_are_independent() {
         let at = |lambda: f32| {

@@ -4,15 +4,14 @@
 //! D(h) = exp(-tan²θ/α²) / (π α² cos⁴θ). Smith's Λ is exact (Walter et al. 2007, eq. 25; Heitz 2014, eq. 66):
 //! Λ(a) = (erf(a) - 1)/2 + exp(-a²)/(2a√π) with a = 1/(α tanθ).
 //!
-//! Normals visible from a direction are sampled by inverting the cumulative distribution of their slope
-//! (Heitz & d'Eon 2014), by Newton's method in the domain of erf (Jakob 2014, "An improved visible normal
-//! sampling routine for the Beckmann distribution"). Mitsuba 3 uses the rational G1 of Walter et al. (2007),
-//! which deviates by up to 0.35 %.
+//! Visible normals are sampled by inverting the cumulative distribution of their slope (Heitz & d'Eon 2014),
+//! by Newton's method in the domain of erf (Jakob 2014, "An improved visible normal sampling routine for the
+//! Beckmann distribution"). Mitsuba 3 uses the rational G1 of Walter et al. (2007), which deviates by up to
+//! 0.35 %.
 
 use glam::Vec3A;
 use std::f32::consts::{FRAC_1_PI, FRAC_2_SQRT_PI};
 
-/// 1/√π.
 const FRAC_1_SQRT_PI: f32 = FRAC_2_SQRT_PI / 2.0;
 
 /// Returns erfc(x)·exp(x²) for x ≥ 0, with the absolute error 1.5e-7 in erfc (Abramowitz & Stegun 1964,

@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::FRAC_1_PI;
 
-/// Distribution of normals.
+/// Distribution of facet normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Distribution {
@@ -40,9 +40,7 @@ pub enum Masking {
 /// Microfacets about +z. Directions are unit vectors in a frame whose z axis is the surface normal.
 #[derive(Clone, Copy, Debug)]
 pub struct Microfacet {
-    /// Distribution of normals.
     pub distribution: Distribution,
-    /// Masking and shadowing model.
     pub masking: Masking,
     /// Width α of the distribution (Beckmann: the root mean square slope), above 0.
     pub alpha: f32,
@@ -59,8 +57,7 @@ impl Microfacet {
         }
     }
 
-    /// Returns Smith's Λ(w): hidden over visible area of the facets that face `w`, which may be on either
-    /// side.
+    /// Returns Smith's Λ(w): hidden over visible area of the facets that face `w`, on either side.
     #[inline]
     fn lambda(&self, w: Vec3A) -> f32 {
         match self.distribution {
@@ -76,8 +73,7 @@ impl Microfacet {
         1.0 / (1.0 + self.lambda(w))
     }
 
-    /// Returns masking and shadowing G2(wo, wi), for reflection if both are on one side, else for
-    /// transmission.
+    /// Returns masking and shadowing G2(wo, wi) of reflection (both on one side) or transmission.
     #[inline]
     #[must_use]
     pub fn g2(&self, wo: Vec3A, wi: Vec3A) -> f32 {

@@ -4,8 +4,7 @@
 //! (Niederreiter 1992). Integrands that vary slowly in one or both directions are therefore integrated with
 //! much less noise. The nets here are those of Sobol's first two dimensions, scrambled digit by digit (Owen
 //! 1995) and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers and
-//! applies a random digital shift, so that every number is uniform and estimates are unbiased for any number
-//! of nets.
+//! applies a random digital shift, so that numbers are uniform and estimates unbiased for any number of nets.
 
 use super::mix::mix;
 use rand_core::Rng;
@@ -60,8 +59,8 @@ fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
             let entry = if axis == 0 {
                 u32::from(row == column)
             } else {
-                // A binomial coefficient is odd if the lower number's digits are a subset of the upper one's
-                // (Lucas).
+                // A binomial coefficient is odd if the digits of the lower number are a subset of the upper
+                // one's (Lucas).
                 u32::from(row & !column == 0)
             };
             entry & j >> column

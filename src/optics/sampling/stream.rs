@@ -51,8 +51,7 @@ impl Group {
     /// Unstratified, independent samples.
     pub const ALONE: Self = Self { bits: 0 };
 
-    /// Returns the largest group, up to 64 samples, that divides `samples` into at least `replicates`
-    /// complete groups.
+    /// Returns the largest group, up to 64 samples, that divides `samples` into at least `replicates` groups.
     #[must_use]
     pub fn of(samples: u32, replicates: u32) -> Self {
         let fits = |bits: u32| samples.is_multiple_of(1 << bits) && samples >> bits >= replicates;
@@ -61,7 +60,6 @@ impl Group {
         }
     }
 
-    /// Returns its number of samples.
     #[inline]
     #[must_use]
     pub fn size(self) -> u32 {
@@ -273,8 +271,7 @@ mod tests {
         assert_ne!(Stream::new(0, 0, 0).uniform(), Stream::new(1, 0, 0).uniform());
     }
 
-    /// Returns the numbers of a group's samples: one in each stratum of each number, and in each box of each
-    /// pair.
+    /// Returns the numbers of a group's samples: one per stratum of each number and per box of each pair.
     fn of_group(group: Group, seed: u64, number: u32) -> Vec<[f32; 20]> {
         let first = number * group.size();
         let draw = |sample| {
@@ -390,8 +387,8 @@ mod tests {
         );
     }
 
-    /// Raw numbers are those from which uniforms are computed, and every bit of them is set half of the time
-    /// (5 sigma).
+    /// Raw numbers are those from which uniforms are computed, and every bit is set half of the time (5
+    /// sigma).
     #[test]
     fn raw_numbers_are_those_of_uniforms() {
         let (mut a, mut b) = (Stream::new(7, 1, 2), Stream::new(7, 1, 2));

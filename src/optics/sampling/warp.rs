@@ -29,8 +29,7 @@ pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
 #[must_use]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
-    // Selections instead of branches: the comparison is random, so a branch would be mispredicted half of the
-    // time.
+    // Selections instead of branches: a branch would be mispredicted half of the time.
     let wide = a.abs() > b.abs();
     let (r, other) = if wide { (a, b) } else { (b, a) };
     let ratio = other / if r == 0.0 { 1.0 } else { r };
@@ -51,8 +50,7 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
 }
 
 /// [`cosine_hemisphere`] about several unit vectors `n` (x, y, z arrays), from an equal number of pairs of
-/// uniforms. Bit-identical to `basis(n) * cosine_hemisphere(u)`, but in plain loops, which the compiler
-/// vectorizes.
+/// uniforms. Bit-identical to `basis(n) * cosine_hemisphere(u)`, but vectorized by the compiler.
 #[inline(always)]
 #[must_use]
 pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) -> [[f32; N]; 3] {

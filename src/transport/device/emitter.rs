@@ -14,7 +14,6 @@ pub struct PointEmitter {
     pub position: Vec3A,
     /// Maximum radiant intensity per wavelength (for a frustum: on its axis), W/(sr nm).
     pub intensity: Spectral,
-    /// Angular profile.
     pub profile: Profile,
     /// An image that it projects.
     pub slide: Option<Slide>,

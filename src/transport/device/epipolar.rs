@@ -1,5 +1,4 @@
-//! Epipolar geometry between camera and projector: the projector pixels s' that can directly illuminate the
-//! points seen by s.
+//! Epipolar geometry between camera and projector: the projector pixels s' that can directly illuminate s.
 //!
 //! The essential matrix maps the normalized, undistorted coordinates of a camera pixel to the epipolar line
 //! on the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion bends that line on the
@@ -82,8 +81,7 @@ fn pixels_of([x, y]: [u32; 2], [w, h]: [u32; 2]) -> impl Iterator<Item = u32> {
 pub struct EpipolarLine([f32; 3]);
 
 impl Epipolar {
-    /// Computes the geometry from two calibrations; `None` if the centres coincide (every line is then
-    /// undefined).
+    /// Computes the geometry from two calibrations; `None` if the centres coincide (lines are undefined).
     #[must_use]
     pub fn new(camera: &Pinhole, projector: &Pinhole) -> Option<Self> {
         let baseline = (projector.origin - camera.origin).as_dvec3();
@@ -157,8 +155,7 @@ impl Epipolar {
         EpipolarLine([l.x as f32, l.y as f32, l.z as f32])
     }
 
-    /// Returns the distance, in projector pixels, of the centre of projector pixel `pixel` (row-major) from a
-    /// line.
+    /// Returns the distance in pixels of the centre of projector pixel `pixel` (row-major) from a line.
     #[inline]
     #[must_use]
     pub fn distance_px(&self, line: EpipolarLine, pixel: u32) -> f32 {
@@ -173,8 +170,7 @@ impl Epipolar {
         e.abs() / (gu * gu + gv * gv).sqrt().max(f32::MIN_POSITIVE)
     }
 
-    /// Lists, in any order, the projector pixels within `half_width_px` pixels of a line by
-    /// [`Self::distance_px`].
+    /// Lists, unordered, the projector pixels within `half_width_px` of a line by [`Self::distance_px`].
     pub fn list_within(&self, line: EpipolarLine, half_width_px: f32, out: &mut Vec<u32>) {
         out.clear();
         // Negated `>` instead of `<=`, to treat NaN as slices do.
@@ -220,8 +216,7 @@ mod tests {
     use glam::{Mat3A, Quat, Vec3A};
     use optics::sampling::stream::Stream;
 
-    /// Any point seen by both devices is on the epipolar line of its camera pixel, with and without
-    /// distortion.
+    /// Points seen by both devices are on the epipolar lines of their camera pixels, also with distortion.
     #[test]
     fn directly_lit_points_are_epipolar() {
         let device = |x: f32, yaw: f32, k1: f64| {

@@ -25,7 +25,6 @@ pub struct Lens {
 }
 
 impl Default for Lens {
-    /// Returns a pinhole.
     fn default() -> Self {
         Self {
             radius: 0.0,
@@ -53,8 +52,8 @@ pub struct Pinhole {
     /// True for an orthographic device: all rays are parallel to the axis, from the image plane. `focal` is
     /// then in pixels per metre, and normalized coordinates are metres on that plane.
     pub parallel: bool,
-    /// Offset from the normalized coordinates of directions to those of the image: 0 except for a point of a
-    /// lens.
+    /// Offset from the normalized coordinates of directions to those of the image; set by
+    /// [`Self::through_lens`] and [`Self::at`], else 0.
     shift: DVec2,
     /// Squared normalized radius beyond which no point is imaged (where the distortion would fold back).
     max_radius2: f64,
@@ -129,8 +128,7 @@ impl Pinhole {
         Ok(max)
     }
 
-    /// Returns the ideal normalized coordinates of a continuous pixel position; `None` where the distortion
-    /// has no inverse.
+    /// Returns the ideal normalized coordinates of a pixel position; `None` if the distortion has no inverse.
     #[must_use]
     pub fn normalized(&self, pixel: DVec2) -> Option<DVec2> {
         let n = self.distortion.undistort((pixel - self.principal) / self.focal)?;
@@ -342,22 +340,19 @@ impl Pinhole {
         (self.focal.x * self.focal.y * stretch * cubed) as f32
     }
 
-    /// Returns image right in world coordinates.
     #[inline]
     #[must_use]
     pub fn right(&self) -> Vec3A {
         self.axes.x_axis
     }
 
-    /// Returns forward in world coordinates.
     #[inline]
     #[must_use]
     pub fn forward(&self) -> Vec3A {
         self.axes.z_axis
     }
 
-    /// Returns the horizontal basis vector of light travelling along `d` (either way): image right, projected
-    /// perpendicular.
+    /// Returns the frame vector of light travelling along ±`d`: image right, projected perpendicular.
     #[inline]
     #[must_use]
     pub fn frame(&self, d: Vec3A) -> Vec3A {

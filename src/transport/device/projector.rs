@@ -12,7 +12,6 @@ use optics::spectrum::Spectral;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Projector {
-    /// Pose and intrinsics.
     pub pinhole: Pinhole,
     /// Irradiance at 1 m on the axis per wavelength, W/(m² nm).
     pub irradiance: Spectral,
@@ -73,8 +72,7 @@ mod tests {
     use crate::device::pinhole::OUTSIDE;
     use glam::{DVec2, Mat3A, Vec3A};
 
-    /// The irradiance integrated over a pixel's area on the plane at 1 m is the flux into that pixel's solid
-    /// angle.
+    /// The irradiance integrated over a pixel on the plane at 1 m is the flux into its solid angle.
     #[test]
     fn the_plane_at_one_metre_gets_the_stated_irradiance() {
         let pinhole = Pinhole::new(

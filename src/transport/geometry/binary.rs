@@ -2,8 +2,8 @@
 //!
 //! Few boxes are clustered bottom-up (PLOC, Meister & Bittner 2018), many are split top-down
 //! ([`super::binned`]). Both trees are then optimized by reinsertion (Meister & Bittner 2018, "Parallel
-//! reinsertion for bounding volume hierarchy optimization"). Clustering and reinsertion are those of the
-//! crate obvhs.
+//! reinsertion for bounding volume hierarchy optimization"). Clustering and reinsertion are from the crate
+//! obvhs.
 
 use super::binned::{self, Grown, LEAF_SIZE};
 use obvhs::BvhBuildParams;
@@ -27,8 +27,7 @@ pub(super) enum Part<'a> {
     Branch,
 }
 
-/// A binary tree, with primitives in the order of its leaves, and the run of primitives that each node
-/// covers.
+/// A binary tree, with primitives in the order of its leaves, and the run that each node covers.
 pub(super) struct Binary {
     pub(super) nodes: Vec<Bvh2Node>,
     order: Vec<u32>,

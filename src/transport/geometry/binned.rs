@@ -3,8 +3,8 @@
 //!
 //! Sets of boxes are split at minimum cost until they fit in a leaf. The cost is the surface area heuristic
 //! at a few positions on each axis. It counts leaves, not boxes, because a leaf costs a ray the same whether
-//! it is full or not. This is much faster than bottom-up clustering. The tree is then optimized leaf by leaf;
-//! leaves are few.
+//! it is full or not. This is much faster than bottom-up clustering. The tree is then optimized by leaves,
+//! which are few.
 //!
 //! The division into tasks depends only on the sizes of sets, and results are combined in the order of the
 //! sets, so that the tree is the same for any number of threads.
@@ -104,7 +104,6 @@ impl Entry {
     }
 }
 
-/// Returns the bounds of boxes.
 fn boxes(entries: &[Entry]) -> Extent {
     let mut all = Extent::EMPTY;
     entries.iter().for_each(|e| all.add(e.lo, e.hi));

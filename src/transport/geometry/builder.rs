@@ -141,8 +141,7 @@ impl GeometryBuilder {
         self.object = number;
     }
 
-    /// Sets whether [`Geometry::facet`] identifies the triangles of meshes that are added to the world from
-    /// now on.
+    /// Sets whether [`Geometry::facet`] identifies the triangles of meshes added to the world from now on.
     pub fn facets(&mut self, known: bool) {
         self.facets = known;
     }
@@ -300,7 +299,6 @@ impl GeometryBuilder {
         )
     }
 
-    /// Returns the mesh of a triangle.
     #[inline]
     fn part(&self, primitive: u32) -> &Part {
         let (id, _) = index(primitive);
@@ -359,13 +357,11 @@ impl GeometryBuilder {
         Aabb::new(lo - part.origin, hi - part.origin)
     }
 
-    /// Returns the bounds of a set.
     fn extent(&self, set: &Set) -> Aabb {
         let all = set.primitives.par_iter().map(|p| self.bounds(*p));
         all.reduce(Aabb::empty, |a, b| a.union(&b))
     }
 
-    /// Returns the shading data of a triangle.
     fn triangle(&self, primitive: u32) -> Triangle {
         let (part, corners, [a, b, c, _]) = self.corners(primitive);
         let indices = |first: u32| {

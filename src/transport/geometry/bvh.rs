@@ -1,8 +1,7 @@
 //! All surfaces of a scene in flat tables under one tree.
 //!
 //! Triangles are in packs of eight, which a ray tests at a time; two triangles that form a parallelogram are
-//! one primitive. On x86-64, the loops over boxes and packs are compiled twice: for any processor and for
-//! AVX2.
+//! one primitive. On x86-64, the loops over boxes and packs are compiled twice, with and without AVX2.
 
 use super::facets::Facets;
 use super::instance::{Group, Instance};
@@ -17,8 +16,7 @@ use glam::{Mat3A, Vec3A};
 pub(super) const QUADRIC: u32 = 1 << 31;
 
 /// Distance by which triangles extend beyond their edges, in units of the scene's extent. Neighbours then
-/// overlap by more than the rounding of a hit. Without it, one in ten rays at a shared edge passes between
-/// them.
+/// overlap by more than the rounding of a hit. Without it, one in ten rays at a shared edge passes through.
 pub(super) const SKIN: f32 = 1.0 / 1_048_576.0;
 
 /// Returns true if the processor supports AVX2.
@@ -29,25 +27,20 @@ pub(super) fn avx2() -> bool {
     return false;
 }
 
-/// The outline of a primitive, for occlusion bounds.
+/// The outline of a primitive in world space, metres, for occlusion bounds.
 #[derive(Clone, Copy, Debug)]
 pub enum Outline {
-    /// A convex flat polygon; a triangle's last corner is repeated.
+    /// A convex flat polygon with corners in order; a triangle's last corner is repeated.
     Flat {
-        /// In order, world, metres.
         corners: [Vec3A; 4],
     },
     Ball {
-        /// World, metres.
         centre: Vec3A,
-        /// Metres.
         radius: f32,
     },
     /// An unknown shape inside this sphere.
     Inside {
-        /// World, metres.
         centre: Vec3A,
-        /// Metres.
         radius: f32,
     },
 }
@@ -245,8 +238,7 @@ impl Geometry {
         self.occluded_any::<false>(ray, tmax)
     }
 
-    /// The search, inlined so that it is compiled with the caller's target features; `WORLD` if there may be
-    /// instances.
+    /// The search, inlined to be compiled with the caller's target features; `WORLD`: with instances.
     #[inline(always)]
     pub(super) fn intersect_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         let mut nearest = Nearest::<WORLD> {
@@ -381,8 +373,7 @@ impl Geometry {
         }
     }
 
-    /// Returns the derivative ∂n/∂p of the unit shading normal with respect to the position along the
-    /// surface, 1/m.
+    /// Returns the derivative ∂n/∂p of the unit shading normal along the surface, 1/m.
     #[must_use]
     pub fn bend(&self, hit: &Hit, surface: &Surface) -> Mat3A {
         if let Some(number) = hit.owner.number() {

@@ -13,8 +13,7 @@ impl Geometry {
         (surface.rounding * UNIT) * surface.p.abs().max_element().max(self.least)
     }
 
-    /// Returns the start point of a ray along `dir`, just off the surface on that side, so that the ray
-    /// misses the surface.
+    /// Returns the start point of a ray along `dir`, just off the surface, which it misses.
     #[inline(always)]
     #[must_use]
     pub fn leave(&self, surface: &Surface, dir: Vec3A) -> Vec3A {

@@ -40,7 +40,6 @@ fn test(a: Eight, b: Eight, f: impl Fn(f32, f32) -> bool) -> Mask {
 }
 
 impl Eight {
-    /// Returns the same number in every lane.
     #[inline(always)]
     pub const fn splat(v: f32) -> Self {
         Self([v; 8])
@@ -68,7 +67,6 @@ impl Eight {
         test(self, other, |a, b| a < b)
     }
 
-    /// Returns 1/x.
     #[inline(always)]
     pub fn recip(self) -> Self {
         each(self, self, |a, _| 1.0 / a)

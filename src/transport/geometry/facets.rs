@@ -21,8 +21,7 @@ impl Facets {
         self.numbers.push(number | if whole { WHOLE } else { 0 });
     }
 
-    /// Returns the index in its mesh of the triangle at `place`; `far`: the hit is on a parallelogram's
-    /// second half.
+    /// Returns the index in its mesh of the triangle at `place`; `far` selects a parallelogram's second half.
     pub(super) fn find(&self, place: u32, far: bool) -> Option<u32> {
         let at = self.places.binary_search(&place).ok()?;
         let number = self.numbers[at];

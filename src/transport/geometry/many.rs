@@ -14,14 +14,12 @@ pub const fn zero<const N: usize>() -> Many<N> {
     [[0.0; N]; 3]
 }
 
-/// Returns vector `i`.
 #[inline(always)]
 #[must_use]
 pub fn get<const N: usize>(v: &Many<N>, i: usize) -> Vec3A {
     Vec3A::new(v[0][i], v[1][i], v[2][i])
 }
 
-/// Sets vector `i`.
 #[inline(always)]
 pub fn set<const N: usize>(v: &mut Many<N>, i: usize, value: Vec3A) {
     let [x, y, z] = value.to_array();

@@ -26,42 +26,24 @@ pub struct Mesh {
 /// Reasons why a mesh is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeshError {
-    /// There is no vertex or no triangle.
     #[error("has no triangles of non-zero area; export it with faces, or leave it out")]
     Empty,
-    /// An attribute table is neither empty nor as long as the positions.
     #[error("has {found} {what} for {vertices} vertices; give every vertex one, or none at all")]
     Length {
         what: &'static str,
-        /// Entries present.
         found: usize,
-        /// Entries needed.
         vertices: usize,
     },
-    /// A coordinate is infinite or NaN.
     #[error("{what} of vertex {vertex} is not finite; repair the mesh where it was made")]
-    NonFinite {
-        what: &'static str,
-        /// Vertex index, from 0.
-        vertex: usize,
-    },
-    /// A shading normal has length zero.
+    NonFinite { what: &'static str, vertex: usize },
     #[error("normal of vertex {vertex} has length zero; leave all normals out for flat shading")]
-    ZeroNormal {
-        /// Vertex index, from 0.
-        vertex: usize,
-    },
-    /// A triangle refers to a vertex that does not exist.
+    ZeroNormal { vertex: usize },
     #[error("triangle {triangle} uses vertex {index}, but there are only {vertices} (counted from 0)")]
     Index {
-        /// Triangle index, from 0.
         triangle: usize,
-        /// The invalid vertex index.
         index: u32,
-        /// Number of vertices.
         vertices: usize,
     },
-    /// There are more vertices than 32-bit indices can address.
     #[error("has {0} vertices, more than 32-bit indices can name; split it")]
     TooLarge(usize),
 }

@@ -1,8 +1,8 @@
 //! Sphere, disk and cylinder, intersected exactly in object space.
 //!
 //! Object space: unit sphere about the origin; unit disk in z = 0 facing +z; open tube of radius 1 from z = 0
-//! to 1 facing outward. An affine map transforms them to the world, so ellipsoids and elliptic tubes are
-//! possible.
+//! to 1 facing outward. An affine map transforms them to the world, including to ellipsoids and elliptic
+//! tubes.
 
 use super::instance::stretch;
 use super::rounding;
@@ -26,7 +26,6 @@ pub enum QuadricKind {
 #[derive(Clone, Copy, Debug)]
 pub struct Quadric {
     pub kind: QuadricKind,
-    /// Index of the material.
     pub material: u32,
     to_world: Affine3A,
     to_object: Affine3A,
@@ -112,8 +111,7 @@ impl Quadric {
         (self.radius > 0.0).then_some((self.centre, self.radius))
     }
 
-    /// Returns the nearest distance in (0, tmax) to a sphere, infinity for none; see [`roots`] and
-    /// [`Self::intersect`].
+    /// Returns the nearest distance in (0, tmax) to a sphere, or infinity; see [`roots`].
     #[inline(always)]
     fn meet_ball(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = origin - self.centre;
@@ -327,8 +325,7 @@ impl Quadric {
         1.0 / (own * self.growth(o))
     }
 
-    /// Returns true if the point is inside the surface (for a tube, between its ends), scaled by `grown`
-    /// about its centre.
+    /// Returns true if the point is inside the surface (or tube), scaled by `grown` about its centre.
     #[must_use]
     pub fn holds(&self, p: Vec3A, grown: f32) -> bool {
         let o = self.to_object.transform_point3a(p);
@@ -428,7 +425,6 @@ mod tests {
                 let [a, b] = [&ball, &plain].map(|q| q.intersect(o, d, f32::INFINITY));
                 let p = (o + d * a - centre).length();
                 if a.is_infinite() != b.is_infinite() {
-                    // Grazing.
                     assert!((p - 0.7).abs() < 1e-3 || !p.is_finite());
                     continue;
                 }

@@ -27,8 +27,7 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// The world or an instance as the owner of a primitive. Never 0, so that `Option<Hit>` is no larger than
-/// `Hit`.
+/// The world or an instance as the owner of a primitive. Never 0, so that `Option<Hit>` is as small as `Hit`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Owner(NonZeroU32);
 
@@ -64,9 +63,7 @@ pub struct Surface {
     pub tangent: Vec3A,
     /// ∂p/∂v in scenes with bump maps, where `tangent` also has the length of ∂p/∂u; else 0.
     pub bitangent: Vec3A,
-    /// Texture coordinates.
     pub uv: [f32; 2],
-    /// Index of the material.
     pub material: u32,
     /// Maximum rounding error of points and hits off the surface, in units of 2⁻²⁴ of their coordinates.
     pub rounding: f32,

@@ -24,8 +24,8 @@ pub(crate) const UNIT: f32 = f32::EPSILON / 2.0;
 /// Relative shortening of lines at their end: several roundings of a distance along a ray.
 pub(crate) const END_GAP: f32 = 4.0 * UNIT;
 
-/// Maximum rounding constant, for slivers and uneven maps. Beyond it, about one ray in a million may hit the
-/// surface that it left.
+/// Maximum rounding constant, for slivers and uneven maps. Beyond it, one ray in a million may hit its own
+/// surface.
 const MOST: f32 = 128.0;
 
 /// Coordinates count as at least this fraction of the scene's extent, because a large surface may have

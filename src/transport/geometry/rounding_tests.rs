@@ -1,5 +1,4 @@
-//! Tests that rays start and end just off surfaces: they neither hit the surface that they left nor pass
-//! through surfaces.
+//! Tests that rays start and end just off surfaces: they do not hit that surface or pass through others.
 
 use super::builder::GeometryBuilder;
 use super::bvh::Geometry;
@@ -98,7 +97,6 @@ fn nothing_meets_itself() {
             0 | 1 => {
                 let mut mesh = Mesh::rectangle();
                 if shape == 1 {
-                    // Two triangles.
                     mesh.indices.swap(0, 1);
                 }
                 mesh.transform(&place(Vec3::new(size, size * (0.05 + stream.uniform()), 1.0)));
@@ -165,8 +163,7 @@ fn nothing_meets_itself() {
     assert_eq!((again, blocked), ([0; 6], [0; 6]));
 }
 
-/// Random walks inside closed meshes and quadrics, at all positions and sizes: every ray hits a wall from
-/// inside.
+/// Random walks inside closed meshes and quadrics, at all positions and sizes: every ray hits from inside.
 #[test]
 fn closed_rooms_lose_no_light() {
     let mut stream = Stream::new(42, 0, 0);
@@ -229,7 +226,6 @@ fn closed_rooms_lose_no_light() {
                     };
                     let s = g.surface(&ray, &hit);
                     if s.ng.dot(ray.dir) < 0.0 {
-                        // From outside.
                         back += 1;
                         break;
                     }

@@ -19,8 +19,7 @@ const NEAR: f32 = 1e-3;
 /// An outline with a smaller ratio of area to length, on the plane at distance 1, is a sliver: rounding
 /// determines its orientation.
 const SLIVER: f32 = 1e-5;
-/// A plane at less than this sine to the line to one of its corners is seen edge-on: its depths are
-/// unreliable.
+/// A plane at less than this sine to the line to a corner is seen edge-on: its depths are unreliable.
 const EDGE_ON: f32 = 1e-3;
 /// Relative enlargement of spheres, against rounding of their hits.
 const ROUND_MARGIN: f32 = 1e-3;
@@ -82,7 +81,6 @@ struct Window {
 }
 
 impl Window {
-    /// Returns the bounds of points.
     fn about(points: &[Vec2]) -> Self {
         let nothing = Self {
             lo: Vec2::INFINITY,
@@ -140,8 +138,7 @@ impl Survey {
         }
     }
 
-    /// Enters the world by its tree. A box that is smaller than a pyramid is entered as a box; its contents
-    /// hide nothing.
+    /// Enters the world by its tree. A box smaller than a pyramid is entered as a box and hides nothing.
     fn world(&mut self, geometry: &Geometry, place: impl Fn(Vec3A) -> Vec3A, near: f32) -> Option<()> {
         let pad = Vec3A::splat(BOX_MARGIN * geometry.extent());
         let mut todo = vec![0];
@@ -193,7 +190,6 @@ impl Survey {
                 }
                 match child {
                     Child::Branch(node) => todo.push(node),
-                    // A quadric.
                     Child::Leaf(leaf) if leaf & 1 == 1 => return None,
                     Child::Leaf(leaf) => {
                         for place_in_pack in 0..8 {
@@ -241,8 +237,7 @@ impl Survey {
         true
     }
 
-    /// Enters a primitive into a pyramid: its minimum depth, and the depth behind which it certainly hides
-    /// everything.
+    /// Enters a primitive into a pyramid: its minimum depth, and the depth behind which it hides everything.
     fn enter(&mut self, column: u32, row: u32, leaf: u32, depth: f32, cover: f32) {
         let p = &mut self.bounds[(row * self.grid.size[0] + column) as usize];
         if depth < p.nearest {
@@ -319,8 +314,7 @@ impl Survey {
         for row in rows {
             for column in columns.clone() {
                 let window = self.window(column, row, more);
-                // No overlap if all corners of the window are outside one edge. Covered if all corners are
-                // inside all edges.
+                // No overlap if all corners are outside one edge. Covered if all are inside all edges.
                 let (mut apart, mut inside) = (false, turn != 0.0);
                 for i in 0..points.len() {
                     let (a, b) = (points[i], points[(i + 1) % points.len()]);
@@ -441,7 +435,6 @@ fn corners(aabb: &Aabb, pad: Vec3A) -> [Vec3A; 8] {
     [0, 1, 2, 3, 4, 5, 6, 7].map(|i| Vec3A::from_array([0, 1, 2].map(|k| [lo, hi][i >> k & 1][k])))
 }
 
-/// Returns the angle between two directions.
 fn angle(a: Vec3A, b: Vec3A) -> f32 {
     a.cross(b).length().atan2(a.dot(b))
 }

@@ -1,6 +1,6 @@
 //! Shading data of a triangle: corner, edges, normal and tangent in rows of one SIMD load each.
 //!
-//! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for both edges e with their differences (u, v) of texture
+//! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for both edges e with differences (u, v) of texture
 //! coordinates.
 
 use super::quadric::normalized_slope;
@@ -8,8 +8,7 @@ use super::rounding;
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3A, Vec3A, Vec4};
 
-/// One triangle. The vectors are rows of four for single loads; the fourth component is an index, see
-/// [`INDEX`].
+/// One triangle. Vectors are rows of four for single loads; the fourth component is an index ([`INDEX`]).
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Triangle {
@@ -46,7 +45,7 @@ pub(super) fn vector(row: [f32; 4]) -> Vec3A {
 
 impl Triangle {
     /// Creates a triangle. `uvs` are the texture coordinates of the corners, if any; `normals` and
-    /// `uv_indices` are the results of [`Self::normals`] and [`Self::uvs`].
+    /// `uv_indices` are the results of [`Self::normals`] and [`Self::uvs()`].
     pub(super) fn new(
         corners: [Vec3A; 3],
         uvs: Option<[[f32; 2]; 3]>,
@@ -57,8 +56,8 @@ impl Triangle {
         let [v0, e1, e2] = [corners[0], corners[1] - corners[0], corners[2] - corners[0]];
         let tangent = uvs.map_or(e1, |[a, b, c]| {
             let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-            // Solves e = u·∂p/∂u + v·∂p/∂v for both edges. Only the direction is needed, so only the sign of
-            // det is used.
+            // Solves e = u·∂p/∂u + v·∂p/∂v for both edges. Only the direction and thus the sign of det is
+            // needed.
             (e1 * v2 - e2 * v1) * (u1 * v2 - u2 * v1).signum()
         });
         let row = |v: Vec3A, index: u32| v.extend(f32::from_bits(index ^ INDEX)).to_array();

@@ -1,5 +1,5 @@
-//! Visibility from a pinhole: for every small pyramid of directions, the nearest primitive and the primitives
-//! that may hide it.
+//! Visibility from a pinhole: for every small pyramid of directions, the nearest primitive and possible
+//! occluders.
 //!
 //! The pinholes of projector and camera are fixed while millions of rays start or end there. Most pyramids
 //! contain a single primitive, or one in front of all others. There, visibility and first hits are known
@@ -210,8 +210,8 @@ mod tests {
         builder.build()
     }
 
-    /// A wavy mesh between two balls in front of a wall. It has enough triangles that views enter it by the
-    /// boxes of the tree.
+    /// A wavy mesh between two balls in front of a wall. It is large enough to be entered by the tree's
+    /// boxes.
     fn waves() -> Geometry {
         let n = 190_u32;
         let point = |i: u32| {
@@ -275,8 +275,8 @@ mod tests {
         );
     }
 
-    /// Compares a view with rays. Returns the numbers of queries, of decisions, of unoccluded points and of
-    /// first hits.
+    /// Compares a view with rays. Returns the numbers of queries, decisions, unoccluded points and first
+    /// hits.
     fn agree(g: &Geometry, stream: &mut Stream, size: [u32; 2]) -> [u32; 4] {
         let (lo, hi) = (Vec2::new(-0.9, -0.8), Vec2::new(0.8, 0.7));
         let [mut asked, mut spoken, mut free, mut firsts] = [0_u32; 4];

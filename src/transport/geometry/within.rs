@@ -69,8 +69,7 @@ impl Geometry {
         found.into_iter().filter_map(outline).collect()
     }
 
-    /// [`Geometry::intersect`] with instances. It is a separate function so that scenes without instances are
-    /// not slower.
+    /// [`Geometry::intersect`] with instances. Separate, so that scenes without instances are not slower.
     #[cold]
     #[inline(never)]
     pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
@@ -263,8 +262,7 @@ impl Geometry {
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let slope = quadric.bend(instance.to_local * (surface.p - instance.origin));
-            // n' = N n(A⁻¹ p'), normalized, with N = A⁻ᵀ: the local unit normal is N⁻¹ n' = Aᵀ n', up to its
-            // length.
+            // n' = N n(A⁻¹ p'), normalized, with N = A⁻ᵀ: the local normal is N⁻¹ n' = Aᵀ n', unnormalized.
             let turn = instance.to_local.transpose();
             let n = (instance.to_world.transpose() * surface.ng).normalize();
             return normalized_slope(turn * n, turn * slope * instance.to_local);

@@ -65,9 +65,7 @@ enum Form {
 pub struct AreaLight {
     /// Radiance, W/(m² sr nm), which may be an image over the texture coordinates.
     pub radiance: Spectrum,
-    /// True if both sides emit.
     pub two_sided: bool,
-    /// Frame and filter of its light.
     pub polarized: Polarized,
     /// True if each triangle is a separate light in the light tree.
     split: bool,
@@ -207,8 +205,7 @@ impl AreaLight {
         }
     }
 
-    /// Returns the axis and the minimum cosine of the cone that a sphere subtends, as seen from `p` outside
-    /// it.
+    /// Returns axis and minimum cosine of the cone that a sphere subtends from `p` outside it.
     #[inline]
     fn cone(quadric: &Quadric, p: Vec3A) -> Option<(Vec3A, f32)> {
         let (centre, radius) = quadric.ball()?;

@@ -19,7 +19,6 @@ pub struct Bounds {
     pub spread: f32,
     /// Maximum angle between a normal and a direction of emission, radians.
     pub reach: f32,
-    /// True if both sides of the surfaces emit.
     pub two_sided: bool,
     /// Radiant intensity along the brightest direction, W/(sr nm), summed over the lights.
     pub intensity: f32,
@@ -51,7 +50,6 @@ impl Bounds {
         }
     }
 
-    /// Returns the bounds of both.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         let (axis, spread) = self.union_of_cones(other);

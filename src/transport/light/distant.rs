@@ -12,19 +12,9 @@ pub enum Across {
     /// Uniform, W/(m² nm).
     Even(Spectral),
     /// Power `power` (W/nm) uniform over a disk of this radius (metres) about the axis through the origin.
-    Disk {
-        /// W/nm.
-        power: Spectral,
-        /// Metres.
-        radius: f32,
-    },
+    Disk { power: Spectral, radius: f32 },
     /// A Gaussian of this radius (metres), at which the irradiance is e⁻² of that on the axis.
-    Gaussian {
-        /// W/nm.
-        power: Spectral,
-        /// Metres.
-        radius: f32,
-    },
+    Gaussian { power: Spectral, radius: f32 },
 }
 
 /// Light with a single direction.
@@ -32,20 +22,18 @@ pub enum Across {
 pub struct Distant {
     /// Unit direction of propagation.
     pub dir: Vec3A,
-    /// A point of the starting plane, from which travel time counts. `None`: from infinity, without a travel
+    /// A point of the starting plane, from which travel time counts. `None`: from infinity, without travel
     /// time.
     pub origin: Option<Vec3A>,
     /// Divergence of a beam: radius at 1 m over radius at the origin, minus 1; 0 if collimated.
     pub spread: f32,
     /// Irradiance; for a diverging beam, at its origin.
     pub across: Across,
-    /// Frame and filter of its light.
     pub polarized: Polarized,
 }
 
 impl Distant {
-    /// Returns the irradiance at normal incidence, W/(m² nm), at a squared distance (m²) from the axis at the
-    /// origin.
+    /// Returns the irradiance at normal incidence, W/(m² nm), at a squared distance from the axis, m².
     #[inline]
     fn irradiance(&self, aside2: f32) -> Spectral {
         match self.across {

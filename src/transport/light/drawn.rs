@@ -19,6 +19,5 @@ pub struct Drawn {
     pub density: f32,
     /// Optical path length before `position`, metres; infinite if travel time is undefined.
     pub start_m: f64,
-    /// Frame and filter of its light.
     pub polarized: Polarized,
 }

@@ -35,13 +35,10 @@ const SKY: u32 = NONE >> 1;
 /// All lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
-    /// Area lights.
     pub areas: Vec<AreaLight>,
     /// Index of the area light of a material, by the material's index; [`NONE`] for all others.
     pub of_material: Vec<u32>,
-    /// Environment map.
     pub sky: Option<Sky>,
-    /// Light with a single direction.
     pub distant: Vec<Distant>,
     /// Probability of sampling the sky.
     sky_chance: f32,
@@ -134,8 +131,7 @@ impl Lights {
         }
     }
 
-    /// Samples a point of the chosen light with two more uniforms; a distance of `far` metres is outside the
-    /// scene.
+    /// Samples a point of the chosen light with two more uniforms; `far` metres is outside the scene.
     #[inline]
     #[must_use]
     pub fn draw(
@@ -177,8 +173,7 @@ impl Lights {
         (1.0 - self.sky_chance) * chance * light.density(at.p, dir, found.surface, part as usize)
     }
 
-    /// Returns the density per steradian with which [`Self::draw`] samples the sky in the unit direction
-    /// `dir`.
+    /// Returns the density per steradian of [`Self::draw`] for the sky in the unit direction `dir`.
     #[inline]
     #[must_use]
     pub fn sky_density(&self, dir: Vec3A) -> f32 {

@@ -1,5 +1,4 @@
-//! Angular intensity profiles of point emitters, relative to the maximum intensity (for a frustum: to that on
-//! its axis).
+//! Angular intensity profiles of point emitters, relative to the maximum (for a frustum: to the axis).
 
 use glam::{Mat3A, Vec2, Vec3A};
 use optics::sampling::warp;
@@ -11,10 +10,8 @@ pub enum Profile {
     /// Isotropic.
     #[default]
     Even,
-    /// A cone: full intensity within `beam`, decreasing linearly with the angle to zero at `cutoff`
-    /// (Mitsuba's `spot`).
+    /// A cone: full intensity within `beam`, then linear in the angle to zero at `cutoff` (Mitsuba's `spot`).
     Spot {
-        /// Unit axis.
         axis: Vec3A,
         /// Half angle of full intensity, radians.
         beam: f32,
@@ -117,8 +114,7 @@ impl Table {
 }
 
 impl Profile {
-    /// Returns the intensity along the unit direction `dir` relative to the maximum, or to that on the axis
-    /// of a frustum.
+    /// Returns the relative intensity along the unit direction `dir`.
     #[inline]
     #[must_use]
     pub fn value(&self, dir: Vec3A) -> f32 {

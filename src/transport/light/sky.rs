@@ -38,13 +38,11 @@ pub struct Sky {
     cells: usize,
     /// Radiances, top row first, W/(m² sr nm).
     texels: Vec<[f32; 4]>,
-    /// Cumulative fraction of the total weight at the end of each row, and within each row at the end of each
-    /// column.
+    /// Cumulative fraction of the total weight at the end of each row, and of each column within its row.
     rows: Vec<f32>,
     columns: Vec<f32>,
     /// World to the map's local frame.
     to_local: Mat3A,
-    /// Frame and filter of its light.
     pub polarized: Polarized,
 }
 
@@ -119,7 +117,6 @@ impl Sky {
         &self.texels
     }
 
-    /// Returns the positions of its rows.
     #[must_use]
     pub fn rows(&self) -> Rows {
         self.placed
@@ -198,7 +195,7 @@ impl Sky {
     }
 
     /// Samples light toward `p` from a distance of `far` metres. `chance` is the probability of sampling the
-    /// sky at all.
+    /// sky.
     #[inline]
     pub(super) fn draw(&self, p: Vec3A, u: [f32; 2], far: f32, chance: f32) -> Option<Drawn> {
         let wi = self.sample(u);

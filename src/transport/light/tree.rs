@@ -79,8 +79,7 @@ impl Choice {
         which: 0.0,
     };
 
-    /// Begins a choice in a tree by the uniform number `which`. `chance` is the probability of using the
-    /// tree.
+    /// Begins a choice by the uniform number `which`. `chance` is the probability of using the tree.
     #[inline]
     #[must_use]
     pub fn open(which: f32, chance: f32) -> Self {
@@ -200,8 +199,7 @@ impl Node {
             let middle = cos_less([along, sine(along)], [self.cos_spread, self.sin_spread]);
             // Upper bound of the cosine over the sphere: cos(a - b) ≤ cos a + sin b.
             let most = inside.select(ONE, (middle + sin_ball).min(ONE));
-            // Use the mean of the bound and the value at the centre, since not all lights of a group are at
-            // the best position.
+            // Use the mean of the bound and the value at the centre, since a group's lights are spread out.
             let emits = half * (most + middle.max(ZERO));
             self.cos_reach.lt(most).select(emits, ZERO)
         };
@@ -218,7 +216,6 @@ impl Node {
         (self.intensity * emits * receives * near).0
     }
 
-    /// Samples one of the children.
     #[inline(always)]
     fn descend(&self, at: &Receiver, choice: &mut Choice) {
         let weights = self.importances(at);
@@ -249,8 +246,7 @@ impl Node {
 }
 
 impl LightTree {
-    /// Builds a tree over lights, which keep their indices. Returns `None` for fewer than two lights, or if
-    /// no light emits.
+    /// Builds a tree over lights, which keep their indices. `None` for fewer than two, or if none emits.
     #[must_use]
     pub fn new(lights: &[Bounds]) -> Option<Self> {
         let most = lights.iter().map(|b| b.intensity).fold(0.0, f32::max);
@@ -334,7 +330,6 @@ impl LightTree {
     }
 }
 
-/// Returns the bounds of several lights.
 fn bounds_of(items: &[(u32, Bounds)]) -> Bounds {
     let [(_, first), rest @ ..] = items else {
         unreachable!("groups are divided into two that are not empty");

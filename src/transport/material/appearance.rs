@@ -9,8 +9,7 @@ impl Materials {
     /// Returns the plain material seen from `wo`, and the surface with the normal of that material.
     ///
     /// Resolves composites: the side of a two-sided material that faces `wo`, the larger share of a blend,
-    /// and the material under a normal map or a depolarizer. Returns `None` for a side that absorbs all
-    /// light.
+    /// and the material under a normal map or a depolarizer. Returns `None` for an absorbing side.
     #[must_use]
     pub fn foremost(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<(u32, Surface)> {
         match &self.list[id as usize] {

@@ -13,9 +13,7 @@ use optics::spectrum::Spectral;
 /// (1 - w)·a + w·b.
 #[derive(Clone, Copy, Debug)]
 pub struct Blend {
-    /// Index of the first material.
     pub a: u32,
-    /// Index of the second material.
     pub b: u32,
     /// Share w of `b`, clamped to 0..1.
     pub weight: Scalar,
@@ -31,14 +29,12 @@ fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<S
 }
 
 impl Blend {
-    /// Returns both materials with their shares.
     #[inline]
     pub(super) fn shares(&self, materials: &impl Parts, at: &Surface) -> [(u32, f32); 2] {
         let w = self.weight.at(materials.textures(), at.uv).clamp(0.0, 1.0);
         [(self.a, 1.0 - w), (self.b, w)]
     }
 
-    /// See [`Parts::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -51,7 +47,6 @@ impl Blend {
         sum(a, b, wo, wi)
     }
 
-    /// See [`Parts::pdf`].
     #[inline]
     #[must_use]
     pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -76,8 +71,7 @@ impl Blend {
         materials.sample(id, at, wo, lanes, stream)
     }
 
-    /// See [`Parts::specular`]. If both materials have the lobe and its directions differ, only that of the
-    /// first is returned.
+    /// See [`Parts::specular`]. If the lobes of both have different directions, only the first is returned.
     #[inline]
     #[must_use]
     pub fn specular(

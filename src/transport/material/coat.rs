@@ -217,8 +217,7 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
             masking: Masking::Separable,
             ..model
         };
-        // Mitsuba's quadrature, with cosines that include both ends: 1 - F is 2 % below the integral at small
-        // α.
+        // Mitsuba's quadrature, with cosines that include both ends: 1 - F is 2 % too low at small α.
         for k in 0..COSINES {
             let cos = (k as f32 / (COSINES - 1) as f32).max(1e-6);
             let weight = Spectral::splat(2.0 * cos / COSINES as f32);

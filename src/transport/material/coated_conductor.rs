@@ -17,7 +17,6 @@ pub const MAX_FILMS: usize = 4;
 /// Smooth opaque substrate of complex index n + i·k, relative to the outside, under films.
 #[derive(Clone, Copy, Debug)]
 pub struct CoatedConductor {
-    /// Real part of the index.
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
@@ -27,7 +26,6 @@ pub struct CoatedConductor {
 }
 
 impl CoatedConductor {
-    /// Returns the mirror reflection.
     #[inline]
     #[must_use]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Option<Specular> {

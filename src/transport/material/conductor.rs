@@ -14,7 +14,6 @@ use optics::spectrum::Spectral;
 /// Smooth conductor of complex index n + i·k, relative to the outside.
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor {
-    /// Real part of the index.
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
@@ -22,8 +21,7 @@ pub struct Conductor {
     pub reflectance: Spectrum,
 }
 
-/// Returns mirror reflection at a smooth opaque surface. `fresnel` maps the cosine of incidence to the
-/// Fresnel matrix.
+/// Returns mirror reflection at a smooth opaque surface. `fresnel` takes the cosine of incidence.
 #[inline]
 pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> FresnelBlock) -> Option<Specular> {
     let n = facing(at, wo)?;
@@ -40,7 +38,6 @@ pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> Fresn
 }
 
 impl Conductor {
-    /// Returns the mirror reflection.
     #[inline]
     #[must_use]
     pub fn specular(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<Specular> {

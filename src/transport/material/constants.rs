@@ -2,8 +2,7 @@
 //!
 //! The values come from the table `pbrdf/optical_constants.csv`, which is compiled into the program
 //! (refractiveindex.info, CC0). The table and `pbrdf/README.md` cite the paper of each substance. Between the
-//! table's wavelengths, n and k are interpolated linearly, as refractiveindex.info does with tabulated
-//! sources.
+//! table's wavelengths, n and k are interpolated linearly, as refractiveindex.info does.
 
 use std::sync::OnceLock;
 
@@ -47,23 +46,13 @@ pub struct OpticalConstants {
 /// Reasons why a lookup fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstantsError {
-    /// The name is neither in the table nor an alias.
     #[error("there are no optical constants of `{name}`; known are {known}")]
-    Unknown {
-        /// The requested name.
-        name: String,
-        /// All known names.
-        known: String,
-    },
-    /// The wavelength is outside the range of the source.
+    Unknown { name: String, known: String },
     #[error("the optical constants of {name} cover {first} to {last} nm, not {nm} nm")]
     Range {
         name: String,
-        /// The requested wavelength, nm.
         nm: f64,
-        /// Shortest wavelength of the source, nm.
         first: f64,
-        /// Longest wavelength of the source, nm.
         last: f64,
     },
 }
@@ -122,8 +111,7 @@ pub fn find(name: &str) -> Result<&'static OpticalConstants, ConstantsError> {
         })
 }
 
-/// Returns the refractive index n and extinction coefficient k ≥ 0 of a substance at a vacuum wavelength in
-/// nanometres.
+/// Returns refractive index n and extinction coefficient k ≥ 0 at a vacuum wavelength in nanometres.
 ///
 /// # Errors
 /// [`ConstantsError`] if the substance or the wavelength is not in the table.

@@ -9,7 +9,7 @@
 //! with ψ the angle between ray and optic axis c (Born & Wolf 1999, 15.3.3). The ordinary wave vibrates along
 //! k × c, the extraordinary one in the plane of k and c. The segment is therefore a retarder. Its fast axis
 //! is k × c if δ > 0 (quartz); k × c is its slow axis if δ < 0 (calcite). One matrix with signed δ covers
-//! both.
+//! both cases.
 //!
 //! A Gaussian spectral line of full width Δλ at half maximum averages e^{iδ(λ)}. With δ(λ) linear across the
 //! line, dδ/dλ = -δ/λ, and σ = Δλ/√(8 ln 2), the mean is e^{iδ}·e^{-(δ σ/λ)²/2}. The cos δ and sin δ terms
@@ -137,8 +137,7 @@ impl Crystal {
 
     /// See [`super::Materials::specular`]; `id` is this material's index.
     ///
-    /// A crystal that splits light has two lobes of each kind inside, so only its outer reflection is
-    /// returned.
+    /// A crystal that splits light has two lobes of each kind inside; only its outer reflection is returned.
     #[inline]
     #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {

@@ -126,7 +126,6 @@ impl Dielectric {
         })
     }
 
-    /// See [`super::Materials::sample`].
     #[inline]
     pub fn sample(&self, at: &Surface, wo: Vec3A, lanes: &mut Lanes, stream: &mut Stream) -> Option<Sampled> {
         let interface = self.interface(at, wo)?;
@@ -144,8 +143,7 @@ impl Dielectric {
         Some(s)
     }
 
-    /// Selects the wavelength that a refracted path follows, and the weight that makes it represent all live
-    /// wavelengths.
+    /// Selects the wavelength that a refracted path follows, with the weight that represents all live ones.
     #[inline]
     pub(super) fn refracted_lane(&self, lanes: &mut Lanes, stream: &mut Stream) -> (usize, Spectral) {
         if self.dispersive && lanes.count() > 1 {

@@ -27,7 +27,6 @@ pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
 }
 
 impl Diffuse {
-    /// See [`super::Materials::eval`].
     #[inline(always)]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {

@@ -1,7 +1,7 @@
 //! Crystals that split ordinary and extraordinary rays (double images).
 //!
-//! A plane wave inside is described by its index vector k (refractive index times unit normal). With c the
-//! optic axis and
+//! A plane wave inside is described by its index vector k (refractive index times unit normal). With the
+//! optic axis c and
 //!
 //! > F(k) = α k² + β (k·c)²,  α = 1/n_e²,  β = 1/n_o² - 1/n_e²,
 //!
@@ -18,8 +18,8 @@
 //! such a crystal is treated as if it were inside glass.
 //!
 //! A surface does not know which of the two waves a path from inside is on, so it samples one, and the
-//! polarizers correct the result: if the guess is wrong, two crossed polarizers follow each other and the
-//! path carries nothing.
+//! polarizers correct the result: if the guess is wrong, the polarizers are crossed and the path carries
+//! nothing.
 
 use super::crystal::Crystal;
 use super::filling::Filling;
@@ -180,13 +180,11 @@ impl Crystal {
         choose(&lobes, 1.0 - reflectance, *lanes, stream)
     }
 
-    /// Returns the lobes of the ordinary and the extraordinary wave in the crystal for light that leaves
-    /// along `wo` outside.
+    /// Returns the lobes of the two waves in the crystal for light that leaves along `wo` outside.
     fn entered(&self, at: &Surface, wo: Vec3A, lane: usize, weight: Spectral) -> [Option<Specular>; 2] {
         let (optics, n, s) = (self.optics(lane), at.ns, s_vector(at.ns, wo));
         let cos = n.dot(wo);
-        // Tangential part of the index vectors, with respect to the direction of path travel, away from the
-        // camera.
+        // Tangential part of the index vectors for the path's direction of travel, away from the camera.
         let t = (n * cos - wo) * optics.outside;
         optics.refracted(t, -n).map(|wave| {
             let wave = wave.filter(|w| at.ng.dot(w.ray) < 0.0)?;

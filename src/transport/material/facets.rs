@@ -5,8 +5,7 @@
 //! 16, 17). For facets that reflect or refract all light, radiance times cosθ_i is
 //!
 //! - reflection D·G2 / (4 cosθ_o),
-//! - refraction D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²), which is Walter's eq. 21 with radiance scaled
-//!   by 1/η².
+//! - refraction D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²), Walter's eq. 21 with radiance scaled by 1/η².
 //!
 //! Multiple scattering between facets is absorbed.
 
@@ -18,9 +17,7 @@ use optics::sampling::microfacet::{Distribution, Masking, Microfacet};
 
 #[derive(Clone, Copy, Debug)]
 pub struct Roughness {
-    /// Distribution of facet normals.
     pub distribution: Distribution,
-    /// Masking and shadowing model.
     pub masking: Masking,
     /// Width α of the distribution of normals, above 0.
     pub alpha: Scalar,
@@ -58,8 +55,8 @@ pub(super) fn reflect(wo: Vec3A, h: Vec3A) -> Vec3A {
     h * (2.0 * wo.dot(h)) - wo
 }
 
-/// Refracts `wo` at the plane with normal `h` (on the side of `wo`) into relative index `eta`; `None` under
-/// total reflection.
+/// Refracts `wo` at the plane with normal `h` (on its side) into index ratio `eta`; `None` if totally
+/// reflected.
 #[inline]
 pub(super) fn refract(wo: Vec3A, h: Vec3A, eta: f32) -> Option<Vec3A> {
     let cos = wo.dot(h);
@@ -118,8 +115,7 @@ impl Facets {
         self.model.visible_normal(self.lo, u)
     }
 
-    /// Returns G2/G1: the fraction of light that is not masked toward `li`, given that the facet is visible
-    /// from `wo`.
+    /// Returns G2/G1: the fraction of light not masked toward `li` if the facet is visible from `wo`.
     #[inline]
     pub fn kept(&self, li: Vec3A) -> f32 {
         self.model.g2(self.lo, li) / self.model.g1(self.lo)

@@ -31,7 +31,6 @@ impl Materials {
         self.interface(id)?.refracted(at, wo, lane)
     }
 
-    /// Returns true if some material is a smooth refracting interface.
     #[must_use]
     pub fn any_interface(&self) -> bool {
         (0..self.list.len()).any(|id| self.is_interface(id as u32))
@@ -51,7 +50,6 @@ impl Materials {
         (0..self.list.len()).any(|id| self.is_rough_interface(id as u32))
     }
 
-    /// Returns true if some smooth interface refracts wavelengths into different directions.
     #[must_use]
     pub fn any_disperses(&self) -> bool {
         (0..self.list.len()).any(|id| self.disperses(id as u32))
@@ -75,7 +73,6 @@ impl Materials {
         matches!(&self.list[id as usize], Material::Crystal(m) if m.split)
     }
 
-    /// Returns true if some crystal splits rays.
     #[must_use]
     pub fn any_splits(&self) -> bool {
         (0..self.list.len()).any(|id| self.splits(id as u32))

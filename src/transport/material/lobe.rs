@@ -18,8 +18,8 @@ pub struct Sampled {
     pub filling: Option<Filling>,
 }
 
-/// Interactions by kind of lobe. The kinds are the bits that they set in a label ([`tensor::label`]); each
-/// occurs once.
+/// Interactions by kind of lobe. A kind is the bits that it sets in a label ([`tensor::label`]); each occurs
+/// once.
 ///
 /// A `Vec`, because matrices are large and callers that do not need them should not carry them on the stack.
 pub type Lobes = Vec<(u8, Scatter)>;

@@ -83,7 +83,6 @@ pub enum Material {
 pub struct Materials {
     pub list: Vec<Material>,
     pub textures: Textures,
-    /// Tables of the measured materials.
     pub tables: Vec<measured::table::Table>,
 }
 
@@ -98,8 +97,7 @@ impl Materials {
         }
     }
 
-    /// Returns true if some lobe is not a delta lobe, so that next-event estimation can illuminate the
-    /// surface.
+    /// Returns true if some lobe is not a delta lobe, so that next-event estimation applies.
     #[inline(always)]
     #[must_use]
     pub fn has_extended_lobe(&self, id: u32) -> bool {
@@ -308,8 +306,7 @@ impl Materials {
         }
     }
 
-    /// Returns true if some material transmits light without deflection, so that connections must test for
-    /// it.
+    /// Returns true if some material transmits light undeflected, so that connections must test for it.
     #[must_use]
     pub fn any_straight(&self) -> bool {
         // Composite materials need no case: their parts are in the same list.
@@ -361,8 +358,7 @@ impl Materials {
         (s.wi == -wo && s.filling.is_none()).then_some(s.scatter)
     }
 
-    /// Returns the medium on the side of the surface opposite to `wo`, for materials that scatter light
-    /// through the surface.
+    /// Returns the medium on the side opposite to `wo`, if the material can scatter light to that side.
     #[inline]
     #[must_use]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Filling> {
@@ -398,7 +394,6 @@ impl Materials {
             .any(|m| matches!(m, Material::NormalMap(map) if map.heights))
     }
 
-    /// Returns true if some material is [`Material::Null`].
     #[must_use]
     pub fn any_null(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::Null))
@@ -411,7 +406,6 @@ impl Materials {
         matches!(self.list[id as usize], Material::Crystal(_))
     }
 
-    /// Returns true if the material is [`Material::Null`].
     #[inline]
     #[must_use]
     pub fn is_null(&self, id: u32) -> bool {

@@ -18,7 +18,6 @@ use optics::sampling::stream::Stream;
 /// Another material with perturbed normals.
 #[derive(Clone, Copy, Debug)]
 pub struct NormalMap {
-    /// Index of the material.
     pub material: u32,
     /// Index of the image. Its first three channels are x, y, z; for a bump map, the first is the height.
     pub texture: u32,
@@ -68,21 +67,18 @@ impl NormalMap {
         (at.tangent_frame() * local).normalize_or(at.ns)
     }
 
-    /// See [`Parts::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         materials.eval(self.material, &self.turned(materials, at), wo, wi)
     }
 
-    /// See [`Parts::pdf`].
     #[inline]
     #[must_use]
     pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         materials.pdf(self.material, &self.turned(materials, at), wo, wi)
     }
 
-    /// See [`Parts::sample`].
     #[inline]
     pub fn sample(
         &self,
@@ -95,7 +91,6 @@ impl NormalMap {
         materials.sample(self.material, &self.turned(materials, at), wo, lanes, stream)
     }
 
-    /// See [`Parts::specular`].
     #[inline]
     #[must_use]
     pub fn specular(

@@ -17,7 +17,6 @@ use optics::spectrum::Spectral;
 /// Another material, depolarized by a fraction.
 #[derive(Clone, Copy, Debug)]
 pub struct PartialDepolarizer {
-    /// Index of the material.
     pub material: u32,
     /// Fraction f of the light that is depolarized, clamped to 0..1.
     pub fraction: Scalar,
@@ -38,7 +37,6 @@ impl PartialDepolarizer {
         s.scaled(Spectral::splat(1.0 - f)).plus(&lost, wo, wi)
     }
 
-    /// See [`Parts::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -46,7 +44,6 @@ impl PartialDepolarizer {
         Some(self.apply(materials, at, &s, wo, wi))
     }
 
-    /// See [`Parts::sample`].
     #[inline]
     pub fn sample(
         &self,
@@ -61,7 +58,6 @@ impl PartialDepolarizer {
         Some(s)
     }
 
-    /// See [`Parts::specular`].
     #[inline]
     #[must_use]
     pub fn specular(

@@ -39,11 +39,9 @@ pub struct Plastic {
     pub albedo: Spectrum,
     /// Index of the coat relative to the outside (1 in unused lanes).
     pub eta: Spectral,
-    /// Roughness of the coat's facets.
     pub roughness: Roughness,
     /// Factor k of the surface reflection.
     pub specular: Spectral,
-    /// Treatment of light that the coat reflects back into the body.
     pub interreflection: Interreflection,
     /// Transmission of the coat's facets; `None` uses the smooth mean surface.
     pub passage: Option<coat::Table>,
@@ -145,8 +143,7 @@ impl Plastic {
         })
     }
 
-    /// Returns the sum of all lobes in the frame of the reflection, times a weight that may depend on the
-    /// density of `wi`.
+    /// Returns the sum of all lobes in the frame of the reflection, times a function of the density of `wi`.
     #[inline]
     fn value(
         &self,
@@ -232,7 +229,6 @@ impl Plastic {
         Some([Scatter::Fresnel { block, s }, body])
     }
 
-    /// See [`super::Materials::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {

@@ -10,8 +10,8 @@
 //!
 //! Reflection by the faces is neglected; T may include it.
 //!
-//! A circular polarizer passes one handedness of circular light and blocks the other, for light from either
-//! side. In any frame
+//! A circular polarizer passes one handedness of circular light and blocks the other, from either side. In
+//! any frame
 //!
 //! > M00 = M33 = T(1 + ε)/2,  M03 = M30 = ±T(1 - ε)/2 (+ right),  M11 = M22 = T√ε.
 
@@ -103,8 +103,7 @@ impl Polarizer {
 mod tests {
     use super::*;
 
-    /// Compares with Mitsuba 3.9.1's `polarizer` at `theta = -30` (its angle has the opposite sign), in the
-    /// same frames.
+    /// Compares with Mitsuba 3.9.1's `polarizer` at `theta = -30` (its angle has the opposite sign).
     #[test]
     fn tilted_polarizers_match_mitsuba() {
         let n = Vec3A::Z;

@@ -9,8 +9,7 @@
 //!   n_e(ψ) - n_o = (n_e - n_o) sin²ψ (Born & Wolf 1999, 15.3.3 and 15.4.1). The slow axis is c projected
 //!   perpendicular to the refracted ray. Refraction rotates it about s together with the ray.
 //! - [`Tilt::Constant`]: δ = δ₀ at any incidence; the fast axis is projected perpendicular to the ray.
-//! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| with the same axis, as in Mitsuba 3's `retarder`. No real plate behaves
-//!   like this.
+//! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| with the same axis, as in Mitsuba 3's `retarder`. Not physical.
 //!
 //! Reflection by the faces is neglected; the transmittance may include it.
 
@@ -42,7 +41,6 @@ pub struct Retarder {
     pub retardance: Spectral,
     /// Power transmittance, 0..1.
     pub transmittance: Spectral,
-    /// Dependence of the retardance on incidence.
     pub tilt: Tilt,
 }
 
@@ -82,8 +80,7 @@ fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     // parallel, because the ray is inclined by at most asin(1/ior) to the sheet's normal.
     let ordinary = inside.cross(optic).normalize_or(fast);
     let s = s_vector(n, wo);
-    // From the refracted ray to the outer one: the component along s is unchanged, that in the plane of
-    // incidence rotates.
+    // From the refracted ray to the outer one: the component along s is unchanged, the other rotates.
     let outer = s * ordinary.dot(s) + wo.cross(s) * ordinary.dot(inside.cross(s));
     (project(outer, wo), (1.0 - along * along) / cos_t)
 }

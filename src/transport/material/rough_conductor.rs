@@ -1,5 +1,4 @@
-//! Rough metal: microfacets that are Fresnel mirrors (Walter et al. 2007; Mueller form as in Baek et al.
-//! 2018).
+//! Rough metal with Fresnel mirrors as microfacets (Walter et al. 2007; Mueller form: Baek et al. 2018).
 //!
 //! Only single scattering between facets is modelled: multiply scattered energy is absorbed. Mitsuba's
 //! `roughconductor` uses separable masking and shadowing. At α = 0.3 the correlated form differs by well
@@ -19,13 +18,11 @@ use optics::spectrum::Spectral;
 /// Conductor of complex index n + i·k with isotropic roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughConductor {
-    /// Real part of the index.
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
     /// Factor applied to the reflected light, 0..1.
     pub reflectance: Spectrum,
-    /// Roughness of the facets.
     pub roughness: Roughness,
 }
 

@@ -28,7 +28,6 @@ use optics::sampling::stream::Stream;
 pub struct RoughCrystal {
     /// The crystal inside, with `split` false.
     pub crystal: Crystal,
-    /// Roughness of the faces.
     pub roughness: Roughness,
     /// The scene's wavelengths.
     pub lanes: Lanes,

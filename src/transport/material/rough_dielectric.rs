@@ -25,9 +25,7 @@ use optics::spectrum::Spectral;
 /// Rough interface between the inside and the outside of a closed surface.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
-    /// Indices on both sides.
     pub interface: Dielectric,
-    /// Roughness of the facets.
     pub roughness: Roughness,
     /// The scene's wavelengths.
     pub lanes: Lanes,
@@ -118,8 +116,7 @@ impl RoughDielectric {
         }
     }
 
-    /// Samples a facet among those visible from `wo`, then reflection or refraction by their power. The
-    /// weight is F·G2/G1.
+    /// Samples a visible facet, then reflection or refraction by their power. The weight is F·G2/G1.
     #[inline]
     pub fn sample(
         &self,

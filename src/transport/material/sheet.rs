@@ -13,8 +13,7 @@ use optics::polarization::scatter::Scatter;
 /// An axis in a sheet.
 #[derive(Clone, Copy, Debug)]
 pub enum SheetAxis {
-    /// Angle in radians from the surface's tangent ∂p/∂u, counter-clockwise as seen from the side of the
-    /// normal.
+    /// Angle in radians from the tangent ∂p/∂u, counter-clockwise as seen from the side of the normal.
     Angle(f32),
     /// A direction in world space, projected into the sheet.
     World(Vec3A),

@@ -3,8 +3,7 @@
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 
-/// Returns the shading normal on the side of `wo`; `None` if shading and geometric normals disagree about
-/// that side.
+/// Returns the shading normal on the side of `wo`; `None` if the geometric normal disagrees about that side.
 #[inline(always)]
 #[must_use]
 pub fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {

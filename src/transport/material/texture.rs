@@ -37,23 +37,18 @@ pub const SAME: UvMap = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 /// One image. Several images may share texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Image {
-    /// In texels.
     pub width: u32,
-    /// In texels.
     pub height: u32,
     /// Index of its first texel.
     pub first: u32,
-    /// Interpolation between texels.
     pub filter: Filter,
-    /// Continuation beyond the edges.
     pub wrap: Wrap,
     /// Maps the surface's texture coordinates to those of the image.
     pub uv: UvMap,
 }
 
 impl Image {
-    /// Returns an image of the texels from `first` on, with default filter and wrap mode and the identity
-    /// map.
+    /// Returns an image of the texels from `first` on, with default filter, wrap mode and map.
     #[must_use]
     pub fn new([width, height]: [u32; 2], first: u32) -> Self {
         Self {
@@ -89,8 +84,7 @@ impl Image {
 pub const ATTRIBUTE: u32 = u32::MAX;
 /// Number of triangles in one row of the texture-coordinate grid of [`corner_uv`].
 const COLUMNS: u32 = 2048;
-/// Maximum number of triangles with values at their corners. Beyond it, f32 texture coordinates are too
-/// coarse.
+/// Maximum number of triangles with corner values. Beyond it, f32 texture coordinates are too coarse.
 pub const MOST_CORNERS: usize = 1 << 22;
 
 /// Returns the texture coordinates of corner `k` of the triangle with values `Textures::corners[number]`.
@@ -114,8 +108,7 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Returns the value at texture coordinates. The image's own coordinates (0, 0) are its lower left
-    /// corner.
+    /// Returns the value at texture coordinates. (0, 0) of the image is its lower left corner.
     #[inline]
     #[must_use]
     pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {
@@ -188,18 +181,15 @@ impl Textures {
 pub struct Spectrum {
     /// The value, or the factor of the image.
     pub value: Spectral,
-    /// Index of the image.
     pub texture: Option<u32>,
 }
 
 impl Spectrum {
-    /// Returns a value without an image.
     #[must_use]
     pub fn uniform(value: Spectral) -> Self {
         Self { value, texture: None }
     }
 
-    /// Returns the value at texture coordinates.
     #[inline]
     #[must_use]
     pub fn at(&self, textures: &Textures, uv: [f32; 2]) -> Spectral {
@@ -215,18 +205,15 @@ impl Spectrum {
 pub struct Scalar {
     /// The value, or the factor of the image.
     pub value: f32,
-    /// Index of the image.
     pub texture: Option<u32>,
 }
 
 impl Scalar {
-    /// Returns a value without an image.
     #[must_use]
     pub fn uniform(value: f32) -> Self {
         Self { value, texture: None }
     }
 
-    /// Returns the value at texture coordinates.
     #[inline]
     #[must_use]
     pub fn at(&self, textures: &Textures, uv: [f32; 2]) -> f32 {

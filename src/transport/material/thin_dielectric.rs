@@ -36,8 +36,7 @@ pub struct ThinDielectric {
     pub interface: Dielectric,
 }
 
-/// Returns the power reflection and transmission matrices of the plate in the s frame (perpendicular to the
-/// plane of incidence).
+/// Returns the power reflection and transmission matrices of the plate in the s frame.
 ///
 /// `cos` is the cosine of incidence; `eta` is the index inside over that outside.
 #[inline]

@@ -1,7 +1,7 @@
 //! Bulk optical properties of a cloud of particles, from single-particle scattering.
 //!
-//! With N particles per m³ of cross sections C (averaged over their sizes), μ_s = Σ N C_sca and μ_a = μ_host
-//! + Σ N C_abs, summed over the kinds of particle. The scattering matrix of a mixture is the mean of the
+//! With N particles per m³ of cross sections C (averaged over their sizes), μ_s = Σ N C_sca and
+//! μ_a = μ_host + Σ N C_abs, summed over the kinds of particle. The scattering matrix of a mixture is the mean of the
 //! kinds' dσ/dΩ = S/k², weighted by N, over μ_s. Scattering is independent (each particle is illuminated only
 //! by the incident wave), which is valid up to volume fractions of a few per cent. Amounts: N = f/⟨V⟩ for a
 //! volume fraction f, with f = c/ρ for a mass concentration c.
@@ -16,19 +16,15 @@ use std::f64::consts::PI;
 /// Reasons why a medium cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BulkError {
-    /// The scattering of a sphere cannot be computed.
     #[error(transparent)]
     Mie(#[from] MieError),
-    /// The size distribution is invalid.
     #[error(transparent)]
     Size(#[from] SizeError),
     /// The amount of particles is negative, NaN, or fills more than the volume.
     #[error("particles fill {0} of the volume; it must lie in 0..1")]
     Amount(f64),
-    /// The density of the particles is out of range.
     #[error("a density of {0} kg/m³; give 0.001 to 1e6")]
     Density(f64),
-    /// Optical constants are missing.
     #[error(transparent)]
     Constants(#[from] crate::material::constants::ConstantsError),
 }
@@ -39,7 +35,6 @@ pub enum BulkError {
 pub struct KindError {
     /// Index of the kind in the list.
     pub kind: usize,
-    /// The error.
     pub error: BulkError,
 }
 
@@ -49,7 +44,6 @@ impl From<KindError> for BulkError {
     }
 }
 
-/// Amount of particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
     /// Fraction of the volume that they fill.
@@ -69,8 +63,7 @@ impl Amount {
     /// Returns the number of particles per m³.
     ///
     /// # Errors
-    /// [`BulkError::Density`], and [`BulkError::Amount`] if the amount is negative, NaN, or fills more than
-    /// the whole volume.
+    /// [`BulkError::Density`], and [`BulkError::Amount`] if the amount is negative, NaN or too large.
     pub fn number_density(self, sizes: &SizeDistribution) -> Result<f64, BulkError> {
         let volume = sizes.mean_volume();
         let n = match self {
@@ -94,7 +87,6 @@ impl Amount {
 /// One kind of particle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kind {
-    /// Distribution of radii.
     pub sizes: SizeDistribution,
     /// Index n + i·k in vacuum per wavelength.
     pub index: Vec<[f64; 2]>,
@@ -139,8 +131,7 @@ pub struct Ensemble {
 }
 
 impl Ensemble {
-    /// Creates an ensemble without particles, in a host of real index `host`, at a vacuum wavelength in
-    /// nanometres.
+    /// Creates an empty ensemble in a host of real index `host`, at a vacuum wavelength in nanometres.
     #[must_use]
     pub fn new(host: f64, nm: f64) -> Self {
         Self {

@@ -175,8 +175,7 @@ impl Grid {
         sum
     }
 
-    /// Returns the distance along a ray at which the integral of one lane reaches `wanted`; infinity if it
-    /// never does.
+    /// Returns the distance along a ray at which the integral of one lane reaches `wanted`, or infinity.
     #[must_use]
     pub fn reach(&self, ray: &Ray, lane: usize, wanted: f32) -> f32 {
         let (mut left, mut found) = (wanted, f32::INFINITY);

@@ -80,8 +80,7 @@ impl HenyeyGreenstein {
     }
 
     /// Samples an angle with the density of one lane's [`Self::intensity`] from a uniform number. The
-    /// cumulative distribution is inverted for 1 - μ, in a form that does not divide by g and loses no digits
-    /// in the peak.
+    /// cumulative distribution is inverted for 1 - μ, without division by g or cancellation in the peak.
     #[inline]
     #[must_use]
     pub fn sample(self, lane: usize, u: f32) -> Angle {

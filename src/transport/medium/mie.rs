@@ -33,7 +33,6 @@ pub const LARGEST_PHASE: f64 = 1e5;
 /// Reasons why a sphere cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MieError {
-    /// The sphere is too small or too large.
     #[error("a particle of size parameter 2π·radius·index/wavelength = {0:.4e} is outside 1e-6..3000")]
     Size(f64),
     /// The index is not that of a passive material, or extreme.
@@ -46,9 +45,7 @@ pub enum MieError {
 pub struct Sphere {
     /// Size parameter.
     pub x: f64,
-    /// Scattering efficiency.
     pub q_sca: f64,
-    /// Absorption efficiency.
     pub q_abs: f64,
     /// Backscattering efficiency, 4 |S(180°)|²/x².
     pub q_back: f64,
@@ -63,8 +60,7 @@ fn terms(x: f64) -> usize {
     (x + 4.05 * x.cbrt() + 8.0) as usize
 }
 
-/// Returns D_0 … D_count of a complex argument, by downward recurrence from an index at which an initial
-/// error vanishes.
+/// Returns D_0 … D_count, by downward recurrence from an index at which an initial error vanishes.
 fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     let start = (count as f64).max(z.norm() + 8.0 * z.norm().cbrt()) as usize + 16;
     let mut out = vec![C::default(); count + 1];
@@ -161,7 +157,6 @@ impl Sphere {
         self.q_sca + self.q_abs
     }
 
-    /// Returns the number of terms of the series.
     #[must_use]
     pub fn terms(&self) -> usize {
         self.sums.len()
@@ -174,8 +169,7 @@ impl Sphere {
         &self.sums
     }
 
-    /// Returns S1 and S2 in a direction with the given [`angular`] functions, at least [`Self::terms`] of
-    /// them.
+    /// Returns S1 and S2 in a direction with at least [`Self::terms`] [`angular`] functions.
     #[must_use]
     pub fn amplitudes_with(&self, angular: &[[f64; 2]]) -> [C; 2] {
         let (mut even, mut odd) = (C::default(), C::default());

@@ -1,9 +1,7 @@
-//! Participating media: scattering and absorption. One phase function per file, dispatched by enum over plain
-//! data.
+//! Participating media: scattering and absorption. One phase function per file, dispatched by enum.
 //!
 //! A scattering matrix is per steradian, ∫ S11 dω = 1; directions and frames are those of [`scattered`].
-//! `mie`, `size_distribution`, `bulk` and `presets` compute in double precision the data that [`Media`]
-//! contains.
+//! `mie`, `size_distribution`, `bulk` and `presets` compute the data of [`Media`] in f64.
 
 pub mod bulk;
 pub mod grid;
@@ -58,8 +56,7 @@ pub struct Medium {
     /// Real refractive index of the host; 1 in unused lanes.
     pub index: Spectral,
     pub phase: Phase,
-    /// Index of a grid in [`Media::grids`] that multiplies both coefficients; the medium is empty outside its
-    /// box.
+    /// Index of a grid in [`Media::grids`] that multiplies both coefficients; 0 outside its box.
     pub density: u32,
     /// Index of a grid with the fraction of `scattering` that scatters; the rest absorbs.
     pub albedo: u32,
@@ -69,7 +66,6 @@ pub struct Medium {
 #[derive(Clone, Debug, Default)]
 pub struct Media {
     pub list: Vec<Medium>,
-    /// Tabulated matrices.
     pub tables: Vec<table::Table>,
     pub grids: Vec<Grid>,
 }
@@ -245,8 +241,7 @@ impl Media {
         }
     }
 
-    /// Returns the interaction times a factor; `s` returns the normal of the scattering plane if it is
-    /// needed.
+    /// Returns the interaction times a factor; `s` computes the normal of the scattering plane if needed.
     #[inline]
     fn scatter(&self, phase: Phase, at: Angle, s: impl FnOnce() -> Vec3A, factor: Spectral) -> Scatter {
         match phase {

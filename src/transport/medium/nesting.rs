@@ -2,8 +2,8 @@
 //!
 //! Every filled object has a priority. Where several overlap, the one of highest priority fills the space,
 //! and light ignores the boundaries of lower ones there (Schmidt & Budge 2002, "Simple nested dielectrics in
-//! ray traced images"). Of objects with equal priority, the last one entered applies, so plain nesting needs
-//! no priorities.
+//! ray traced images"). Of objects with equal priority, the last one entered applies, so nesting needs no
+//! priorities.
 
 /// Maximum number of filled objects that can contain a point; deeper ones are ignored.
 pub const DEPTH: usize = 8;
@@ -29,8 +29,7 @@ impl Boundary {
     };
 }
 
-/// The filled objects that contain a point, in the order in which a path entered them, as indices of their
-/// first boundaries.
+/// The filled objects that contain a point, in order of entry, as indices of their first boundaries.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nest {
     entered: [u32; DEPTH],

@@ -21,7 +21,7 @@
 //! **Marble, skin**: Jensen, Marschner, Levoy & Hanrahan 2001, "A practical model for subsurface light
 //! transport", table of figure 5: reduced scattering and absorption in red, green and blue (assigned to 650,
 //! 550 and 450 nm, linear between). Their μ_s' = (1 - g) μ_s. The phase function is Henyey & Greenstein's
-//! with a selectable g.
+//! with selectable g.
 
 use super::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
 use super::henyey_greenstein::HenyeyGreenstein;
@@ -35,7 +35,6 @@ use optics::spectrum::Wavelengths;
 pub struct Milk {
     /// Percentage by weight of fat: whole milk 3.5, reduced-fat 1.5, skimmed 0.1.
     pub fat_percent: f64,
-    /// Percentage by weight of protein.
     pub protein_percent: f64,
     /// Pressure of homogenization in MPa; 0: untreated.
     pub homogenization_mpa: f64,

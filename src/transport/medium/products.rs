@@ -74,7 +74,6 @@ impl Products {
         }
     }
 
-    /// Returns the number of terms of the longest series.
     #[must_use]
     pub fn terms(&self) -> usize {
         self.terms

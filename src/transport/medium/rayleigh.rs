@@ -8,8 +8,7 @@
 //! - S11 = (3Δ/16π)(1 + μ²) + (1 - Δ)/4π, S22 = (3Δ/16π)(1 + μ²), S12 = S21 = (3Δ/16π)(1 - μ²),
 //! - S33 = (3Δ/8π) μ, S44 = Δ' S33, S34 = 0.
 //!
-//! King's factor is (6 + 3ρ)/(6 - 7ρ); air has ρ = 0.028 (Young 1980). ρ ≤ 1/2 for molecules without
-//! absorption.
+//! King's factor is (6 + 3ρ)/(6 - 7ρ); air has ρ = 0.028 (Young 1980). ρ ≤ 1/2 without absorption.
 
 use super::scattered::{Angle, Elements};
 use std::f32::consts::PI;

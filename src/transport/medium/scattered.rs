@@ -69,14 +69,12 @@ impl Angle {
         }
     }
 
-    /// Returns cosθ.
     #[inline]
     #[must_use]
     pub fn cos(self) -> f32 {
         0.5 * (self.backward - self.forward)
     }
 
-    /// Returns sin²θ.
     #[inline]
     #[must_use]
     pub fn sin2(self) -> f32 {
@@ -118,11 +116,9 @@ pub fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
 pub struct Elements<T> {
     /// S11, the intensity of unpolarized light, with integral 1 over the sphere.
     pub s11: T,
-    /// S12 = S21.
     pub s12: T,
     pub s22: T,
     pub s33: T,
-    /// S34 = -S43.
     pub s34: T,
     pub s44: T,
 }

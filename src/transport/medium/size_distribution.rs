@@ -19,17 +19,9 @@ use std::f64::consts::PI;
 #[derive(Clone, Debug, PartialEq)]
 pub enum SizeDistribution {
     /// Equal radii.
-    Single {
-        /// Metres.
-        radius: f64,
-    },
+    Single { radius: f64 },
     /// Log-normal: the median and the standard deviation of ln r.
-    LogNormal {
-        /// Metres.
-        median: f64,
-        /// Dimensionless.
-        sigma: f64,
-    },
+    LogNormal { median: f64, sigma: f64 },
     /// Hansen's gamma distribution.
     Gamma {
         /// r_eff = ⟨r³⟩/⟨r²⟩, metres.
@@ -44,16 +36,12 @@ pub enum SizeDistribution {
 /// Reasons why a distribution is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SizeError {
-    /// A radius is out of range.
     #[error("a radius is {0} m; it must lie in 1e-12..0.01 m")]
     Radius(f64),
-    /// σ of a log-normal distribution is out of range.
     #[error("sigma is {0}; it must lie in 0.001..2")]
     Sigma(f64),
-    /// The effective variance of a gamma distribution is out of range.
     #[error("the effective variance is {0}; it must lie in 0.001..0.45")]
     Variance(f64),
-    /// The list is empty or contains an invalid weight.
     #[error("the list of sizes is empty, or has a weight that is negative or not finite")]
     List,
 }

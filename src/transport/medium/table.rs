@@ -205,7 +205,6 @@ impl Table {
         }
     }
 
-    /// Returns the number of cells from 0 to 90°.
     #[must_use]
     pub fn cells(&self) -> usize {
         self.cells

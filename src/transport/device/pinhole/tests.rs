@@ -90,7 +90,6 @@ fn projection_inverts_direction() {
     }
 }
 
-/// Ideal and distorted.
 #[test]
 fn many_are_as_each_alone() {
     let mut stream = Stream::new(2, 0, 0);
@@ -124,8 +123,7 @@ fn many_are_as_each_alone() {
     assert!(seen > 5000, "{seen}");
 }
 
-/// The density integrates to the number of pixels: mean over directions that are uniform in a cone around the
-/// image.
+/// The density integrates to the number of pixels: mean over uniform directions in a cone around the image.
 #[test]
 fn densities_count_the_pixels() {
     for (p, cone) in devices().into_iter().zip([0.75, 0.75, 0.7, 0.3]) {

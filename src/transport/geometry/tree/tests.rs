@@ -56,8 +56,8 @@ fn union(boxes: impl Iterator<Item = Aabb>) -> Aabb {
     boxes.fold(Aabb::empty(), |all, b| all.union(&b))
 }
 
-/// Checks that every primitive is in one leaf, leaves are valid, boxes are tight, and a ray visits every leaf
-/// whose box it hits.
+/// Checks that each primitive is in one leaf, leaves are valid, boxes are tight, and rays visit all leaves
+/// they hit.
 fn check(bounds: &[Aabb]) {
     for (tree, leaves) in both(bounds) {
         check_one(bounds, &tree, &leaves);

@@ -3,8 +3,7 @@
 use super::error::PbsdfError;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Angles outside their range by less than this, in radians, are accepted as rounding errors of the file's
-/// writer.
+/// Angles outside their range by less than this, in radians, are accepted as rounding errors.
 const TOLERANCE: f32 = 1e-3;
 
 /// The axes of a table, in the order of its dimensions: radians, and vacuum wavelength in nanometres.
@@ -37,8 +36,7 @@ pub(super) const ANGLES: [(&str, f32, f32); 3] = [
 ];
 
 impl Axes {
-    /// Returns evenly spaced angles over the whole ranges, ends included. `counts` are along phi_d, theta_d
-    /// and theta_h.
+    /// Returns evenly spaced angles over the whole ranges. `counts` are along phi_d, theta_d and theta_h.
     #[must_use]
     pub fn even(counts: [usize; 3], wavelengths_nm: Vec<u16>) -> Self {
         let [phi_d, theta_d, theta_h] = [0, 1, 2].map(|k| even_axis(k, counts[k]));
@@ -219,8 +217,7 @@ mod tests {
         }
     }
 
-    /// On a periodic axis without a closing entry, values in the gap are interpolated between the last and
-    /// the first entry.
+    /// On a periodic axis without a closing entry, the gap is interpolated between its last and first entry.
     #[test]
     fn the_circle_closes() {
         let axis = Axis::new((0..8).map(|i| -PI + PI / 8.0 + TAU / 8.0 * i as f32).collect());

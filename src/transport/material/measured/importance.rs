@@ -35,8 +35,7 @@ impl Mean {
     }
 }
 
-/// Tabulated densities of half vectors. Local directions: z is the normal, wo is in the xz half plane with x
-/// ≥ 0.
+/// Tabulated densities of half vectors. Local directions: z is the normal, wo is in the xz plane, x ≥ 0.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Importance {
     /// Number of values of θ_o, from 0 to π/2.
@@ -50,8 +49,7 @@ pub(super) struct Importance {
 }
 
 impl Importance {
-    /// Tabulates M̄. `entries` are the numbers of table entries along θ_d, θ_h and φ_d: a coarse table gets a
-    /// coarse density.
+    /// Tabulates M̄. `entries` are the table's sizes along θ_d, θ_h and φ_d, which set those of the density.
     pub fn new(entries: [usize; 3], mean: &Mean) -> Self {
         let [d, h, phi] = entries;
         let (angles, rows, columns) = (d.clamp(8, 32), (2 * h).clamp(16, 64), (phi / 2).clamp(8, 32));

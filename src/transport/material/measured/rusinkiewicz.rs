@@ -24,8 +24,7 @@ pub struct Coordinates {
     pub theta_h: f32,
 }
 
-/// Returns the coordinates of unit directions on the side of the unit normal `n`, and the frame vector s of
-/// both rays.
+/// Returns the coordinates of unit directions on the side of the unit normal `n`, and the frame vector s.
 ///
 /// Where n = h, t is any tangent (an isotropic table cannot depend on φ_d there). Where wi = wo, φ_d is 0 and
 /// s = -b.
@@ -83,8 +82,7 @@ mod tests {
     use proptest::prelude::*;
     use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-    /// Mitsuba's formulas in f64, with light from `i`, viewer at `o`, normal z: φ_d, θ_d, θ_h and the frames
-    /// of both rays.
+    /// Mitsuba's formulas in f64, light from `i`, viewer at `o`, normal z: φ_d, θ_d, θ_h and both frames.
     fn reference(i: DVec3, o: DVec3) -> ([f64; 3], [DVec3; 2]) {
         let h = (i + o).normalize();
         let b = DVec3::Z.cross(h).normalize();

@@ -249,8 +249,7 @@ impl Table {
         m.iter().all(|e| e.abs() < LIMIT).then_some(m)
     }
 
-    /// Returns the Mueller matrix of the BRDF between s frames at given coordinates, 1/sr; unused lanes are
-    /// 0.
+    /// Returns the Mueller matrix of the BRDF between s frames, 1/sr; unused lanes are 0.
     #[inline]
     #[must_use]
     #[allow(clippy::needless_range_loop)]
@@ -322,7 +321,7 @@ impl Table {
     }
 
     /// Returns byte ranges of the file that identify it without reading all of it: the whole of a small file,
-    /// else header, axes and 64 pieces of 4 KiB spread evenly over the data. A change between the pieces is
+    /// else header, axes and 64 pieces of 4 KiB spread evenly over the data. Changes between the pieces are
     /// not detected.
     ///
     /// Read them from the file, not from the map: accessed pages would count as memory of the process.

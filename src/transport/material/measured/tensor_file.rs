@@ -50,7 +50,6 @@ impl Dtype {
     }
 }
 
-/// Returns the name of a type code.
 fn type_name(code: u8) -> String {
     let names = [
         "u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f16", "f32", "f64",
@@ -100,7 +99,6 @@ fn entry<'a>(bytes: &mut &'a [u8]) -> Option<Entry<'a>> {
 /// A field whose data range is inside the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field<'a> {
-    /// Element type.
     pub dtype: Dtype,
     /// Byte range of its data; empty if the shape contains a zero.
     pub range: Range<usize>,
@@ -125,7 +123,6 @@ impl Field<'_> {
     }
 }
 
-/// A tensor file in memory.
 #[derive(Clone, Copy, Debug)]
 pub struct TensorFile<'a> {
     bytes: &'a [u8],

@@ -137,8 +137,8 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
         });
 }
 
-/// Tabulates a material: its BRDF at every entry, and holes where light or viewer are below the horizon, as
-/// in measured data.
+/// Tabulates the BRDF of a material, with holes where light or viewer are below the horizon, as in
+/// measurements.
 ///
 /// Lanes carry up to four bands, so `sources` contains the material in several tables, with its index in
 /// each: bands 0 to 3 are the lanes of the first, 4 to 7 those of the second, and so on.
