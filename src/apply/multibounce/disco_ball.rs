@@ -1,4 +1,4 @@
-//! A disco ball among painted walls (Fig. 13 a to j).
+//! A disco ball between painted walls (Fig. 13 a to j).
 
 use super::application::Multibounce;
 use crate::application::Truth;
@@ -9,12 +9,13 @@ use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::{DIFFUSE, SPECULAR};
 
-/// From a facet to a wall and from there to the camera, or the other way round; by the wall's gloss too.
+/// Selects paths from a facet to a wall to the camera, or reversed, including the wall's gloss.
 fn patch(p: Path) -> bool {
     p.label & SPECULAR != 0 && p.label != SPECULAR && p.bounces == 2
 }
 
-/// Pixels of the walls that are up to the right of the ball's centre or down to the left of it (`side` = 1), or on the other diagonal.
+/// Returns the pixels of the walls in the upper right or lower left of the ball's centre (`side` = 1), or on
+/// the other diagonal.
 pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyError> {
     let value = |name: &str| o.values.get(name).copied().unwrap_or(f64::NAN);
     let [x, y] = [value("ball_x"), value("ball_y")];
@@ -25,7 +26,7 @@ pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyErr
     Ok(on_it.iter().zip(&walls).map(|(a, b)| *a && *b).collect())
 }
 
-/// What the captions of Fig. 13 say.
+/// The tasks from the captions of Fig. 13.
 const TASKS: [Task; 6] = [
     // c: "isolates the remaining specular reflection on the diffuse planes".
     Task {
