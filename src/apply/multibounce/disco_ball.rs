@@ -64,9 +64,9 @@ const TASKS: [Task; 6] = [
         share: 0.2,
         named: Some(Element::of(Space::NonEpipolar, [1, 0]).negative()),
     },
-    // i, j: "the reflections with different directions from the disco ball to the planes". A facet that sends light up to the right or
-    // down to the left has its plane of incidence at +45°, one that sends it along the other diagonal at -45°: of all directions those
-    // are what the sign of (0,2) can tell.
+    // i, j: "the reflections with different directions from the disco ball to the planes". The plane of
+    // incidence of a facet is at +45° for light to the upper right or lower left, and at -45° for light along
+    // the other diagonal. The sign of (0,2) distinguishes these two directions best.
     Task {
         name: "ball along one diagonal",
         metrics: metrics!("ball along one diagonal"),
@@ -85,7 +85,6 @@ const TASKS: [Task; 6] = [
     },
 ];
 
-/// The application.
 pub const DISCO_BALL: Multibounce = Multibounce {
     name: "multibounce",
     shows: "which element isolates which light between a disco ball and painted walls (Fig. 13)",
