@@ -150,21 +150,18 @@ impl Metric {
     }
 }
 
-/// What one method is worth on one variant.
+/// The score of one method on one variant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
-    /// Name of the method.
     pub method: &'static str,
-    /// Name of the metric.
     pub metric: &'static str,
-    /// Variant that it was judged on.
     pub variant: u64,
-    /// Its worth; NaN where the metric says nothing of this variant.
+    /// Value; NaN if the metric is undefined for this variant.
     pub value: f64,
 }
 
 impl Score {
-    /// What a method is worth on a variant, metric by metric.
+    /// Returns the scores of a method on a variant, metric by metric.
     pub fn each<'a>(
         method: &'static str,
         variant: u64,
@@ -180,28 +177,25 @@ impl Score {
     }
 }
 
-/// A picture of what a method made.
+/// A picture of a method's result.
 #[derive(Clone, Debug)]
 pub struct Picture {
-    /// Name of the method.
     pub method: &'static str,
-    /// What it shows, fit for a file name.
+    /// Content, suitable for a file name.
     pub name: &'static str,
-    /// Variant that it is of; nothing of what was learnt.
+    /// Variant of the picture; `None` for pictures of learned quantities.
     pub variant: Option<u64>,
-    /// Whether it is in a unit that all methods share, so that they are drawn side by side on one scale.
+    /// Whether its unit is common to all methods, so that they are drawn side by side with one scale.
     pub shared: bool,
-    /// The picture.
     pub map: Map,
 }
 
-/// What a run gave.
+/// The results of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
     /// Scores of all methods on all test variants.
     pub scores: Vec<Score>,
-    /// Pictures.
     pub pictures: Vec<Picture>,
-    /// What a reader should know of this run, a sentence each.
+    /// Notes for the reader, one sentence each.
     pub notes: Vec<String>,
 }

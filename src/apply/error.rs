@@ -27,10 +27,5 @@ pub enum ApplyError {
     Empty(String),
     /// A method found no solution.
     #[error("{method} found no solution: {cause}")]
-    Unsolved {
-        /// The method.
-        method: &'static str,
-        /// Why.
-        cause: String,
-    },
+    Unsolved { method: &'static str, cause: String },
 }

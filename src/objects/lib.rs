@@ -1,7 +1,9 @@
-//! Clients of object stores: Amazon S3 and compatible servers, Google Cloud Storage, Azure Blob Storage, and web servers to read from.
+//! Clients of object stores: Amazon S3 and compatible servers, Google Cloud Storage, Azure Blob Storage, and
+//! web servers (read-only).
 //!
-//! Calls block; requests run on a runtime of two threads, those of one call concurrently. Requests that fail for a temporary reason
-//! (5xx, a closed connection) are repeated. Credentials, endpoint and region come from the environment variables of each cloud.
+//! Calls block; requests run on a runtime of two threads, those of one call concurrently. Requests that fail
+//! temporarily (5xx, a closed connection) are repeated. Credentials, endpoint and region come from the
+//! environment variables of each cloud.
 
 mod get;
 mod put;

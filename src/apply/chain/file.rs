@@ -1,15 +1,15 @@
 //! Chain files: the rig through which slices are captured.
 //!
 //! ```toml
-//! scheme = { kind = "drr", captures = 36 }     # drr, qrpr, quad or learned; array = true for a polarizer array; or "scheme.toml"
+//! scheme = { kind = "drr", captures = 36 }   # drr, qrpr, quad or learned; array = true for a polarizer array; or "scheme.toml"
 //! optics = { axis_error_deg = 0.5, retardance_error_deg = 2, extinction = 1e-3 }   # drawn for each seed; or "optics.toml"
-//! calibration = ["nominal", "calibrated", "exact"]   # what the reconstruction believes of them; one table each
-//! samples = ["air", "mirror", "polarizer"]     # what calibration captures
+//! calibration = ["nominal", "calibrated", "exact"]   # assumptions of the reconstruction, one table each
+//! samples = ["air", "mirror", "polarizer"]   # samples for calibration
 //! exposure = { meter = { percentile = 95 }, electrons = 3000, counts = 3000 }
 //! seed = 1
-//! [cmos]                                       # without it the camera has no noise
+//! [cmos]   # without it, the camera has no noise
 //! bracket = [1, 0.1]
-//! [spad]                                       # of slices with time bins
+//! [spad]   # for slices with time bins
 //! ```
 
 use super::exposure::{Exposure, Laboratory};

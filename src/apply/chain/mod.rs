@@ -1,7 +1,7 @@
 //! Slices as captured by a rig: imperfect optics, noisy detectors, and a reconstruction with assumed optics.
 //!
 //! ```text
-//! slice -> light (matrices) -> rig (optics in truth, detectors) -> readings -> optics as believed -> slice, standard errors
+//! slice -> light (matrices) -> rig (true optics, detectors) -> readings -> assumed optics -> slice, standard errors
 //! ```
 //!
 //! Captures and reconstructions use [`polarimetry`], as for a real rig. Every slice is captured separately at

@@ -1,5 +1,6 @@
-//! Refractive indices of quartz and calcite (Ghosh 1999, "Dispersion-equation coefficients for the refractive index and
-//! birefringence of calcite and quartz crystals", Opt. Commun. 163, 95): n² = A + B λ²/(λ² - C) + D λ²/(λ² - F), λ in µm.
+//! Refractive indices of quartz and calcite (Ghosh 1999, "Dispersion-equation coefficients for the refractive
+//! index and birefringence of calcite and quartz crystals", Opt. Commun. 163, 95): n² = A + B λ²/(λ² - C) + D
+//! λ²/(λ² - F), λ in µm.
 
 /// The coefficients A, B, C, D, F.
 type Ghosh = [f64; 5];

@@ -17,7 +17,7 @@ pub struct Task {
     pub metrics: [Metric; 6],
     /// Selects the paths of the light.
     pub light: fn(Path) -> bool,
-    /// Only these pixels count as having that light.
+    /// Only these pixels count as having the light.
     pub region: Option<Region>,
     /// Minimum share of the light in a positive pixel.
     pub share: f64,
