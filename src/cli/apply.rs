@@ -50,8 +50,8 @@ pub struct Arguments {
     /// example photons=30,300,3000.
     #[arg(long, value_name = "PART", requires = "capture", conflicts_with = "captures", value_parser = Part::parse)]
     sweep: Option<(Part, Vec<f64>)>,
-    /// Also test each number of captures in this range (1-16), with settings optimized for the application's
-    /// task.
+    /// Also test each number of captures in this range, such as 1-16 (at most 64), with settings optimized
+    /// for the application's task.
     #[arg(long, value_name = "FROM-TO", requires = "capture", value_parser = captures)]
     captures: Option<RangeInclusive<usize>>,
 }

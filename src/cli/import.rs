@@ -16,11 +16,13 @@ use sunstone::scene::mitsuba::import::Import;
 /// Reads SCENE.xml, or .json of a dictionary, of Mitsuba 3 or of version 0.x, with include, alias, path and
 /// default. Supports these plugins:
 ///
-/// - materials: diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, plastic, roughplastic, pplastic,
-///   principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask, normalmap, null;
+/// - materials: diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, plastic,
+///   roughplastic, pplastic, principled, measured_polarized, polarizer, circular, retarder, blendbsdf,
+///   twosided, mask, normalmap, null;
 /// - textures: bitmap and checkerboard; media: homogeneous;
-/// - shapes: sphere, disk, cylinder, rectangle, cube, obj, ply, serialized, bsplinecurve, linearcurve, sdfgrid, merge, shapegroup,
-///   instance; curves and grids become meshes in PLY files next to the scene file;
+/// - shapes: sphere, disk, cylinder, rectangle, cube, obj, ply, serialized, bsplinecurve, linearcurve,
+///   sdfgrid, merge, shapegroup, instance; curves and grids become meshes in PLY files next to the scene
+///   file;
 /// - sensors: perspective, thinlens; films: hdrfilm, specfilm, and mitransient's transient_hdr_film;
 /// - emitters: projector, point, spot, directional, constant, envmap, area.
 ///

@@ -110,8 +110,8 @@ enum Command {
     Phase(phase::Arguments),
     /// Print the JSON Schema of scene files.
     ///
-    /// Editors with a TOML language server complete and check scene files with it: put `#:schema scene.schema.json` on
-    /// the first line of a scene.
+    /// Editors with a TOML language server use it to complete and check scene files: put `#:schema
+    /// scene.schema.json` on the first line of a scene.
     Schema,
 }
 

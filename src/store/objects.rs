@@ -1,7 +1,8 @@
-//! Object stores as this crate uses them: [`ObjectClient`] is what a client implements, [`install`] makes one known.
+//! The interface to object stores: clients implement [`ObjectClient`], and [`install`] registers one.
 //!
-//! The clients of S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`, because they need more crates
-//! than all other reading and writing together. Without a client, every address is refused.
+//! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`,
+//! because they have more dependencies than all other input and output together. Without a client, every
+//! address is refused.
 
 #[cfg(test)]
 pub(crate) mod fake;
@@ -64,13 +65,16 @@ pub enum Condition {
 pub enum Put {
     /// The object was written and has this version.
     Done(Version),
-    /// The condition does not hold. The object may still be the one that was put, by a request whose answer was lost.
+    /// The condition does not hold. The object may still be the one that was put, by a request whose response
+    /// was lost.
     Other,
 }
 
-/// The client of an object store, for the objects below one address. Keys are relative to the address. Calls block.
+/// The client of an object store, for the objects below one address. Keys are relative to the address. Calls
+/// block.
 pub trait ObjectClient: Send + Sync + fmt::Debug {
-    /// Reads parts of objects, in the order of the requests: the bytes, and the size of the object. `None` if there is no object.
+    /// Reads parts of objects, in the order of the requests; returns the bytes and the size of each object.
+    /// `None` if there is no object.
     ///
     /// # Errors
     ///
@@ -125,7 +129,7 @@ pub type Open = fn(&str, &Path) -> Result<Arc<dyn ObjectClient>, Refusal>;
 
 static OPEN: OnceLock<Open> = OnceLock::new();
 
-/// Makes the client of object stores known to this process. Later calls have no effect.
+/// Registers the client of object stores for this process. Later calls have no effect.
 pub fn install(open: Open) {
     let _ = OPEN.set(open);
 }
