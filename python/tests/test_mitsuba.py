@@ -164,7 +164,7 @@ def test_what_changes_on_the_way_is_told() -> None:
     with pytest.warns(UserWarning) as told:
         ps.from_mitsuba(scene)
     said = [str(w.message) for w in told]
-    assert any("mesh: a mesh does not tell its material" in s for s in said), said
+    assert any("mesh: a mesh does not expose its material" in s for s in said), said
 
 
 def test_vectorized_variants_are_read() -> None:
@@ -190,7 +190,7 @@ def test_what_cannot_be_expressed_is_named_by_its_key() -> None:
         (changed(ball={"type": "sphere", "radius": float("nan")}), r"ball\.radius: it is nan"),
         (changed(ball={"type": "sphere", "radius": [1, 2]}), r"ball\.radius"),
         (changed(ball={"type": "sphere", "bsdf": {"type": "ref", "id": "none"}}), r"ball\.bsdf.*none"),
-        (changed(ball={"type": "sphere", "bsdf": mi.load_dict({"type": "diffuse"})}), r"ball\.bsdf: a .* does not tell"),
+        (changed(ball={"type": "sphere", "bsdf": mi.load_dict({"type": "diffuse"})}), r"ball\.bsdf: a .* does not expose"),
         (changed(ball={"type": "sphere", "to_world": np.eye(4) * 2}), r"ball\.to_world"),
         (changed(ball={"type": "sphre"}), r"ball.*sphre"),
         (changed(ball={"type": "sphere", "colour": 3.0}), r"ball.*colour"),

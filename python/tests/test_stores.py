@@ -184,7 +184,7 @@ def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
     with pytest.raises(stores.NotAStoreError, match="lists no slices"):
         open_store(tmp_path / "strange.zarr")
     (tmp_path / "zarr.json").write_text("{")
-    with pytest.raises(stores.DamagedStoreError, match="no valid JSON"):
+    with pytest.raises(stores.DamagedStoreError, match="not valid JSON"):
         open_store(tmp_path)
     with pytest.raises(stores.StoreError, match="has no slice `ful`; it has: full, epipolar"):
         open_store(rendered.store(), slices=["ful"])
