@@ -76,9 +76,9 @@ class Tail:
         """Return the fault of these bytes of the shard, or None. Zarr's codec checks each chunk against its checksum."""
         seal = self._seals.get((start, end))
         if seal is None:
-            return f"no chunk of it lies at bytes {start} to {end}"
+            return f"it has no chunk at bytes {start} to {end}"
         same = len(data) == end - start and data[-_SEAL:] == struct.pack("<I", seal)
-        return None if same else f"its chunk at byte {start} is not what was written"
+        return None if same else f"its chunk at byte {start} does not match its checksum"
 
 
 class Shards:

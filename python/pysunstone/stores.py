@@ -98,14 +98,14 @@ class _CheckedStore(WrapperStore[Store]):
         if entry is None or byte_range is not None:
             return found
         if found is None:
-            raise self._damaged(key, "is lost")
+            raise self._damaged(key, "is missing")
         same = len(found) == entry.size
         if same and chunks is not None:
             same = Tail(found[-Shards.tail_length(chunks) :].to_bytes(), chunks).checksum == entry.crc
         elif same and not key.endswith(_ROOT):
             same = found[-4:].to_bytes() == struct.pack("<I", entry.crc)
         if not same:
-            raise self._damaged(key, "is not what was written")
+            raise self._damaged(key, "does not match the manifest")
         return found
 
     def _damaged(self, key: str, what: str) -> DamagedStoreError:
@@ -121,20 +121,20 @@ class _CheckedStore(WrapperStore[Store]):
             # The offset is right only if the shard has its expected length.
             last = await self._store.get(key, prototype, RangeByteRequest(entry.size - length, entry.size + 1))
             if last is None:
-                raise self._damaged(key, "is lost")
+                raise self._damaged(key, "is missing")
             if len(last) == entry.size:
                 # Plain web servers may return only whole files.
                 last = last[-length:]
             same = len(last) == length
             tail = Tail(last.to_bytes(), chunks) if same else None
             if tail is None or tail.checksum != entry.crc:
-                raise self._damaged(key, "is not what was written")
+                raise self._damaged(key, "does not match the manifest")
             self._tails[key] = tail
         if isinstance(byte_range, SuffixByteRequest) and byte_range.suffix == len(tail.index):
             return prototype.buffer.from_bytes(tail.index)
         found = await self._store.get(key, prototype, byte_range)
         if found is None:
-            raise self._damaged(key, "is lost")
+            raise self._damaged(key, "is missing")
         if isinstance(byte_range, RangeByteRequest):
             if len(found) == entry.size:
                 found = found[byte_range.start : byte_range.end]
