@@ -1,6 +1,4 @@
 """Rig sessions with Python instruments: bytes equal those of the command, failures are reported, interrupted runs resume."""
-runs resume.
-"""
 
 from __future__ import annotations
 
