@@ -227,7 +227,7 @@ def compare(folder, power):
             difference = (np.abs(got - theirs) / scale).max()
             wrong = not difference < bound
             failed |= wrong != power
-            verdict = (" noticed" if wrong else " MISSED") if power else ""
+            verdict = (" detected" if wrong else " MISSED") if power else ""
             line += f" {f'{difference:.3e}{verdict}':>20}"
         print(line)
     if count != COMPARED:
@@ -366,7 +366,7 @@ def store(pixels):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
     full = ROWS * COLUMNS
     text = f"pixels to time both with, 0 for none (default {full}; with fewer the ratio of times is printed but not judged)"
     parser.add_argument("--speed", type=int, nargs="?", const=full, default=full, metavar="PIXELS", help=text)

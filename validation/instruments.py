@@ -108,7 +108,7 @@ def main():
 
     found = check(last_byte)
     missed = [name for name, differs in found.items() if not differs]
-    print(f"{len(found)} messages with one bit changed: {len(found) - len(missed)} noticed {missed or ''}")
+    print(f"{len(found)} messages with one bit changed: {len(found) - len(missed)} detected {missed or ''}")
     sys.exit(bool(missed))
 
 

@@ -271,7 +271,7 @@ def power(case):
             missed.append(name)
     if not signs and case.name != "polystyrene, 20 nm":
         missed.append("sign of S34, which it must be able to show")
-    print(f"{case.name:24} | {tried} errors | {'NOT NOTICED: ' + ', '.join(missed) if missed else 'all noticed'}", flush=True)
+    print(f"{case.name:24} | {tried} errors | {'NOT DETECTED: ' + ', '.join(missed) if missed else 'all detected'}", flush=True)
     return not missed and tried > 0
 
 
@@ -305,7 +305,7 @@ def gold(power):
             changed[i] += change
             if worst(changed) <= bound:
                 missed.append(f"{name} of {ELEMENTS[i]}")
-    print(f"{'large gold (Mitsuba)':24} | 8 errors | {'NOT NOTICED: ' + ', '.join(missed) if missed else 'all noticed'}; "
+    print(f"{'large gold (Mitsuba)':24} | 8 errors | {'NOT DETECTED: ' + ', '.join(missed) if missed else 'all detected'}; "
           "1 % larger cannot be shown, as only ratios are compared")
     return not missed
 

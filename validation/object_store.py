@@ -497,7 +497,7 @@ def power(server, work):
     server.delete(f"{prefix}/.sunstone-lock")
     _, errors = process.communicate(timeout=300)
     held = process.returncode != 0 and b"lock" in errors and "manifest.txt" not in server.keys(prefix)
-    check("a lock that is taken away is noticed", held, errors.decode().strip()[-300:])
+    check("a lock that is removed is detected", held, errors.decode().strip()[-300:])
     # Of what was there when a render was resumed, the checksums are those that it ends with.
     process = beside(server, *rendering("-o", f"s3://{BUCKET}/spoilt/a.zarr"))
     wait_for_tiles(server, "spoilt/a.zarr", process, 20)

@@ -218,7 +218,7 @@ def power(seed, folder):
                 points = visible(device, rng)
                 found = worst(projected(text, points, folder)[name], device.project(points)) > BOUND
                 failed |= not found
-                print(f"{error:24} {model + ', ' + name:24} {'noticed' if found else 'NOT NOTICED'}")
+                print(f"{error:24} {model + ', ' + name:24} {'detected' if found else 'NOT DETECTED'}")
     return failed
 
 
@@ -282,7 +282,7 @@ def rendered(model, seed, folder, change=None):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
     parser.add_argument("--seed", type=int, default=1, help="of coefficients, poses and points")
     a = parser.parse_args()
     failed = False
@@ -293,7 +293,7 @@ def main():
             for name, distance in zip(("image", "s'"), rendered("tilt", a.seed, folder, half_a_pixel)):
                 failed |= not distance > RENDERED_BOUND
                 print(f"{'cx off by half a pixel':24} {'rendered ' + name:24} "
-                      f"{'noticed' if distance > RENDERED_BOUND else 'NOT NOTICED'} ({distance:.2f} px)")
+                      f"{'detected' if distance > RENDERED_BOUND else 'NOT DETECTED'} ({distance:.2f} px)")
             sys.exit(1 if failed else 0)
         print(f"{'1,000 points':36} {'largest distance, pixels':>26} {'bound':>7}")
         for model in MODELS:

@@ -354,7 +354,7 @@ def power(rng, folder):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
     parser.add_argument("--seed", type=int, default=1, help="of records, events and scans")
     a = parser.parse_args()
     failed = False
@@ -364,7 +364,7 @@ def main():
         if a.power:
             for what, planted, noticed in power(rng, folder):
                 failed |= noticed < planted
-                print(f"{what:44} {noticed:3} of {planted:3} {'noticed' if noticed == planted else 'NOT ALL NOTICED'}", flush=True)
+                print(f"{what:44} {noticed:3} of {planted:3} {'detected' if noticed == planted else 'NOT ALL DETECTED'}", flush=True)
             sys.exit(1 if failed else 0)
         print(f"{'':44} {'compared':>9} {'different':>9}")
         for name, code in TYPES.items():

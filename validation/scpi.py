@@ -192,8 +192,8 @@ def main():
 
     missed = [name for name, (step, change) in PLANTED.items() if step not in driven(change)]
     differences, count = asked(wrong=True)
-    print(f"{len(PLANTED)} planted errors: {len(PLANTED) - len(missed)} noticed {missed or ''}; "
-          f"{count} wrong expectations: {len(differences)} noticed")
+    print(f"{len(PLANTED)} planted errors: {len(PLANTED) - len(missed)} detected {missed or ''}; "
+          f"{count} wrong expectations: {len(differences)} detected")
     sys.exit(bool(missed) or len(differences) < count)
 
 

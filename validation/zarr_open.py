@@ -128,15 +128,15 @@ def power(store, groups):
                 check(data, group)
             except AssertionError:
                 continue
-            sys.exit(f"{group}: {fault}: NOT NOTICED")
+            sys.exit(f"{group}: {fault}: NOT DETECTED")
     for fault, spoilt in spoil_tree(store):
         tried += 1
         try:
             check_tree(spoilt, groups)
         except AssertionError:
             continue
-        sys.exit(f"the tree: {fault}: NOT NOTICED")
-    print(f"{tried} faults planted in {len(groups)} groups, all noticed")
+        sys.exit(f"the tree: {fault}: NOT DETECTED")
+    print(f"{tried} faults planted in {len(groups)} groups, all detected")
     if not tried:
         sys.exit("nothing to spoil")
 
