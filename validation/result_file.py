@@ -37,7 +37,7 @@ FORMAT = 1
 
 # Parts of the program that trace light, store it and read scene files. Importers of other formats are excluded: of 80 commits
 # that made convergence.json outdated, 22 had touched only those.
-TRACER = ["src/optics", "src/tensor", "src/store", "src/transport", "src/scene/build", "src/render.rs"]
+TRACER = ["src/optics", "src/tensor", "src/store", "src/transport", "src/scene/build", "src/sunstone/render.rs"]
 POLARIMETRY = ["src/optics", "src/polarimetry"]
 
 

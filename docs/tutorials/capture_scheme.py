@@ -13,8 +13,8 @@
 # %% [markdown]
 # # Validate a capture scheme
 #
-# How well does a polarimeter measure Mueller matrices? Simulated captures of a rendered scene, reconstructed and held against the truth,
-# before anything is bought.
+# How well does a polarimeter measure Mueller matrices? This tutorial simulates captures of a rendered scene, reconstructs the matrices and
+# compares them with the truth, before you buy any hardware.
 
 # %%
 from pathlib import Path
@@ -31,7 +31,7 @@ data = slices[name].to_xarray()["mean"].transpose("y", "x", "wavelength", "stoke
 data.sizes
 
 # %% [markdown]
-# The lit pixels at one wavelength, as matrices with M00 = 1:
+# Select the lit pixels at one wavelength, as matrices with M00 = 1:
 
 # %%
 matrices = data.sel(wavelength=550).values.reshape(-1, 4, 4)
@@ -42,8 +42,8 @@ len(truth)
 # %% [markdown]
 # ## Design matrices
 #
-# A scheme turns 16 elements into intensities, `A @ M.reshape(16)`. Rank 16 determines a matrix; the error variance over its bound says how
-# well the settings are chosen. (Sixteen captures of dual rotating retarders by 5 and 25 degrees just reach rank 16, and are of no use.)
+# A scheme maps 16 elements to intensities, `A @ M.reshape(16)`. Rank 16 determines a matrix. The error variance over its bound measures how
+# good the settings are. (Sixteen captures of dual rotating retarders by 5 and 25 degrees barely reach rank 16 and are useless.)
 
 # %%
 for scheme in (ps.Scheme.drr(16), ps.Scheme.drr(36), ps.Scheme.qrpr(36), ps.Scheme.drr(9, polarizer_array=True)):
@@ -51,7 +51,9 @@ for scheme in (ps.Scheme.drr(16), ps.Scheme.drr(36), ps.Scheme.qrpr(36), ps.Sche
     print(f"{scheme!r}: rank {told['rank']:.0f}, error variance {told['error_variance'] / scheme.bound:.2f} of its bound")
 
 # %% [markdown]
-# ## Captures and back
+# ## Capture and reconstruction
+#
+# For each number of captures, compare the error of the reconstruction with the error that the design matrix predicts.
 
 # %%
 noise = 0.01
@@ -67,7 +69,7 @@ for captures in counts:
     errors, stated = measured_error(scheme, seed=captures)
     found.append(np.sqrt(np.mean(errors**2)))
     expected.append(noise * np.sqrt(scheme.quality()["error_variance"] / 16))
-    # Errors are what they are stated to be.
+    # Errors agree with the stated errors.
     z = errors / stated
     assert abs(np.mean(z**2) - 1) < 5 * np.sqrt(2 / z.size) * 4, np.mean(z**2)
 
@@ -76,5 +78,5 @@ plt.loglog(counts, expected, "-", label="from the design matrix")
 plt.xlabel("captures"), plt.ylabel("error of an element (M00 = 1)"), plt.legend();
 
 # %% [markdown]
-# Points lie on the line: the closed form says beforehand what a capture will cost. Which angles are best for a given number of captures, `sunstone
-# learn` finds by that closed form.
+# The points lie on the line: the closed form predicts the error of a capture scheme. `sunstone learn` uses this closed form to find the best
+# angles for a given number of captures.

@@ -13,8 +13,8 @@
 # %% [markdown]
 # # A cluster
 #
-# One render on many processes or machines, workers that die, and the same bytes in the end. Dask schedules; here its cluster is two
-# processes of this machine. On a real one only the line that makes the cluster is another:
+# This tutorial distributes one render over several processes with Dask. The result is bit-identical, even if workers die. Here, the
+# cluster is two processes of this machine. On a real cluster, only the lines that make the cluster differ:
 #
 # ```python
 # from dask_jobqueue import SLURMCluster
@@ -45,8 +45,8 @@ client = cluster.get_client()
 cluster
 
 # %% [markdown]
-# A render is cut into parts by tiles of its image. Each part is a pure function of scene, seed and samples, so it does not matter which
-# worker makes it, when, or how often. To show it, a worker is killed while they render.
+# A render is split into parts by tiles of its image. Each part is a pure function of scene, seed and samples, so the result does not
+# depend on which worker renders it, when, or how often. To show this, the next cell kills a worker during the render.
 
 # %%
 processes = client.run(os.getpid)
@@ -58,7 +58,7 @@ client.wait_for_workers(2)
 sorted(processes.values()), sorted(client.run(os.getpid).values())
 
 # %% [markdown]
-# On this process alone, without a cluster, the numbers are the same to the bit:
+# In this process alone, without a cluster, the result is bit-identical:
 
 # %%
 alone = ps.Scene.load(SCENE).render(spp=8, slices=["polarimetric", "xt"])
@@ -70,7 +70,7 @@ sorted(together.children)
 # %% [markdown]
 # ## Many scenes, variants or seeds
 #
-# A data set is many renders, each whole on one worker, with a manifest that says what each is.
+# A data set consists of many renders, each completely on one worker, and a manifest that describes them.
 
 # %%
 jobs = [distributed.Job(SCENE, seed=seed, spp=1, slices=["polarimetric"]) for seed in (1, 2, 3)]
@@ -78,7 +78,7 @@ manifest = distributed.render_many(jobs, folder / "set", client=client)
 [{key: entry[key] for key in ("store", "seed", "samples_per_pixel")} for entry in json.loads(manifest.read_text())]
 
 # %% [markdown]
-# Seeds are independent, so the scatter between them is the true error of one:
+# Seeds are independent, so the standard deviation over seeds is the true error of one render:
 
 # %%
 images = np.stack([ps.open_store(folder / "set" / entry["store"])["polarimetric"]["mean"].values for entry in json.loads(manifest.read_text())])
@@ -90,5 +90,5 @@ client.close()
 cluster.close()
 
 # %% [markdown]
-# Without Python, `sunstone render --part 3/64` and `sunstone merge` do the same: see [many machines](../clusters.md), with an array job of
-# SLURM.
+# Without Python, `sunstone render --part 3/64` and `sunstone merge` do the same. See [many machines](../clusters.md) for a SLURM array
+# job.

@@ -13,9 +13,9 @@
 # %% [markdown]
 # # Seeing through milk
 #
-# A ruler in a tank of milky water. Light that scattered in the milk hides it; where the projector's light can have come from, when it arrives and how
-# it is polarized tell the two apart. Here at few samples and pixels; [the application](../applications/scattering.md) says what full
-# size shows, and what does not hold.
+# A ruler stands in a tank of milky water. Light that the milk scatters hides it. Epipolar position, arrival time and polarization separate
+# this light from the light of the ruler. This tutorial uses few samples and pixels. For results at a larger size, and for claims that do
+# not hold, see [the application](../applications/scattering.md).
 
 # %%
 from pathlib import Path
@@ -41,8 +41,8 @@ def picture(name):
     return data.transpose("y", "x", "wavelength")
 
 # %% [markdown]
-# Light of the epipolar line against all other light: what the milk scattered comes from everywhere, what the ruler reflected from
-# the line.
+# Compare light from the epipolar line with all other light. Light that the milk scattered comes from everywhere; light that the ruler
+# reflected comes from the line.
 
 # %%
 figure, axes = plt.subplots(1, len(shown), figsize=(4 * len(shown), 4))
@@ -51,7 +51,7 @@ for axis, name in zip(axes, shown):
     axis.imshow(np.clip(image[..., ::-1] / np.percentile(image, 99), 0, 1)), axis.set_title(name), axis.axis("off")
 
 # %% [markdown]
-# How much each hides: contrast, the spread of the image over its mean, in the middle of the picture.
+# Compute the contrast of each image: its standard deviation over its mean, in the middle of the picture.
 
 # %%
 for name in shown:

@@ -13,7 +13,7 @@
 # %% [markdown]
 # # A first tensor
 #
-# From a scene file to a Mueller image, a time profile and an error bar. This page was run as it stands, at few samples.
+# This tutorial goes from a scene file to a Mueller image, a time profile and standard errors. It uses few samples and runs quickly.
 
 # %%
 import tempfile
@@ -28,7 +28,7 @@ scene = ps.Scene.load(ROOT / "scenes/mirror_room/scene.toml")
 scene
 
 # %% [markdown]
-# A scene lists *slices* of T(s, s', p, p', t): what to keep of it. One render fills all of them, with standard errors.
+# A scene lists *slices* of T(s, s', p, p', t), which say what to keep along each axis. One render fills all slices, with standard errors.
 
 # %%
 store = Path(tempfile.mkdtemp()) / "room.zarr"
@@ -42,7 +42,7 @@ room = ps.open_store(store)
 # %% [markdown]
 # ## A Mueller image
 #
-# M00 is the intensity; the other elements are divided by it. Grey is no polarization, and the gold knot has plenty.
+# M00 is the intensity. The other elements are divided by it. Grey means unpolarized. The gold knot is strongly polarizing.
 
 # %%
 room["polarimetric"].sunstone.plot_mueller(wavelength=550)
@@ -50,7 +50,7 @@ room["polarimetric"].sunstone.plot_mueller(wavelength=550)
 # %% [markdown]
 # ## A profile over time
 #
-# Row `y = 150` resolves travel time in bins of 25 ps. One pixel of it, lit by all projector pixels, with its error band:
+# Row `y = 150` resolves travel time in bins of 25 ps. Plot one pixel of it, lit by all projector pixels, with its error band:
 
 # %%
 xt = room["xt"]
@@ -59,7 +59,7 @@ xt.sel(x=180, wavelength=550).isel(stokes_out=0, stokes_in=0).to_dataset().sunst
 # %% [markdown]
 # ## Probing
 #
-# What a camera sees when the projector is polarized horizontally and pulses for 60 ps is a contraction of the tensor.
+# A probe contracts the tensor. Here, the projector is polarized horizontally and emits pulses of 60 ps:
 
 # %%
 seen = xt.sunstone.probe(state="horizontal", pulse=60)
@@ -68,9 +68,9 @@ image.plot(vmax=float(image.quantile(0.995)))
 plt.show()
 
 # %% [markdown]
-# ## How sure is it?
+# ## Standard errors
 #
-# Every element has its standard error. Of pixels with light, at 8 samples a pixel:
+# Every element has a standard error. For pixels with light, at 8 samples per pixel:
 
 # %%
 photo = room["polarimetric"].to_dataset().isel(stokes_out=0, stokes_in=0).compute()
@@ -79,7 +79,7 @@ print(f"median relative error of the intensity: {float(relative.median()):.1%}")
 assert 0 < float(relative.median()) < 1
 
 # %% [markdown]
-# In memory, without a file, the numbers are the same to the bit:
+# A render to memory, without a file, is bit-identical:
 
 # %%
 arrays = scene.render(spp=8, slices=["polarimetric"])

@@ -13,7 +13,7 @@
 # %% [markdown]
 # # Bring your scene
 #
-# Meshes and images of NumPy, step by step. The keys are those of [scene files](../scene-files.md).
+# This tutorial builds a scene from NumPy meshes, step by step. The keys are those of [scene files](../scene-files.md).
 
 # %%
 import matplotlib.pyplot as plt
@@ -21,7 +21,7 @@ import numpy as np
 import pysunstone as ps
 
 # %% [markdown]
-# A wavy sheet: vertices in metres, faces counter-clockwise seen from outside, normals if shading is to be smooth.
+# Make a wavy sheet: vertices in metres, faces counter-clockwise seen from outside, and normals for smooth shading.
 
 # %%
 n = 40
@@ -59,7 +59,7 @@ photo = slices["photo"]["mean"]
 plt.imshow(np.clip(photo[..., ::-1] / np.percentile(photo, 99.5), 0, 1)), plt.axis("off");
 
 # %% [markdown]
-# Arrays carry their axes, and become a dataset of xarray without a copy.
+# Arrays have named axes and convert to an xarray dataset without a copy.
 
 # %%
 mueller = slices["mueller"].to_xarray()
@@ -70,9 +70,9 @@ for axis, (name, values) in zip(axes, parts.items()):
     plt.colorbar(axis.imshow(values[:, :, 1]), ax=axis)
 
 # %% [markdown]
-# ## When something is wrong
+# ## Errors
 #
-# Errors name the place and the fix.
+# An error states the position and the fix.
 
 # %%
 try:

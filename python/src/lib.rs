@@ -26,7 +26,7 @@ use pyo3::prelude::*;
 /// Run the command `sunstone` in this process; return its exit code.
 #[pyfunction]
 fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> PyResult<u8> {
-    off_python::detached(py, || sunstone::cli::run_words(words))
+    off_python::detached(py, || cli::run_words(words))
 }
 
 #[pymodule]

@@ -1,4 +1,4 @@
-//! All applications.
+//! The list of all applications.
 
 use crate::analysis::Analysis;
 use crate::application::Application;
@@ -11,7 +11,7 @@ use crate::scattering::Scattering;
 use crate::shape::application::ShapeScan;
 use crate::transient::Transient;
 
-/// All applications, in the paper's order.
+/// Returns all applications, in the paper's order.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Application>> {
     vec![
@@ -29,7 +29,7 @@ pub fn all() -> Vec<Box<dyn Application>> {
     ]
 }
 
-/// The application of a name.
+/// Returns the application of this name.
 #[must_use]
 pub fn find(name: &str) -> Option<Box<dyn Application>> {
     all().into_iter().find(|a| a.name() == name)

@@ -1,4 +1,4 @@
-//! Tables of an application: what each method is worth, and by how much the first differs from it.
+//! Tables of an application: the score of each method, and its difference from the first.
 
 use crate::application::{Application, Method, Metric, Score};
 use crate::metrics::paired::{Estimate, difference, estimate};
@@ -6,17 +6,16 @@ use crate::metrics::paired::{Estimate, difference, estimate};
 /// One method by one metric.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// The method.
     pub method: Method,
-    /// The metric.
     pub metric: Metric,
-    /// Its mean over variants and seeds.
+    /// Mean over variants and seeds.
     pub value: Estimate,
-    /// The first method less this one, on the same renders; `None` of the first itself.
+    /// Difference of the first method and this one on the same renders; `None` for the first.
     pub ours_less_this: Option<Estimate>,
 }
 
-/// Scores of a method by a metric, of scores with their seeds: a row a variant, a column a seed; NaN of those that are not there.
+/// Returns the scores of a method by a metric, from scores with their seeds: a row per variant, a column per
+/// seed; NaN for missing scores.
 #[must_use]
 pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64>> {
     let mut variants: Vec<u64> = scores.iter().map(|(_, s)| s.variant).collect();
@@ -37,7 +36,8 @@ pub fn table(scores: &[(u64, Score)], method: &str, metric: &str) -> Vec<Vec<f64
         .collect()
 }
 
-/// The rows of all methods by all metrics, of scores with their seeds: metrics one after the other, methods in their order.
+/// Returns the rows of all methods and metrics from scores with their seeds: metrics one after the other,
+/// methods in their order.
 #[must_use]
 pub fn compare(application: &dyn Application, scores: &[(u64, Score)]) -> Vec<Row> {
     let methods = application.methods();

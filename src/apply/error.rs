@@ -1,45 +1,31 @@
-//! Why an application gave nothing.
+//! Errors of applications.
 
-/// Why an application gave nothing.
+/// The reason why an application failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ApplyError {
-    /// An observation lacks what the plan asked for.
+    /// An observation lacks a planned slice or map.
     #[error("variant {variant} has no {what} `{name}`: render it again")]
     Missing {
-        /// The variant.
         variant: u64,
-        /// A slice or a map.
+        /// Kind of the missing item: a slice or a map.
         what: &'static str,
-        /// Its name.
         name: String,
     },
-    /// A slice does not resolve what is needed of it.
+    /// A slice does not resolve a required axis.
     #[error("slice `{slice}` of variant {variant} does not resolve {axis}: give it in the scene file")]
     Axis {
-        /// The variant.
         variant: u64,
-        /// The slice.
         slice: String,
-        /// What is missing.
+        /// The missing axis.
         axis: &'static str,
     },
-    /// Maps of different sizes, or variants of different wavelengths.
+    /// Maps of different sizes, or variants with different wavelengths.
     #[error("variant {variant}: {what} differ in size; render all variants alike")]
-    Sizes {
-        /// The variant.
-        variant: u64,
-        /// Which ones.
-        what: String,
-    },
-    /// There is nothing to learn from, or to be judged on.
+    Sizes { variant: u64, what: String },
+    /// There is no data for training or testing.
     #[error("{0}")]
     Empty(String),
     /// A method found no solution.
     #[error("{method} found no solution: {cause}")]
-    Unsolved {
-        /// The method.
-        method: &'static str,
-        /// Why.
-        cause: String,
-    },
+    Unsolved { method: &'static str, cause: String },
 }

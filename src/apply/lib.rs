@@ -1,10 +1,9 @@
-//! What the tensor is for: the applications of Baek & Heide (2021, sections 6 and 8), their published baselines on the same
-//! data, and what each is worth against exact ground truth.
+//! Applications of the tensor: those of Baek & Heide (2021, sections 6 and 8) and their published baselines
+//! on the same data, evaluated against exact ground truth.
 //!
-//! Methods are functions of images ([`map::Map`]) and tensors; they know no scene, no renderer and no file. An
-//! [`application::Application`] names what it needs rendered, its methods and its metrics; [`catalog::all`] lists them all.
-
-#![warn(missing_docs)]
+//! Methods are functions of images ([`map::Map`]) and tensors; they use no scene, renderer or file. An
+//! [`application::Application`] defines the renders that it needs, its methods and its metrics;
+//! [`catalog::all`] lists all applications.
 
 pub mod analysis;
 pub mod application;

@@ -1,21 +1,20 @@
-//! An image of numbers: what methods take and give.
+//! The image type of all methods.
 
-/// Row-major values over `height × width` camera pixels, `channels` numbers a pixel (colours, or the parts of a vector).
-/// A pixel of which nothing is known holds NaN.
+/// An image of `height × width` camera pixels with `channels` values per pixel (colours, or the components of
+/// a vector), row-major. Unknown pixels are NaN.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
-    /// Columns.
     pub width: usize,
-    /// Rows, from the top.
+    /// Number of rows, from the top.
     pub height: usize,
-    /// Numbers a pixel.
+    /// Values per pixel.
     pub channels: usize,
-    /// Values; channels fastest.
+    /// Values; channels vary fastest.
     pub data: Vec<f64>,
 }
 
 impl Map {
-    /// The map of a function of column and row, which fills a pixel's channels.
+    /// Returns the map of a function of column and row, which fills a pixel's channels.
     #[must_use]
     pub fn from_fn(
         width: usize,
@@ -37,10 +36,10 @@ impl Map {
         }
     }
 
-    /// The channels of a pixel.
+    /// Returns the channels of a pixel.
     ///
     /// # Panics
-    /// If it lies outside.
+    /// If the pixel is outside.
     #[must_use]
     pub fn at(&self, x: usize, y: usize) -> &[f64] {
         assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside");

@@ -1,4 +1,4 @@
-//! What is known of one variant of a scene at one seed: slices with their errors, and maps of the truth.
+//! The data of one variant of a scene with one seed: slices with their errors, and ground-truth maps.
 
 use crate::error::ApplyError;
 use crate::map::Map;
@@ -7,55 +7,47 @@ use std::collections::BTreeMap;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// One variant at one seed.
 #[derive(Clone, Debug, Default)]
 pub struct Observation {
-    /// Number of the variant.
     pub variant: u64,
-    /// Seed of the render.
     pub seed: u64,
-    /// The variant's values of the scene's parameters that are numbers.
+    /// Numeric scene parameters of the variant.
     pub values: BTreeMap<String, f64>,
-    /// Those that are texts.
+    /// Text parameters of the variant.
     pub words: BTreeMap<String, String>,
-    /// Camera and projector as calibrated; `None` of a scene without a projector.
+    /// Calibrated camera and projector; `None` for a scene without a projector.
     pub rig: Option<Rig>,
-    /// Slices by name.
     pub slices: BTreeMap<String, Slice>,
-    /// Maps of the truth by name.
+    /// Ground-truth maps by name.
     pub truth: BTreeMap<String, Map>,
 }
 
 /// A slice: W/(m² sr nm) per unit drive, camera frame out, projector frame in.
 #[derive(Clone, Debug)]
 pub struct Slice {
-    /// Means.
     pub mean: Tensor,
-    /// Their standard errors.
+    /// Standard errors of `mean`.
     pub error: Tensor,
 }
 
 /// A slice as pixels with their Mueller matrices: `[pixel][bin][4 i + j][wavelength]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pixels {
-    /// Columns.
     pub width: usize,
-    /// Rows.
     pub height: usize,
-    /// Bins of travel time; 1 of a slice that has none.
+    /// Number of time bins; 1 for a slice without a time axis.
     pub bins: usize,
-    /// Elements of the matrix, 16, or 1 of a slice of intensities.
+    /// Number of matrix elements: 16, or 1 for intensities.
     pub elements: usize,
-    /// Wavelengths.
+    /// Number of wavelengths.
     pub wavelengths: usize,
-    /// Means.
     pub mean: Vec<f64>,
-    /// Their standard errors.
+    /// Standard errors of `mean`.
     pub error: Vec<f64>,
 }
 
 impl Observation {
-    /// A slice.
+    /// Returns a slice.
     ///
     /// # Errors
     /// [`ApplyError::Missing`].
@@ -63,7 +55,7 @@ impl Observation {
         self.slices.get(name).ok_or_else(|| self.missing("slice", name))
     }
 
-    /// A map of the truth.
+    /// Returns a ground-truth map.
     ///
     /// # Errors
     /// [`ApplyError::Missing`].
@@ -73,11 +65,11 @@ impl Observation {
             .ok_or_else(|| self.missing("truth map", name))
     }
 
-    /// A slice as pixels.
+    /// Returns a slice as pixels.
     ///
     /// # Errors
-    /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if it has no rows and columns of the camera, or `mueller` is asked for and it
-    /// has no matrices; [`ApplyError::Sizes`] if its errors are not of its shape.
+    /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if the slice has no camera rows and columns, or has no
+    /// matrices although `mueller` requires them; [`ApplyError::Sizes`] if its errors have another shape.
     pub fn pixels(&self, name: &str, mueller: bool) -> Result<Pixels, ApplyError> {
         let slice = self.slice(name)?;
         let axis = |axis| ApplyError::Axis {
@@ -142,10 +134,10 @@ impl Observation {
     }
 }
 
-/// Variants to learn from and variants to be judged on, as methods see them.
+/// Converts the training and the test variants with `see`.
 ///
 /// # Errors
-/// Those of `see`; [`ApplyError::Empty`] if there are none of either.
+/// Those of `see`; [`ApplyError::Empty`] if there are no training or no test variants.
 pub fn seen<S>(
     train: &[Observation],
     test: &[Observation],
@@ -170,25 +162,25 @@ impl Pixels {
         ((pixel * self.bins + bin) * self.elements + element) * self.wavelengths + lane
     }
 
-    /// Mean of an element 4 i + j at a pixel, in a bin, at a wavelength.
+    /// Returns the mean of element 4 i + j at a pixel, in a bin, at a wavelength.
     #[must_use]
     pub fn at(&self, pixel: usize, bin: usize, element: usize, lane: usize) -> f64 {
         self.mean[self.place(pixel, bin, element, lane)]
     }
 
-    /// Standard error of [`Self::at`].
+    /// Returns the standard error of [`Self::at`].
     #[must_use]
     pub fn error_at(&self, pixel: usize, bin: usize, element: usize, lane: usize) -> f64 {
         self.error[self.place(pixel, bin, element, lane)]
     }
 
-    /// Number of pixels.
     #[must_use]
     pub fn count(&self) -> usize {
         self.width * self.height
     }
 
-    /// The map of Σ over bins and elements of weights (`[element]`) times the means: what a linear analysis of polarization shows.
+    /// Returns the map of the means weighted by element (`[element]`) and summed over bins and elements, the
+    /// result of a linear analysis of polarization.
     #[must_use]
     pub fn weighed(&self, weights: &[f64]) -> Map {
         Map::from_fn(self.width, self.height, self.wavelengths, |x, y, out| {
@@ -208,7 +200,8 @@ pub(crate) mod tests {
     use super::*;
     use tensor::axes::Axis;
 
-    /// A slice of matrices that a function of pixel, bin, element and wavelength gives, with errors of `error`.
+    /// Returns a slice of matrices from a function of pixel, bin, element and wavelength, with errors
+    /// `error`.
     pub(crate) fn slice(
         [width, height, bins, wavelengths]: [usize; 4],
         error: f64,

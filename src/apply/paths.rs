@@ -1,7 +1,8 @@
-//! Light by what its path did: sums of a slice that keeps labels ([`tensor::label`]) and numbers of surface interactions.
+//! Light by path type: sums of a slice that keeps labels ([`tensor::label`]) and numbers of surface
+//! interactions.
 //!
-//! Kinds of light are sets of (label, bounces). A label does not say in what order things happened: light from a mirror to a
-//! wall and light from a wall to a mirror are one kind.
+//! Kinds of light are sets of (label, bounces). A label does not contain the order of interactions: light
+//! from a mirror to a wall and from a wall to a mirror are one kind.
 
 use crate::error::ApplyError;
 use crate::map::Map;
@@ -10,53 +11,54 @@ use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 use tensor::label::{DIFFUSE, GLOSSY, MEDIUM, SPECULAR};
 
-/// What a path did.
+/// The interactions of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Path {
     /// A set of the bits of [`tensor::label`].
     pub label: u8,
-    /// Surface interactions between projector and camera.
+    /// Number of surface interactions between projector and camera.
     pub bounces: u32,
 }
 
 impl Path {
-    /// One reflection by a matt surface.
+    /// Returns whether the path is one reflection by a matte surface.
     #[must_use]
     pub fn single_diffuse(self) -> bool {
         self.label == DIFFUSE && self.bounces == 1
     }
 
-    /// Two reflections or more, all by matt surfaces.
+    /// Returns whether the path is two or more reflections, all by matte surfaces.
     #[must_use]
     pub fn diffuse_interreflection(self) -> bool {
         self.label == DIFFUSE && self.bounces > 1
     }
 
-    /// Reflections by mirrors and facets alone, however many.
+    /// Returns whether all reflections are by mirrors and facets.
     #[must_use]
     pub fn all_specular(self) -> bool {
         self.label & (SPECULAR | GLOSSY) != 0 && self.label & (DIFFUSE | MEDIUM) == 0
     }
 
-    /// One reflection by a mirror or facets.
+    /// Returns whether the path is one reflection by a mirror or facets.
     #[must_use]
     pub fn single_specular(self) -> bool {
         self.all_specular() && self.bounces == 1
     }
 
-    /// Two reflections or more, all by mirrors and facets.
+    /// Returns whether the path is two or more reflections, all by mirrors and facets.
     #[must_use]
     pub fn multi_specular(self) -> bool {
         self.all_specular() && self.bounces > 1
     }
 
-    /// By way of something smooth, and of something matt.
+    /// Returns whether the path includes a smooth and a matte surface.
     #[must_use]
     pub fn mirror_and_diffuse(self) -> bool {
         self.label & SPECULAR != 0 && self.label & DIFFUSE != 0
     }
 
-    /// One mirror and one matt surface, in whatever order: the light that a mirror throws on a wall, or a wall seen in a mirror.
+    /// Returns whether the path is one mirror and one matte surface, in any order: light from a mirror on a
+    /// wall, or a wall seen in a mirror.
     #[must_use]
     pub fn one_mirror_one_diffuse(self) -> bool {
         self.label == SPECULAR | DIFFUSE && self.bounces == 2
@@ -65,9 +67,8 @@ impl Path {
 
 /// A slice that keeps labels and numbers of bounces.
 pub struct Labelled<'a> {
-    /// The slice.
     pub tensor: &'a Tensor,
-    /// All paths that it tells apart.
+    /// All paths that it distinguishes.
     pub kinds: Vec<Path>,
     camera: [usize; 2],
     bin: Option<usize>,
@@ -75,7 +76,7 @@ pub struct Labelled<'a> {
 }
 
 impl<'a> Labelled<'a> {
-    /// Of an observation.
+    /// Returns the labelled slice of an observation.
     ///
     /// # Errors
     /// [`ApplyError::Missing`]; [`ApplyError::Axis`] if the slice lacks rows and columns, labels or bounces.
@@ -112,8 +113,8 @@ impl<'a> Labelled<'a> {
         })
     }
 
-    /// Calls `f` with pixel, bin of travel time (0 without), number of the path among `kinds`, and light of one value after the
-    /// other; of matrices with what unpolarized light gives, M00.
+    /// Calls `f` for each value with pixel, bin of travel time (0 without a time axis), index of the path in
+    /// `kinds`, and light. For matrices, the light is M00.
     pub fn walk(&self, mut f: impl FnMut(usize, usize, usize, f64)) {
         let t = self.tensor;
         let ([y, x], [bounces, label]) = (self.camera, self.path);
@@ -134,12 +135,10 @@ impl<'a> Labelled<'a> {
     }
 }
 
-/// A slice's intensity by path: Σ over wavelengths and all else that it resolves but camera, label and bounces.
+/// The intensity of a slice by path, summed over wavelengths and all axes except camera, label and bounces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Paths {
-    /// Columns.
     pub width: usize,
-    /// Rows.
     pub height: usize,
     kinds: Vec<Path>,
     /// `[pixel][kind]`.
@@ -165,7 +164,7 @@ impl Paths {
         })
     }
 
-    /// The light of all paths of a kind.
+    /// Returns the light of all paths of a kind.
     #[must_use]
     pub fn of(&self, is: impl Fn(Path) -> bool) -> Map {
         let chosen: Vec<usize> = (0..self.kinds.len()).filter(|k| is(self.kinds[*k])).collect();
@@ -175,7 +174,7 @@ impl Paths {
         })
     }
 
-    /// All light.
+    /// Returns all light.
     #[must_use]
     pub fn all(&self) -> Map {
         self.of(|_| true)
@@ -188,7 +187,7 @@ pub(crate) mod tests {
     use crate::observation::Slice;
     use tensor::axes::Axis;
 
-    /// A slice of light by path: pixel, label and bounces give it.
+    /// Returns a slice of light by path from a function of pixel and path.
     pub(crate) fn labelled(
         [width, height]: [usize; 2],
         max_bounces: usize,
@@ -230,7 +229,7 @@ pub(crate) mod tests {
 
     #[test]
     fn sums_are_those_of_the_paths_named() {
-        // Every path brings a power of two of its own at every wavelength, so that a sum tells what it is of.
+        // Every path contributes a unique power of two at every wavelength, so a sum identifies its paths.
         let bring = |p: Path| f64::from(1_u32 << (p.label / 2)) * f64::from(1_u32 << (8 * p.bounces.min(2)));
         let even = |p: Path| p.label.is_multiple_of(2);
         let o = observation(labelled([3, 2], 3, 2, |pixel, p| {
@@ -281,7 +280,7 @@ pub(crate) mod tests {
                 assert_eq!(found, (pixel + 1) as f64 * sum(of), "case {k}");
             }
         }
-        // All is all, and kinds that exclude each other and leave nothing out add up to it.
+        // Exclusive and exhaustive kinds sum to all light.
         let (all, one, rest) = (
             paths.all(),
             paths.of(Path::all_specular),

@@ -1,27 +1,29 @@
-//! Calibrations of camera and projector as plain numbers: pinholes without distortion (images are undistorted before).
+//! Calibrations of camera and projector as plain numbers: pinholes without distortion (images are undistorted
+//! first).
 //!
-//! A point at p in the world is at q = Rᵀ(p - o) in the device's frame and in pixel f·(q_x/q_z, q_y/q_z) + c (Hartley &
-//! Zisserman 2004, ch. 6).
+//! A point p in world coordinates is q = Rᵀ(p - o) in the device's frame and at pixel f·(q_x/q_z, q_y/q_z) +
+//! c (Hartley & Zisserman 2004, ch. 6).
 
 use nalgebra::{Matrix3, Vector3};
 
-/// A pinhole device and where it stands.
+/// A pinhole device with its pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pinhole {
-    /// Columns and rows.
+    /// Number of columns and rows.
     pub resolution: [usize; 2],
     /// Focal lengths, pixels.
     pub focal: [f64; 2],
     /// Principal point, pixels; the image's upper left corner is (0, 0).
     pub principal: [f64; 2],
-    /// Centre of projection in the world, metres.
+    /// Centre of projection in world coordinates, metres.
     pub origin: Vector3<f64>,
-    /// Columns: image right, image down and forward, in the world.
+    /// Columns: image right, image down and forward, in world coordinates.
     pub axes: Matrix3<f64>,
 }
 
 impl Pinhole {
-    /// Of plain numbers: `axes` are image right, image down and forward in the world.
+    /// Returns a device from plain numbers. `axes` are image right, image down and forward in world
+    /// coordinates.
     #[must_use]
     pub fn new(
         resolution: [usize; 2],
@@ -39,7 +41,7 @@ impl Pinhole {
         }
     }
 
-    /// The same device with pixels `n` times as wide.
+    /// Returns the same device with pixels `n` times as wide.
     #[must_use]
     pub fn binned_columns(&self, n: usize) -> Self {
         let mut out = self.clone();
@@ -49,20 +51,20 @@ impl Pinhole {
         out
     }
 
-    /// (x, y, 1) of a pixel coordinate: the point of its ray at depth 1, in the device's frame.
+    /// Returns (x, y, 1) for a pixel coordinate: the point of its ray at depth 1, in the device's frame.
     #[must_use]
     pub fn ray(&self, pixel: [f64; 2]) -> Vector3<f64> {
         let at = |k: usize| (pixel[k] - self.principal[k]) / self.focal[k];
         Vector3::new(at(0), at(1), 1.0)
     }
 
-    /// [`Self::ray`] of the centre of pixel (x, y).
+    /// Returns [`Self::ray`] of the centre of pixel (x, y).
     #[must_use]
     pub fn centre(&self, x: usize, y: usize) -> Vector3<f64> {
         self.ray([x as f64 + 0.5, y as f64 + 0.5])
     }
 
-    /// Pixel coordinate of a point of the world in front of the device.
+    /// Returns the pixel coordinate of a world point; `None` if it is not in front of the device.
     #[must_use]
     pub fn project(&self, p: Vector3<f64>) -> Option<[f64; 2]> {
         let q = self.axes.transpose() * (p - self.origin);
@@ -70,19 +72,17 @@ impl Pinhole {
         (q.z > 0.0).then(|| [at(0), at(1)])
     }
 
-    /// The point of the world at depth z on the ray through the centre of pixel (x, y).
+    /// Returns the world point at depth z on the ray through the centre of pixel (x, y).
     #[must_use]
     pub fn point(&self, x: usize, y: usize, z: f64) -> Vector3<f64> {
         self.origin + self.axes * (self.centre(x, y) * z)
     }
 }
 
-/// The calibrated pair.
+/// The calibrated pair of devices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
-    /// The camera.
     pub camera: Pinhole,
-    /// The projector.
     pub projector: Pinhole,
 }
 

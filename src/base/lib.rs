@@ -1,7 +1,5 @@
 //! Types that every crate uses: units, documents, atomic files, locks, journals and spectral tables.
 
-#![warn(missing_docs)]
-
 pub mod calibration_file;
 pub mod document;
 pub mod input;

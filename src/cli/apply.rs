@@ -1,4 +1,4 @@
-//! `sunstone apply`: the paper's applications from scene files.
+//! The `sunstone apply` command: runs the paper's applications from scene files.
 
 use super::failure::Failure;
 use super::places;
@@ -17,37 +17,41 @@ use sunstone::apply::metrics::paired::Estimate;
 use sunstone::render::is_of_system;
 use sunstone::studio::{Studio, StudioError};
 
-/// Run one of the paper's applications: render its scenes, fit every method on some variants and judge it on others.
+/// Run one of the paper's applications: render its scenes, fit every method on some variants and test it on
+/// others.
 ///
-/// Prints what each method is worth and by how much the first differs from it, with standard errors over variants and seeds,
-/// and writes tables (CSV, JSON) and pictures. Renders stay in a folder: what is finished is not rendered again.
+/// Prints the score of each method and its difference from the first method, with standard errors over
+/// variants and seeds. Writes tables (CSV, JSON) and pictures. Keeps the renders: a finished render is not
+/// repeated.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// `list`, or the application's name.
+    /// Name of the application, or `list` to print all names.
     name: String,
-    /// Small, noisy renders: minutes instead of hours.
+    /// Use small, noisy renders that take minutes instead of hours.
     #[arg(long)]
     preview: bool,
-    /// Seeds: the whole of it is done so many times.
+    /// Number of seeds. The complete experiment is repeated for each seed.
     #[arg(long, default_value_t = 5)]
     seeds: u64,
     /// Folder for tables and pictures [default: out/apply/<name>, with _preview].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Folder of renders, which are kept [default: out/apply/renders].
+    /// Folder in which renders are kept [default: out/apply/renders].
     #[arg(long)]
     renders: Option<PathBuf>,
-    /// Folder of scenes [default: `scenes`, here or in a folder above].
+    /// Folder of scenes [default: `scenes` in the current folder or the nearest parent folder that has one].
     #[arg(long)]
     scenes: Option<PathBuf>,
-    /// Also judge methods on slices as a rig captures them: noise, imperfect optics, calibration, reconstruction
-    /// (examples: rigs/chains).
+    /// Also test the methods on slices as a rig captures them: with noise, imperfect optics, calibration and
+    /// reconstruction (examples: rigs/chains).
     #[arg(long, value_name = "CHAIN.toml")]
     capture: Option<PathBuf>,
-    /// Try values of one thing of the chain: photons, extinction, retardance, axis or calibration; as photons=30,300,3000.
+    /// Sweep one parameter of the capture chain: photons, extinction, retardance, axis or calibration; for
+    /// example photons=30,300,3000.
     #[arg(long, value_name = "PART", requires = "capture", conflicts_with = "captures", value_parser = Part::parse)]
     sweep: Option<(Part, Vec<f64>)>,
-    /// Try few captures, chosen for what the application makes of them: 1-16.
+    /// Also test each number of captures in this range, such as 1-16 (at most 64), with settings optimized
+    /// for the application's task.
     #[arg(long, value_name = "FROM-TO", requires = "capture", value_parser = captures)]
     captures: Option<RangeInclusive<usize>>,
 }
@@ -138,7 +142,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::folders(inputs, [Some(&folder), Some(&settings.renders)])?;
     places::outside_stores([&folder, &settings.renders])?;
     let progress = Progress::start();
-    // A scene file that is missing or wrong leaves no folder behind.
+    // Open one variant first, so that a missing or invalid scene file leaves no empty folder behind.
     Studio::open(&file, &settings.renders, &progress)?.variant(application.plan().train.first().copied())?;
     std::fs::create_dir_all(&settings.renders).map_err(|e| {
         Failure::failed(format!(
@@ -147,7 +151,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         ))
     })?;
     let done = applications::run(&*application, &settings, &progress).map_err(|e| match (e, &a.capture) {
-        // What cannot be captured is fixed in the chain.
+        // Errors of the capture are errors in the chain file, so the message names that file.
         (ApplicationError::Captured(e), Some(chain)) if !matches!(e, LinksError::Interrupted) => {
             Failure::input(format!("{}: {e}", chain.display()))
         }
@@ -170,7 +174,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(&text)
 }
 
-/// Why an application was not run, as a failure of the command.
+/// Converts an application's error to a failure of the command.
 pub fn failure(e: ApplicationError) -> Failure {
     match e {
         ApplicationError::Studio(e) => e.into(),
@@ -191,7 +195,7 @@ impl From<StudioError> for Failure {
     }
 }
 
-/// The table, for people.
+/// Formats the report as a text table.
 fn table(application: &dyn Application, r: &Report, links: &Links) -> String {
     let plan = application.plan();
     let mut out = format!(
@@ -214,7 +218,7 @@ fn table(application: &dyn Application, r: &Report, links: &Links) -> String {
             String::new()
         };
         let _ = write!(out, "\ncaptured: {}{clipped}", through.label);
-        // Of many links the metric that counts.
+        // For a sweep or a range of captures, only the first metric is printed.
         let alone = first.filter(|_| !matches!(links, Links::Chain(_)));
         match (links, &through.task) {
             (Links::Few(..), Some(task)) if through.place.series != WHOLE => {
@@ -233,7 +237,7 @@ fn table(application: &dyn Application, r: &Report, links: &Links) -> String {
     out
 }
 
-/// Rows of one table, of all metrics or of one.
+/// Appends the rows of one table, for all metrics or for one.
 fn rows(out: &mut String, rows: &[Row], only: Option<Metric>) {
     let mut metric = "";
     for row in rows.iter().filter(|r| only.is_none_or(|m| m == r.metric)) {
@@ -263,7 +267,7 @@ fn rows(out: &mut String, rows: &[Row], only: Option<Metric>) {
     }
 }
 
-/// A mean with its standard error.
+/// Formats a mean with its standard error.
 fn shown(e: &Estimate) -> String {
     if e.mean.is_finite() {
         format!("{:.4} ± {:.4}", e.mean, e.error)

@@ -1,4 +1,4 @@
-//! `sunstone calibrate`.
+//! The `sunstone calibrate` command: calibrates cameras, projectors and detectors.
 
 use super::calibrate_detector;
 use super::failure::Failure;
@@ -40,42 +40,43 @@ enum What {
     Sensor(calibrate_detector::Sensor),
 }
 
-/// Longest square, and longest board, of which the unit may be left out, metres.
+/// Longest square, and longest board, for which the unit may be omitted, in metres.
 const LONGEST_SQUARE: f64 = 0.5;
 const LONGEST_BOARD: f64 = 2.0;
 
-/// The target, and how it is fitted.
+/// The calibration target and the options of the fit.
 #[derive(Args)]
 #[allow(clippy::struct_excessive_bools)] // each is one flag
 struct Target {
-    /// Inner corners of the board along its rows: one less than squares.
+    /// Number of inner corners along a row of the board: one less than the number of squares.
     #[arg(long)]
     columns: usize,
-    /// Inner corners along its columns.
+    /// Number of inner corners along a column of the board.
     #[arg(long)]
     rows: usize,
-    /// Side of a square: 25mm, 2.5cm, 0.025m. Above 0.5 m, and for boards of more than 2 m, the unit must be given.
+    /// Side of a square, such as 25mm, 2.5cm or 0.025m. The unit is required above 0.5 m and for boards
+    /// longer than 2 m.
     #[arg(long, value_name = "LENGTH")]
     square: Length,
-    /// Model of the camera's lens: coefficients in OpenCV's order.
+    /// Lens model of the camera: its distortion coefficients in OpenCV's order.
     #[arg(long, value_enum, default_value_t = Lens::Five)]
     lens: Lens,
-    /// Keep fy = fx.
+    /// Fix fy = fx.
     #[arg(long)]
     fix_aspect: bool,
-    /// Keep the principal point in the middle of the image.
+    /// Fix the principal point at the centre of the image.
     #[arg(long)]
     fix_centre: bool,
-    /// Keep k3 at 0.
+    /// Fix k3 = 0.
     #[arg(long)]
     fix_k3: bool,
-    /// Keep p1 and p2 at 0.
+    /// Fix p1 = p2 = 0.
     #[arg(long)]
     zero_tangential: bool,
-    /// Find corners that are far off, and leave them out.
+    /// Detect outlier corners and exclude them from the fit.
     #[arg(long)]
     robust: bool,
-    /// File to write: .toml, into which it is put beside what other calibrations put there, or .json as OpenCV reads it.
+    /// File to write: .toml keeps the other calibrations in the file; .json is OpenCV's format.
     #[arg(short, long, value_name = "CALIB.toml")]
     output: PathBuf,
 }
@@ -108,8 +109,9 @@ impl From<Lens> for Model {
 
 /// Calibrate a camera from images of a chessboard.
 ///
-/// Images are .png of 8 or 16 bits, .jpg, or .npy; all of the board must be in each. Images in which it is not found are left
-/// out and named. Written are the `[camera]` of a scene file, standard errors, and covariances.
+/// Images are .png of 8 or 16 bits, .jpg, or .npy, and must show the whole board. Images in which the board
+/// is not found are skipped and listed. Writes the `[camera]` table of a scene file, standard errors and
+/// covariances.
 #[derive(Args)]
 struct BoardArguments {
     /// Images of the board in different poses.
@@ -117,22 +119,22 @@ struct BoardArguments {
     images: Vec<PathBuf>,
     #[command(flatten)]
     target: Target,
-    /// Also write the corners that were found, as CSV: image, number, x, y on the board in metres, pixels x, y (the first pixel
-    /// covers 0..1).
+    /// Also write the detected corners as CSV: image, number, board x and y in metres, pixel x and y (the
+    /// first pixel covers 0..1).
     #[arg(long, value_name = "CORNERS.csv")]
     corners: Option<PathBuf>,
 }
 
-/// The structured light.
+/// Options of the structured-light patterns.
 #[derive(Args)]
 struct Light {
-    /// Size of the projector, pixels: 912x1140.
+    /// Resolution of the projector in pixels, such as 912x1140.
     #[arg(long, value_name = "WxH", value_parser = size)]
     projector: [u32; 2],
-    /// Also show waves shifted in so many steps, which place pixels between their neighbours.
+    /// Number of phase-shifted waves to add for subpixel positions: 3 to 64, or 0 for none.
     #[arg(long, default_value_t = 0)]
     shifts: u32,
-    /// Period of the waves, pixels.
+    /// Period of the waves in pixels.
     #[arg(long, default_value_t = 16)]
     period: u32,
 }
@@ -143,38 +145,41 @@ impl Light {
     }
 }
 
-/// Write the patterns that `calibrate projector` wants shown: white, black, Gray codes of columns and rows with their inverses.
+/// Write the patterns for `calibrate projector`: white, black, and Gray codes of columns and rows with their
+/// inverses.
 #[derive(Args)]
 struct PatternArguments {
     #[command(flatten)]
     light: Light,
-    /// Folder to write them to, as 000.png and on.
+    /// Folder to write; its images are named 000.png, 001.png and so on.
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
 }
 
-/// Calibrate a projector together with the camera that sees its patterns on a chessboard.
+/// Calibrate a projector together with a camera that captures its patterns on a chessboard.
 ///
-/// Every folder is one pose of the board: images of all patterns of `calibrate patterns` in their order, by name. Written are
-/// `[camera]` and `[projector]` of a scene file whose world is the camera's frame, standard errors, and covariances.
+/// Each folder is one pose of the board. It contains the images of all patterns of `calibrate patterns`; the
+/// order of the names is the order of the patterns. Writes the `[camera]` and `[projector]` tables of a scene
+/// file in the camera's frame, standard errors and covariances.
 #[derive(Args)]
 struct ProjectorArguments {
-    /// One folder a pose of the board.
+    /// Folders of images, one for each pose of the board.
     #[arg(required = true, value_name = "FOLDERS")]
     views: Vec<PathBuf>,
     #[command(flatten)]
     target: Target,
     #[command(flatten)]
     light: Light,
-    /// Model of the projector's lens.
+    /// Lens model of the projector.
     #[arg(long, value_enum, default_value_t = Lens::Five)]
     projector_lens: Lens,
-    /// Radius of the pixels around a corner that place it on the projector; by default half of the smallest square.
+    /// Radius, in pixels, of the neighbourhood of a corner that locates it on the projector [default: half of
+    /// the smallest square].
     #[arg(long, value_name = "PIXELS")]
     reach: Option<f64>,
 }
 
-/// Width and height.
+/// Parses width and height.
 fn size(text: &str) -> Result<[u32; 2], String> {
     let parts = text
         .split_once('x')
@@ -223,7 +228,7 @@ impl Target {
         }
     }
 
-    /// Writes what was found, and says how good it is.
+    /// Writes the calibration and prints the quality of the fit.
     fn write(&self, fit: &Fit, files: Vec<String>) -> Result<(), Failure> {
         let calibration = Calibration::new(fit, files);
         if self.output.extension().is_some_and(|e| e == "json") {
@@ -261,7 +266,7 @@ impl Target {
     }
 }
 
-/// The board in each of the images; `None` where it is not seen, which is said.
+/// Finds the board in each image. Returns `None` for, and reports, images without a board.
 fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
     let found: Vec<_> = images
         .par_iter()
@@ -275,7 +280,7 @@ fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
     told.collect()
 }
 
-/// Loads images of one camera: of one size and one orientation.
+/// Loads the images of one camera, which must have the same size and orientation.
 fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
     let load = |p: &PathBuf| Ok((p.display().to_string(), Image::load(p).map_err(Failure::input)?));
     let loaded: Vec<(String, Loaded)> = paths.par_iter().map(load).collect::<Result<_, Failure>>()?;
@@ -371,7 +376,7 @@ fn patterns(a: &PatternArguments) -> Result<(), Failure> {
     super::output::print(&format!("{}: {} patterns", a.output.display(), all.len()))
 }
 
-/// The images of a folder, by name. Other files are left out and counted.
+/// Returns the images of a folder, sorted by name. Skips other files and reports their number.
 fn frames(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let bad =
         |e: std::io::Error| Failure::input(format!("{}: {e}; give a folder of images", folder.display()));

@@ -1,4 +1,4 @@
-//! `sunstone calibrate counter` and `sunstone calibrate sensor`.
+//! The `sunstone calibrate counter` and `sunstone calibrate sensor` commands.
 
 use super::failure::Failure;
 use super::places;
@@ -14,11 +14,12 @@ use sunstone::rig::calibrate::temporal::zero::{self, Temporal};
 use sunstone::rig::calibrate::temporal::{Impulse, Shape};
 use sunstone::rig::session::image::Run;
 
-/// Find a photon counter's response and the time zero of every scan point, from scans of a plane.
+/// Calibrate a photon counter's response and the time zero of every scan point, from scans of a plane.
 ///
-/// Each run is of a plane perpendicular to the middle of the scan, at the distance that is given for it. Free-running diodes need
-/// histograms of the laser's whole period. Written are `[temporal]`, with a time zero and its error for every point, and what rig
-/// files take as `[detector.spad]` by `calibration = "calibration.toml"`. Other calibrations in the file stay.
+/// In each run, the plane is perpendicular to the central ray of the scan, at the distance given for that
+/// run. Free-running diodes need histograms of the laser's complete period. Writes `[temporal]`, with a time
+/// zero and its error for every point, and the table that rig files read as `[detector.spad]` with
+/// `calibration = "calibration.toml"`. Other calibrations in the file are kept.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -28,20 +29,21 @@ pub struct Counter {
     /// Runs of planes.
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Distance from the mirrors' pivot to the plane, one for each run: 1.5m, 150cm. A bare number is metres; above 50 m the unit
-    /// must be given.
+    /// Distance from the pivot of the mirrors to the plane, one for each run, such as 1.5m or 150cm. A number
+    /// without a unit is in metres; above 50 m the unit is required.
     #[arg(long, value_name = "LENGTH", value_delimiter = ',', required = true)]
     distance: Vec<Length>,
-    /// Calibration to put it into, beside what others put there.
+    /// Calibration file to write. Other calibrations in it are kept.
     #[arg(short, long, value_name = "CALIBRATION.toml")]
     output: PathBuf,
 }
 
-/// Find a camera's gain, noise, dark signal, linearity and flat field, from dark and lit frames.
+/// Calibrate a camera's gain, noise, dark signal, linearity and flat field, from dark and lit frames.
 ///
-/// The run is of a plan with masks "dark" and "full", exposures up to saturation, and a scheme that repeats one setting, sixteen times or
-/// more. Written are `[radiometric]`, with numbers for every pixel, and what rig files take as `[detector.cmos]` by
-/// `calibration = "calibration.toml"`. Other calibrations in the file stay.
+/// The run's plan needs the masks "dark" and "full", exposures up to saturation, and a scheme that repeats
+/// one setting at least 16 times. Writes `[radiometric]`, with numbers for every pixel, and the table that
+/// rig files read as `[detector.cmos]` with `calibration = "calibration.toml"`. Other calibrations in the
+/// file are kept.
 #[derive(Args)]
 #[command(after_help = "\
 Example:
@@ -50,12 +52,12 @@ pub struct Sensor {
     /// Run of dark and lit frames.
     #[arg(value_name = "RUN")]
     run: PathBuf,
-    /// Calibration to put it into, beside what others put there.
+    /// Calibration file to write. Other calibrations in it are kept.
     #[arg(short, long, value_name = "CALIBRATION.toml")]
     output: PathBuf,
 }
 
-/// Longest distance of which the unit may be left out, metres.
+/// Longest distance for which the unit may be omitted, in metres.
 const LONGEST_DISTANCE: f64 = 50.0;
 
 pub fn counter(a: &Counter) -> Result<(), Failure> {
@@ -207,7 +209,7 @@ pub fn sensor(a: &Sensor) -> Result<(), Failure> {
         };
     let t = found.transfer.as_ref();
     let gain = t.map(|t| t.gain_e_per_dn);
-    // A rig file's gain is that at 0 dB.
+    // A rig file's gain is the gain at 0 dB.
     let at_zero = run.gain();
     tell(
         "gain_e_per_dn",
@@ -286,7 +288,7 @@ fn more(found: &Radiometry) -> String {
     text
 }
 
-/// Puts what was found, under a name, and the detector's table into a calibration's file.
+/// Writes a calibration and the detector's table into a calibration file under a name.
 fn write(
     path: &Path,
     part: Part,

@@ -1,4 +1,4 @@
-//! `sunstone capture`.
+//! The `sunstone capture` command: simulates captures of known Mueller matrices.
 
 use super::failure::Failure;
 use super::matrices::{MatrixSource, image};
@@ -13,12 +13,13 @@ use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::polarimetry::capture::simulate::{Captured, Noise};
 use sunstone::store::numpy;
 
-/// Simulate what a rig with a capture scheme reads of known Mueller matrices.
+/// Simulate the readings of a rig with a capture scheme for known Mueller matrices.
 ///
-/// Reads a slice of a store that resolves polarization, or an array of shape (..., 4, 4), and writes intensities of shape
-/// (K, ...), or (K, 4, ...) of a polarizer array with channels 0°, 45°, 90°, 135°: what `reconstruct` reads. They are in the unit
-/// of the matrices; saturated ones are NaN. A detector file holds a table [cmos] for a camera or [spad] for a photon-counting
-/// diode (of slices with time bins). Rays run along the optical axis, or, with --view, as a pinhole sees them.
+/// Reads a slice of a store that resolves polarization, or an array of shape (..., 4, 4). Writes intensities
+/// of shape (K, ...), or (K, 4, ...) for a polarizer array with channels 0°, 45°, 90°, 135°: the input of
+/// `reconstruct`. They have the unit of the matrices; saturated intensities are NaN. A detector file contains
+/// a table [cmos] for a camera or [spad] for a photon-counting diode (for slices with time bins). Rays are
+/// parallel to the optical axis, or with --view those of a pinhole camera.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -32,36 +33,37 @@ full_well_e, bit_depth, binning. A calibration's file is one, too. Above it, dem
 pub struct Arguments {
     #[command(flatten)]
     from: MatrixSource,
-    /// Scheme of the captures.
+    /// Capture scheme.
     #[arg(long, value_name = "SCHEME")]
     scheme: PathBuf,
-    /// Wavelengths of the last axis before the matrices of an array, nanometres. Without them there is one, 550.
+    /// Wavelengths in nanometres of the array's last axis before the matrices. Without this option there is
+    /// no such axis and the wavelength is 550 nm.
     #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength)]
     wavelengths: Vec<f64>,
     #[command(flatten)]
     noise: NoiseArguments,
-    /// Horizontal field of view, degrees: light passes plates and mirrors in the direction of every pixel. Without it, along
-    /// the axis.
+    /// Horizontal field of view, degrees: each pixel's light passes plates and mirrors in that pixel's
+    /// direction. Without it, light is parallel to the axis.
     #[arg(long, value_name = "DEGREES", value_parser = super::places::view)]
     view: Option<f64>,
     /// Intensities to write.
     #[arg(short, long, value_name = "I.npy")]
     output: PathBuf,
-    /// Also write their variances, as a camera states them.
+    /// Also write the variances of the intensities, as a camera reports them.
     #[arg(long, value_name = "V.npy")]
     variance: Option<PathBuf>,
 }
 
-/// What comes between light and numbers.
+/// The detector or noise model, and its seed.
 #[derive(clap::Args)]
 pub struct NoiseArguments {
-    /// Detector to read with.
+    /// Detector file.
     #[arg(long, value_name = "DETECTOR.toml", conflicts_with_all = ["noise", "relative_noise"])]
     pub detector: Option<PathBuf>,
     /// Standard deviation of normal noise, in the unit of the matrices.
     #[arg(long, value_name = "SIGMA", conflicts_with = "relative_noise")]
     noise: Option<f64>,
-    /// The same over the mean T00 of all pixels.
+    /// Standard deviation of normal noise, relative to the mean T00 of all pixels.
     #[arg(long, value_name = "SIGMA")]
     relative_noise: Option<f64>,
     /// Seed of the noise.
@@ -70,7 +72,7 @@ pub struct NoiseArguments {
 }
 
 impl NoiseArguments {
-    /// What they mean for some matrices.
+    /// Returns the noise model for these matrices.
     pub fn resolve(&self, target: &MuellerImage) -> Result<Noise, Failure> {
         let good = |name: &str, sigma: f64| {
             if sigma == 0.0 || (1e-30..=1e30).contains(&sigma) {

@@ -1,4 +1,4 @@
-//! `sunstone decompose`.
+//! The `sunstone decompose` command: Lu–Chipman decomposition.
 
 use super::failure::Failure;
 use super::matrices::MatrixSource;
@@ -12,10 +12,11 @@ use tracing::info;
 
 /// Decompose Mueller matrices after Lu and Chipman: M = M_Δ M_R M_D.
 ///
-/// Reads an array of shape (..., 4, 4), or a slice of a store that resolves polarization, and writes arrays of the leading
-/// shape: polarizance, diattenuation, retardance (radians, 0 to π), depolarization, retardance_axis (..., 3), and the factors
-/// m_delta, m_r, m_d (..., 4, 4), whose product is the matrix. Of a slice, and with --errors, also the standard errors of the
-/// four scalars. Matrices that cannot exist (m00 ≤ 0, diattenuation above 1) give NaN.
+/// Reads an array of shape (..., 4, 4), or a slice of a store that resolves polarization. Writes arrays of
+/// the leading shape: polarizance, diattenuation, retardance (radians, 0 to π), depolarization,
+/// retardance_axis (..., 3), and the factors m_delta, m_r, m_d (..., 4, 4), whose product is the matrix. For
+/// a slice, and with --errors, also writes the standard errors of the four scalars. Unphysical matrices (m00
+/// ≤ 0, diattenuation above 1) give NaN.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -28,7 +29,7 @@ pub struct Arguments {
     /// Standard errors of the elements (.npy), of the same shape.
     #[arg(long, value_name = "E.npy", conflicts_with = "slice")]
     errors: Option<PathBuf>,
-    /// Write these arrays alone (comma-separated; also `entropy`, after Cloude).
+    /// Write only these arrays (comma-separated; also `entropy`, after Cloude).
     #[arg(long, value_delimiter = ',', value_parser = quantity)]
     only: Vec<Quantity>,
     /// File to write.
@@ -86,7 +87,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(&a.output.display().to_string())
 }
 
-/// The arrays to write, the number of matrices that have no decomposition, and that of all.
+/// Returns the arrays to write, the number of matrices without a decomposition, and the number of all
+/// matrices.
 fn arrays<T: Real>(
     a: &Arguments,
     shape: &[usize],
@@ -132,7 +134,7 @@ fn arrays<T: Real>(
     (out, missing, count)
 }
 
-/// Standard errors of an array's elements, of the matrices' own shape.
+/// Reads the standard errors of an array's elements, which must have the shape of the matrices.
 fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     let Matrices {
         shape: other,

@@ -1,17 +1,18 @@
-//! `sunstone denoise`.
+//! The `sunstone denoise` command: denoises the images of a store.
 
 use super::failure::Failure;
 use super::places;
 use std::path::PathBuf;
 use sunstone::denoise::{Outcome, denoise};
 
-/// Denoise the images of a store by their own error bars: for figures, never as truth.
+/// Denoise the images of a store by means of their error bars: for figures, not as ground truth.
 ///
-/// Every pixel becomes a mean of pixels near it that look like it within their errors, with the same weights for all Mueller
-/// elements, wavelengths and time bins, so that matrices stay realizable. Of two renders of one scene with different seeds each
-/// is averaged with weights from the other: their errors are better known than those of one. The output states its own errors,
-/// bias included, and is marked: `merge`, `render --resume`, `capture`, `trial` and rigs refuse it. Slices without rows and
-/// columns of the camera are copied.
+/// Each pixel becomes a weighted mean of nearby pixels that equal it within their errors. All Mueller
+/// elements, wavelengths and time bins have the same weights, so matrices stay realizable. With two renders
+/// of one scene with different seeds, the weights for each come from the other, which makes the error
+/// estimates more reliable. The output includes its own errors, with the bias, and is marked: `merge`,
+/// `render --resume`, `capture`, `trial` and rigs refuse it. Slices without camera rows and columns are
+/// copied.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -1,4 +1,4 @@
-//! `sunstone export`.
+//! The `sunstone export` command: OpenEXR images and Mitsuba 3 scenes.
 
 use super::failure::Failure;
 use super::places;
@@ -9,13 +9,13 @@ use sunstone::store::probe::{Selection, parse_axes};
 
 /// Export an image slice as OpenEXR, or a scene for Mitsuba 3.
 ///
-/// STORE SLICE -o X.exr writes an image with the channels stokes.S0.R … stokes.S3.B, and R, G, B (S0 again). Column 0 of
-/// the Mueller matrix is the Stokes image under unpolarized light. Frames are Sunstone's, not those of Mitsuba's stokes
-/// integrator: CONVENTIONS.md has the angle between them. Axes other than y and x are summed unless selected or expanded
-/// into channels.
+/// STORE SLICE -o X.exr writes an image with the channels stokes.S0.R … stokes.S3.B, and R, G, B (S0 again).
+/// Column 0 of the Mueller matrix is the Stokes image under unpolarized light. Frames are Sunstone's, not
+/// those of Mitsuba's stokes integrator: CONVENTIONS.md gives the angle between them. Axes other than y and x
+/// are summed unless they are selected or expanded into channels.
 ///
-/// SCENE.toml --mitsuba DIR writes DIR/scene.xml with the meshes, images and tables that it names, for
-/// mitsuba.load_file. Several wavelengths need a spectral polarized variant; for a mono one take one with --wavelength.
+/// SCENE.toml --mitsuba DIR writes DIR/scene.xml with its meshes, images and tables, for mitsuba.load_file.
+/// Several wavelengths need a spectral polarized variant; for a mono variant, select one with --wavelength.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Store written by `render` or `merge`; or, with --mitsuba, a scene file.
@@ -27,7 +27,7 @@ pub struct Arguments {
     /// Keep part of an axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
     #[arg(short = 'k', long = "select", conflicts_with = "mitsuba")]
     select: Vec<Selection>,
-    /// Axes to write as channels of their own (comma-separated names).
+    /// Axes to write as separate channels (comma-separated names).
     #[arg(long, default_value = "", conflicts_with = "mitsuba")]
     expand: String,
     /// Write all 16 Mueller elements (mueller.M00.R … mueller.M33.B).
@@ -39,13 +39,13 @@ pub struct Arguments {
     /// Write the scene for Mitsuba 3 into this folder.
     #[arg(long, value_name = "DIR")]
     mitsuba: Option<PathBuf>,
-    /// Export the scene at this wavelength alone, nanometres.
+    /// Export the scene at this wavelength only, nanometres.
     #[arg(long, value_name = "NM", requires = "mitsuba", value_parser = super::places::wavelength)]
     wavelength: Option<f64>,
-    /// Write into a folder that has files already, replacing those of the same names.
+    /// Write into a folder that contains files, and replace files of the same names.
     #[arg(long, requires = "mitsuba")]
     force: bool,
-    /// Read what an unfinished render has: NaN where nothing is rendered yet.
+    /// Also read an unfinished render: values that are not rendered yet are NaN.
     #[arg(long, requires = "slice")]
     partial: bool,
 }

@@ -1,4 +1,4 @@
-//! How commands fail: one clear message, one exit code.
+//! Failures of commands: one message and one exit code each.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use std::fmt;
@@ -6,32 +6,30 @@ use std::io::IsTerminal;
 use sunstone::base::locate::InputError;
 use sunstone::scene::mitsuba::import::ImportError;
 
-/// Why a command did not succeed.
+/// The reason why a command failed.
 pub enum Failure {
-    /// A scene file is wrong: exit code 2.
+    /// An error in a scene file: exit code 2.
     Scene(InputError),
-    /// Several things in it are: exit code 2.
+    /// Several errors in a scene file: exit code 2.
     Scenes(Vec<InputError>),
-    /// Other bad input: exit code 2.
+    /// Other invalid input: exit code 2.
     Input(String),
-    /// Something failed on the way (disk full, …): exit code 1.
+    /// A failure during the run (disk full, …): exit code 1.
     Failed(String),
-    /// Stopped by the user: exit code 130.
+    /// Interrupted by the user: exit code 130.
     Interrupted(String),
 }
 
 impl Failure {
-    /// Bad input.
     pub fn input(e: impl fmt::Display) -> Self {
         Self::Input(e.to_string())
     }
 
-    /// Failure on the way.
     pub fn failed(e: impl fmt::Display) -> Self {
         Self::Failed(e.to_string())
     }
 
-    /// Failure on the way if the system refused, else bad input.
+    /// Returns [`Failure::Failed`] for a system error, otherwise [`Failure::Input`].
     pub fn of_system(is_of_system: bool, e: impl fmt::Display) -> Self {
         if is_of_system {
             Self::failed(e)
@@ -40,7 +38,7 @@ impl Failure {
         }
     }
 
-    /// Tells the user, and gives the exit code.
+    /// Prints the message and returns the exit code.
     pub fn report(&self) -> u8 {
         match self {
             Self::Scene(e) => {
@@ -82,12 +80,12 @@ impl From<InputError> for Failure {
     }
 }
 
-/// Most characters of a line that are shown.
+/// Maximum number of characters that are printed of a line.
 const LONGEST: usize = 2000;
-/// Most problems of a file that are shown.
+/// Maximum number of errors that are printed for a file.
 const MOST: usize = 50;
 
-/// A text whose long lines are cut, and that has few lines.
+/// Truncates long lines, and texts of many lines.
 fn cut(text: &str) -> String {
     let short = |line: &str| match line.char_indices().nth(LONGEST) {
         Some((at, _)) => format!("{} … ({} more bytes)", &line[..at], line.len() - at),
@@ -100,23 +98,23 @@ fn cut(text: &str) -> String {
     }
 }
 
-/// First the line that editors and scripts read, `file:line:column: message`, then the place in the file.
+/// Prints `file:line:column: message`, the line that editors and scripts parse, then the place in the file.
 fn report_scene(e: &InputError) {
     eprintln!("{}", cut(&format!("error: {e}")));
     let Some(span) = e.span.clone().filter(|_| !e.text.is_empty()) else {
         return;
     };
-    // A span over many lines (a whole table) is shown by its first line.
+    // A span of several lines (a whole table) is marked in its first line only.
     let text = &e.text[span.start.min(e.text.len())..span.end.min(e.text.len())];
     let length = text.find('\n').unwrap_or(text.len());
-    // A line that no screen holds says nothing.
+    // Lines longer than a screen are not printed.
     let start = span.start.min(e.text.len());
     let around = e.text[..start].rsplit('\n').take(2).map(str::len).sum::<usize>()
         + e.text[start..].split('\n').take(2).map(str::len).sum::<usize>();
     if around > LONGEST {
         return;
     }
-    // The message has been printed; this is the place alone.
+    // The message is printed above; this prints the place only.
     let here = AnnotationKind::Primary.span(start..start + length).label("here");
     let place = Snippet::source(&*e.text).annotation(here);
     let is_plain = !std::io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some();

@@ -1,4 +1,4 @@
-//! `sunstone figure`.
+//! The `sunstone figure` command: draws slices of a store.
 
 use super::failure::Failure;
 use super::figure_file::Extension;
@@ -9,21 +9,22 @@ use sunstone::figure::{Drawing, FigureError, Format};
 use sunstone::figures::{self, FiguresError};
 use sunstone::store::place::is_address;
 
-/// Draw pictures of a store's slices, or figures from figure files: PNG, or SVG or PDF whose texts and lines are vectors.
+/// Draw slices of a store, or figures from figure files, as PNG, SVG or PDF; the text and lines of SVG and
+/// PDF are vectors.
 ///
-/// Of a store, without --view, draws the figures that its scene lists (all, or those named). Of a figure file (.toml), renders the
-/// scenes and runs the applications that it lists, and draws it: at full size, or fast with --preview. Renders stay: what is
-/// finished is not rendered again.
+/// For a store without --view, draws the figures that its scene lists (all, or those named). For a figure
+/// file (.toml), renders the scenes, runs the applications that the file lists, and draws the figure: at full
+/// size, or fast with --preview. Renders are kept: a finished render is not repeated.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Store written by `render` or `merge`, or a figure file (.toml).
     #[arg(required_unless_present = "all")]
     store: Option<PathBuf>,
-    /// Names of the scene's figures to draw [default: all]; further figure files.
+    /// Names of the scene's figures to draw [default: all]; or further figure files.
     names: Vec<String>,
     #[command(flatten)]
     of_files: figure_file::Options,
-    /// Draw this instead.
+    /// Draw this view of a slice instead of the scene's figures.
     #[arg(long, requires = "slice")]
     view: Option<Kind>,
     /// Slice to draw.
@@ -47,25 +48,25 @@ pub struct Arguments {
     /// Do not divide Mueller elements by M00 (mueller).
     #[arg(long)]
     raw: bool,
-    /// Value at the ends of the colour scale (mueller), or shown as white (photo).
+    /// Value at the ends of the colour scale (mueller), or value shown as white (photo).
     #[arg(long)]
     limit: Option<f32>,
-    /// Format of the figures that the scene lists, and of several figure files; otherwise the extension of the file says it.
+    /// Format of the scene's figures and of several figure files; for one output file, its extension sets the
+    /// format.
     #[arg(long, default_value = "png", conflicts_with = "view")]
     format: Extension,
-    /// File for --view (.png, .svg, .pdf; flight also .gif, .apng) and for one figure file, folder otherwise [default: <store>
-    /// with the extension `figures`; out/figures for figure files].
+    /// File to write with --view (.png, .svg, .pdf; flight also .gif, .apng) and for one figure file;
+    /// otherwise a folder [default: <store> with the extension `figures`; out/figures for figure files].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Read what an unfinished render has: NaN where nothing is rendered yet.
+    /// Also read an unfinished render: values that are not rendered yet are NaN.
     #[arg(long)]
     partial: bool,
 }
 
-/// Frames of light in flight.
+/// Default number of frames of a light-in-flight view.
 const FRAMES: usize = 12;
 
-/// The kinds of picture.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Kind {
     /// Colour photograph of M00.
@@ -162,7 +163,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(&path.display().to_string())
 }
 
-/// Where the figures of a store go unless the user says otherwise: beside it, or of one that is elsewhere, here.
+/// Returns the default folder for a store's figures: next to the store, or the current folder for a store at
+/// an address.
 fn folder(store: &Path) -> PathBuf {
     let beside = store.with_extension("figures");
     match beside.file_name() {
@@ -171,7 +173,7 @@ fn folder(store: &Path) -> PathBuf {
     }
 }
 
-/// Draws the figures that the scene lists, and prints where they are.
+/// Draws the figures that the scene lists, and prints their paths.
 pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
     let out = a.and_then(|a| a.output.clone()).unwrap_or_else(|| folder(path));
     places::folders([Some(&path.to_owned())], [Some(&out)])?;
@@ -186,20 +188,20 @@ pub fn draw_all(path: &Path, a: Option<&Arguments>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A file whose extension names a format of pictures.
+/// Parses the path of a picture; its extension must be a known format.
 pub fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     Format::of(&path).map_err(|e| e.to_string())?;
     Ok(path)
 }
 
-/// Writes a picture, in a new folder where there is none.
+/// Writes a picture, and creates its folder if it does not exist.
 pub fn save(drawing: &Drawing, path: &Path) -> Result<(), Failure> {
     Ok(sunstone::figure::save(drawing, path)?)
 }
 
 impl From<FigureError> for Failure {
-    /// What cannot be drawn is bad input; what cannot be written failed on the way.
+    /// Write errors and encoding errors are failures; the others are invalid input.
     fn from(e: FigureError) -> Self {
         match e {
             FigureError::Write { .. } | FigureError::Encode(_) => Self::failed(e),

@@ -1,4 +1,4 @@
-//! `sunstone figure` of figure files.
+//! The `sunstone figure` command for figure files.
 
 use super::failure::Failure;
 use super::places;
@@ -7,14 +7,13 @@ use std::path::{Path, PathBuf};
 use sunstone::figure::{Format, save};
 use sunstone::figure_file::{FigureFileError, Settings, Source, prepare, program};
 
-/// Formats of a figure.
 #[derive(Clone, Copy, clap::ValueEnum)]
 pub enum Extension {
     /// Pixels.
     Png,
     /// Vectors.
     Svg,
-    /// Vectors on a page.
+    /// A page of vectors.
     Pdf,
 }
 
@@ -28,30 +27,31 @@ impl Extension {
     }
 }
 
-/// What is said of figure files alone.
+/// Options that apply to figure files only.
 #[derive(clap::Args)]
 pub struct Options {
-    /// Make all figure files of a folder.
+    /// Draw all figure files of a folder.
     #[arg(long, value_name = "FOLDER", conflicts_with = "store")]
     all: Option<PathBuf>,
-    /// Figure files: small, noisy renders, minutes instead of hours.
+    /// Figure files: use small, noisy renders that take minutes instead of hours.
     #[arg(long)]
     preview: bool,
-    /// Figure files: folder of renders, which are kept [default: out/apply/renders].
+    /// Figure files: folder in which renders are kept [default: out/apply/renders].
     #[arg(long)]
     renders: Option<PathBuf>,
-    /// Figure files: folder of the scenes of applications [default: `scenes`, above the figure file or here].
+    /// Figure files: folder of the applications' scenes [default: `scenes`, above the figure file or in the
+    /// current folder].
     #[arg(long)]
     scenes: Option<PathBuf>,
 }
 
 impl Options {
-    /// Whether a figure file is meant, not a store.
+    /// Returns whether the arguments name figure files rather than a store.
     pub fn is_meant(&self, first: Option<&Path>) -> bool {
         self.all.is_some() || first.is_some_and(is_toml)
     }
 
-    /// Refuses what is for figure files alone.
+    /// Refuses the options for figure files when a store is drawn.
     pub fn refuse(&self) -> Result<(), Failure> {
         if self.preview || self.renders.is_some() || self.scenes.is_some() {
             return Err(Failure::input(
@@ -66,7 +66,7 @@ fn is_toml(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-/// Makes figures: `output` is a file of one, a folder of several.
+/// Draws figures. `output` is a file for one figure and a folder for several.
 pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extension) -> Result<(), Failure> {
     let files = match &o.all {
         Some(folder) => listed(folder)?,
@@ -85,7 +85,7 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
             _ => into(&folder, file),
         })
         .collect();
-    // All that can be told is told before the first render.
+    // Report all errors that can be found early before the first render.
     let mut sources = vec![];
     for (file, path) in files.iter().zip(&outputs) {
         Format::of(path)?;
@@ -134,7 +134,7 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
     Ok(())
 }
 
-/// The figure files of a folder, by name.
+/// Returns the figure files of a folder, sorted by name.
 fn listed(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let shown = folder.display();
     let entries = std::fs::read_dir(folder)

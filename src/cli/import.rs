@@ -1,4 +1,4 @@
-//! `sunstone import`.
+//! The `sunstone import` command: Mitsuba scenes and camera calibrations.
 
 use super::failure::Failure;
 use super::places;
@@ -11,25 +11,30 @@ use sunstone::scene::calibration::{self, Options};
 use sunstone::scene::mitsuba::WriteError;
 use sunstone::scene::mitsuba::import::Import;
 
-/// Make a scene file of a scene of Mitsuba 3, or the camera of one of a calibration.
+/// Convert a Mitsuba 3 scene to a scene file, or a calibration to the camera of one.
 ///
-/// SCENE.xml, or .json of a dictionary, of Mitsuba 3 or of version 0.x, with include, alias, path and default. Reads these plugins:
+/// Reads SCENE.xml, or .json of a dictionary, of Mitsuba 3 or of version 0.x, with include, alias, path and
+/// default. Supports these plugins:
 ///
-/// - materials: diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, plastic, roughplastic, pplastic,
-///   principled, measured_polarized, polarizer, circular, retarder, blendbsdf, twosided, mask, normalmap, null;
+/// - materials: diffuse, conductor, roughconductor, dielectric, thindielectric, roughdielectric, plastic,
+///   roughplastic, pplastic, principled, measured_polarized, polarizer, circular, retarder, blendbsdf,
+///   twosided, mask, normalmap, null;
 /// - textures: bitmap and checkerboard; media: homogeneous;
-/// - shapes: sphere, disk, cylinder, rectangle, cube, obj, ply, serialized, bsplinecurve, linearcurve, sdfgrid, merge, shapegroup,
-///   instance; curves and grids become meshes in PLY files beside the scene file;
+/// - shapes: sphere, disk, cylinder, rectangle, cube, obj, ply, serialized, bsplinecurve, linearcurve,
+///   sdfgrid, merge, shapegroup, instance; curves and grids become meshes in PLY files next to the scene
+///   file;
 /// - sensors: perspective, thinlens; films: hdrfilm, specfilm, and mitransient's transient_hdr_film;
 /// - emitters: projector, point, spot, directional, constant, envmap, area.
 ///
-/// Everything else is refused at once, each item with its place. Where the models of the two programs differ, a note states how.
-/// Colours given as RGB become values at the scene's wavelengths (red above 590 nm, green from 500 nm, blue below).
+/// Everything else is refused; all unsupported items are reported together, each with its place. A note
+/// states each difference between the models of the two programs. Colours given as RGB become values at the
+/// scene's wavelengths (red above 590 nm, green from 500 nm, blue below).
 ///
-/// CALIBRATION.yaml, .yml, .json or .npz: reads what OpenCV (cv::FileStorage, JSON, numpy.savez), ROS (camera_info), Kalibr
-/// (camchain) and MATLAB (jsonencode of cameraParameters) write, and prints the [camera] or [projector] of a scene file,
-/// or writes it with -o; what the file does not say stands above it in comments. Pixel centres, the order of coefficients,
-/// row vectors and transposed matrices are those of the program that wrote the file.
+/// CALIBRATION.yaml, .yml, .json or .npz: reads files of OpenCV (cv::FileStorage, JSON, numpy.savez), ROS
+/// (camera_info), Kalibr (camchain) and MATLAB (jsonencode of cameraParameters). Prints the [camera] or
+/// [projector] table of a scene file, or writes it with -o. Comments above the table list what the file does
+/// not specify. Pixel centres, the order of coefficients, row vectors and transposed matrices are interpreted
+/// as in the program that wrote the file.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -42,14 +47,14 @@ pub struct Arguments {
     /// Scene of Mitsuba 3 (.xml, .json), or a calibration.
     #[arg(value_name = "SCENE|CALIBRATION")]
     scene: PathBuf,
-    /// File to write; absent: of a scene the same name with .toml, of a calibration none.
+    /// File to write [default: for a scene, its name with .toml; for a calibration, none].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Of a scene: value of a `$NAME` in the file, as of Mitsuba's -D; `wavelengths_nm=450,550` sets the scene's
-    /// wavelengths. Repeatable.
+    /// For a scene: value of a `$NAME` in the file, like Mitsuba's -D. `wavelengths_nm=450,550` sets the
+    /// scene's wavelengths. Repeatable.
     #[arg(short = 'D', long = "define", value_name = "NAME=VALUE", value_parser = definition)]
     define: Vec<(String, String)>,
-    /// Replace the file if it is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -59,27 +64,27 @@ pub struct Arguments {
 #[derive(clap::Args)]
 #[command(next_help_heading = "Of a calibration")]
 struct CalibrationArguments {
-    /// Device to make of it.
+    /// Device to write.
     #[arg(long = "as", value_name = "DEVICE", default_value = "camera")]
     device: Device,
-    /// Which of several cameras: a table's name (cam1), or what stands before or behind the names of its matrices (2 for K2
-    /// and D2, proj for proj_K).
+    /// Camera to read if the file has several: the name of a table (cam1), or the prefix or suffix of the
+    /// names of its matrices (2 for K2 and D2, proj for proj_K).
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// Which of several views of a target gives the pose, from 0.
+    /// View of the target that gives the pose, from 0, if the file has several.
     #[arg(long, value_name = "N")]
     view: Option<usize>,
-    /// Size of the image, where the file has none or another is meant.
+    /// Resolution of the image, if the file has none, or to override it.
     #[arg(long, value_name = "WxH", value_parser = resolution)]
     resolution: Option<[u32; 2]>,
-    /// Metres that the file's unit of length has: 0.001, or mm, for millimetres. Needed where the file does not say and is more than
-    /// 10 of its units from the origin.
+    /// Length of the file's unit in metres, or its name: 0.001 or mm for millimetres. Required if the file
+    /// does not specify the unit and the device is more than 10 units from the origin.
     #[arg(long, value_name = "M|UNIT", value_parser = unit)]
     metres_per_unit: Option<f64>,
-    /// Four coefficients are those of OpenCV's fisheye.
+    /// Interpret four coefficients as those of OpenCV's fisheye model.
     #[arg(long)]
     fisheye: bool,
-    /// Of Kalibr: the world is the IMU's frame, not the first camera's.
+    /// For Kalibr: use the IMU's frame as the world, not the first camera's.
     #[arg(long)]
     imu: bool,
 }
@@ -101,7 +106,7 @@ fn resolution(text: &str) -> Result<[u32; 2], String> {
 }
 
 fn unit(text: &str) -> Result<f64, String> {
-    // `mm` alone is one millimetre.
+    // A unit without a number, such as `mm`, means one of that unit.
     let one = if text.starts_with(|c: char| c.is_alphabetic()) {
         "1"
     } else {
@@ -167,7 +172,7 @@ fn calibrated(a: &Arguments) -> Result<(), Failure> {
     super::output::print(&output.display().to_string())
 }
 
-/// Writes a text to a file that is not what was read, and with `force` alone one that is there.
+/// Writes a text to a file other than the input. Replaces an existing file only with `force`.
 fn write(input: &Path, output: &Path, text: &str, force: bool) -> Result<(), Failure> {
     let shown = output.display();
     if whole_file::is_same(input, output) {

@@ -1,4 +1,4 @@
-//! `sunstone info`: of a store, or of a scene before it is rendered.
+//! The `sunstone info` command: describes a store, or a scene before it is rendered.
 
 use super::failure::Failure;
 use serde_json::Value;
@@ -21,8 +21,8 @@ use sunstone::transport::render::coverage::missing;
 use sunstone::transport::render::strategies::strategies;
 use sunstone::transport::scene::Scene;
 
-/// Show what a store holds (provenance, slices with their axes, light, errors, and overflow), or what a scene file
-/// describes and what of its light the integrator would not find.
+/// Print the contents of a store (provenance, slices with their axes, light, errors, and overflow), or the
+/// contents of a scene file and the light that its integrator would not find.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Store written by `render` or `merge`, or a scene file.
@@ -77,7 +77,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     for name in store.slice_names() {
         let slice = store.slice(name).map_err(Failure::input)?;
-        // Most light of a part is elsewhere.
+        // A part lacks the light of the other parts, so its totals are not printed.
         line(if store.part().is_some() {
             axes(&slice)
         } else {
@@ -87,7 +87,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(text.trim_end())
 }
 
-/// What a render to an error was asked for, and what it came to.
+/// Formats the target of a render to an error, and its result.
 fn reached(target: &Value) -> Option<String> {
     let number = |key: &str| target.get(key)?.as_f64();
     let (mean, uniform) = (
@@ -106,7 +106,7 @@ fn reached(target: &Value) -> Option<String> {
     ))
 }
 
-/// What a scene file describes.
+/// Describes the contents of a scene file.
 fn scene(scene: &Scene) -> String {
     let mut out = format!("{}\n", scene.name);
     let mut line = |key: &str, value: String| {
@@ -162,7 +162,7 @@ fn scene(scene: &Scene) -> String {
     out
 }
 
-/// What the variants of a scene file vary, if it has any.
+/// Describes what the variants of a scene file vary. Empty if it has no variants.
 fn variants(path: &Path, text: &str) -> Result<String, Failure> {
     let file = SceneFile::read(path, text)?;
     if file.vary.is_empty() {
@@ -201,7 +201,7 @@ fn variants(path: &Path, text: &str) -> Result<String, Failure> {
     Ok(out)
 }
 
-/// Every emitter but the projector, a phrase each.
+/// Describes every emitter except the projector, one phrase each.
 fn emitters(scene: &Scene) -> Vec<String> {
     let lanes = scene.wavelengths.count();
     let values = |s: &Spectral| format!("{:?}", &s.to_array()[..lanes]);
@@ -267,7 +267,7 @@ fn emitters(scene: &Scene) -> Vec<String> {
     out
 }
 
-/// A slice's name and axes.
+/// Formats a slice's name and axes.
 fn axes(slice: &StoredSlice) -> String {
     let layout = slice.layout();
     let axes: Vec<String> = layout
@@ -332,7 +332,7 @@ fn list(v: &[f64]) -> String {
         .join(", ")
 }
 
-/// Σ of M00 over everything, by wavelength, a chunk at a time.
+/// Sums M00 over all axes except wavelength, chunk by chunk.
 fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
     let layout = slice.field_layout(field).map_err(Failure::input)?.clone();
     let lanes = |shape: &[u64]| layout.find(AxisKind::Wavelength).map_or(1, |i| shape[i] as usize);
@@ -345,7 +345,7 @@ fn m00_total(slice: &StoredSlice, field: Field) -> Result<Vec<f64>, Failure> {
                 .fetch_ahead(&[field], &chunks[k..])
                 .map_err(Failure::input)?;
         }
-        // Of the matrix, its first element alone: where a chunk has it.
+        // Of each matrix, only element M00 counts: skip chunks without it.
         let stokes = [AxisKind::StokesOut, AxisKind::StokesIn];
         let stokes: Vec<usize> = stokes.iter().filter_map(|k| layout.find(*k)).collect();
         if stokes.iter().any(|&i| start[i] > 0) {

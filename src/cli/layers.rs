@@ -1,4 +1,4 @@
-//! `sunstone layers`.
+//! The `sunstone layers` command: ground truth of every camera pixel.
 
 use super::failure::Failure;
 use super::output::print;
@@ -10,16 +10,18 @@ use sunstone::store::{npz_layers, zarr};
 use sunstone::transport::render::layers::{Options, layers};
 use tracing::info;
 
-/// Most rays a pixel along each side.
+/// Maximum number of rays along each side of a pixel.
 const MOST_RAYS: i64 = 64;
 
-/// Write what is in every camera pixel of a scene, which no lab knows: depth, position, normals, object, material, albedo.
+/// Write the ground truth of every camera pixel of a scene: depth, position, normals, object, material,
+/// albedo.
 ///
-/// Arrays over y, x: depth (metres along the ray from the pinhole, not along the axis), optical_length, position (x, y, z),
-/// geometric_normal and shading_normal (world, toward the camera), object, copy (of a group) and material as numbers with their
-/// names, albedo by wavelength (NaN of what has none: metals, glass, sheets, measured tables), coverage of the pixel by its object.
-/// The object that most rays of a pixel meet counts, and all else is the mean over these, so that edges are not mixed; -1 and NaN
-/// where there is nothing. No light is computed: it takes seconds.
+/// Arrays over y, x: depth (metres along the ray from the pinhole, not along the axis), optical_length,
+/// position (x, y, z), geometric_normal and shading_normal (world, toward the camera), object, copy (of a
+/// group) and material as numbers with their names, albedo by wavelength (NaN for metals, glass, sheets and
+/// measured tables, which have none), and coverage of the pixel by its object. A pixel's object is the one
+/// that most of its rays hit. All other values are means over these rays, so objects are not mixed at edges.
+/// Pixels without an object are -1 and NaN. No light is computed, so this takes seconds.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -29,16 +31,16 @@ Examples:
 pub struct Arguments {
     /// Scene file (TOML).
     scene: PathBuf,
-    /// What to write: .npz or .zarr.
+    /// File to write: .npz or .zarr.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// See through smooth interfaces (glass, water, crystals), by rays bent as refraction bends them, and through sheets.
+    /// Trace rays through smooth interfaces (glass, water, crystals), with refraction, and through sheets.
     #[arg(long)]
     through: bool,
-    /// Rays a pixel along each side: 4 are 16 a pixel.
+    /// Number of rays along each side of a pixel: 4 gives 16 rays per pixel.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=MOST_RAYS))]
     rays: u32,
-    /// Replace layers that are there already (.zarr; a file is replaced anyway).
+    /// Replace an existing .zarr store (a file is always replaced).
     #[arg(long)]
     force: bool,
 }

@@ -1,4 +1,4 @@
-//! `sunstone learn`.
+//! The `sunstone learn` command: optimizes capture schemes.
 
 use super::failure::Failure;
 use super::pbrdf::data::MaterialSource;
@@ -23,11 +23,12 @@ use sunstone::polarimetry::reconstruct::second_moment::{self, Moment, SecondMome
 
 /// Learn a scheme's settings: the angles of least expected error.
 ///
-/// Minimizes the expected squared error of the 16 elements (T00 = 1) over noise and, where captures are fewer than 16 or a prior
-/// is used, over materials: in closed form, with its exact gradient, by Adam from the angles of dual rotating retarders
-/// (Baek & Heide 2021, sec. 4) and by a quasi-Newton method from many random starts. Materials come from a folder of .pbsdf
-/// tables, or are the stand-ins for the 25 materials of the KAIST set; by cross-validation, errors are those of materials
-/// that were not learned from.
+/// Minimizes the expected squared error of the 16 elements (T00 = 1) over noise and, with fewer than 16
+/// captures or a prior, over materials. The loss is in closed form with its exact gradient. Optimizers are
+/// Adam, from the angles of dual rotating retarders (Baek & Heide 2021, sec. 4), and a quasi-Newton method
+/// from many random starts. Materials come from a folder of .pbsdf tables, or are the stand-ins for the 25
+/// materials of the KAIST set. With cross-validation, the reported errors are those of materials that were
+/// not used for learning.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -37,7 +38,7 @@ Examples:
   sunstone learn -k 4,6,8,10,12,16,20 --sensor intensity,polarizer-array --estimator least-squares,prior \\
       -o learned --figure loss.png --csv loss.csv")]
 pub struct Arguments {
-    /// Captures; several to compare.
+    /// Number of captures (comma-separated list to compare several).
     #[arg(
         short = 'k',
         long,
@@ -45,42 +46,42 @@ pub struct Arguments {
         required_unless_present = "template"
     )]
     captures: Vec<usize>,
-    /// Sensors.
+    /// Sensors to learn for (comma-separated).
     #[arg(long, value_enum, value_delimiter = ',', default_value = "intensity")]
     sensor: Vec<SensorArgument>,
     /// Learn the settings of this scheme, with its optics, instead of those of four perfect elements.
     #[arg(long, value_name = "SCHEME", conflicts_with_all = ["captures", "sensor"])]
     template: Option<PathBuf>,
-    /// How matrices will be estimated.
+    /// Estimators of the matrices (comma-separated).
     #[arg(long, value_enum, value_delimiter = ',', default_value = "least-squares")]
     estimator: Vec<EstimatorArgument>,
     /// Standard deviation of an intensity's noise, where T00 = 1.
     #[arg(long, default_value_t = 5e-4)]
     noise: f64,
-    /// Standard deviation of the stages' angles (and of retardances), degrees, that the scheme shall bear.
+    /// Standard deviation of the stages' angles (and of retardances) that the scheme must tolerate, degrees.
     #[arg(long, default_value_t = 0.0)]
     angle_error: f64,
-    /// Wavelengths at which it shall work, nanometres.
+    /// Wavelengths to optimize for, nanometres.
     #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength, default_value = "550")]
     wavelengths: Vec<f64>,
     #[command(flatten)]
     data: MaterialSource,
-    /// Folds of the cross-validation over materials; 0 for none.
+    /// Number of folds of the cross-validation over materials; 0 for none.
     #[arg(long, default_value_t = 5)]
     folds: usize,
-    /// Random starts.
+    /// Number of random starts.
     #[arg(long, default_value_t = Search::default().starts)]
     starts: u32,
-    /// Most iterations from each.
+    /// Maximum number of iterations from each start.
     #[arg(long, default_value_t = Search::default().iterations)]
     iterations: u64,
-    /// Steps of Adam.
+    /// Number of Adam steps.
     #[arg(long, default_value_t = Search::default().adam_steps)]
     adam_steps: usize,
     /// Seed of the random starts.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Also write the second moment of the materials, which `sunstone reconstruct --prior` takes.
+    /// Also write the second moment of the materials, for `sunstone reconstruct --prior`.
     #[arg(long, value_name = "PRIOR.toml")]
     save_prior: Option<PathBuf>,
     /// Also draw the angles (of a single scheme).
@@ -89,7 +90,7 @@ pub struct Arguments {
     /// Also draw errors against captures, with those of dual rotating retarders and the bounds.
     #[arg(long, value_name = "LOSS.png|.svg|.pdf", value_parser = super::figure::picture)]
     figure: Option<PathBuf>,
-    /// Also write the table.
+    /// Also write the table of errors.
     #[arg(long, value_name = "LOSS.csv")]
     csv: Option<PathBuf>,
     /// Scheme to write, or a folder for several.
@@ -99,7 +100,7 @@ pub struct Arguments {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum EstimatorArgument {
-    /// Least squares; with too few captures the matrix of least norm.
+    /// Least squares; with too few captures, the matrix of least norm.
     LeastSquares,
     /// Least expected error, given the second moment of materials.
     Prior,
@@ -139,7 +140,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             "--angles draws one scheme: give one -k, --sensor and --estimator",
         ));
     }
-    // The noise of a full-rank least-squares estimate does not depend on what is measured.
+    // The noise of a full-rank least-squares estimate does not depend on the material, so the data may not be
+    // needed.
     let needed = a.figure.is_some()
         || a.save_prior.is_some()
         || a.angle_error > 0.0
@@ -234,7 +236,7 @@ fn check(a: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Where a learned scheme goes.
+/// Returns the path of a learned scheme.
 fn scheme_path(a: &Arguments, scheme: &Scheme, estimator: EstimatorArgument, several: bool) -> PathBuf {
     if !several {
         return a.output.clone();
@@ -248,7 +250,7 @@ fn scheme_path(a: &Arguments, scheme: &Scheme, estimator: EstimatorArgument, sev
     a.output.join(format!("{name}{tail}.toml"))
 }
 
-/// What is written is none of what is read, and named as what it is, before hours of learning.
+/// Checks, before hours of learning, that no output is an input and that extensions match the formats.
 fn check_places(a: &Arguments, templates: &[Scheme], several: bool) -> Result<(), Failure> {
     let inputs = [a.template.as_ref(), a.data.folder()];
     if several {
@@ -299,7 +301,8 @@ fn templates(a: &Arguments) -> Result<Vec<Scheme>, Failure> {
     Ok(out)
 }
 
-/// Learns one scheme; its error is that of materials left out, if there are folds and it depends on materials.
+/// Learns one scheme. With folds, and if the error depends on materials, the error is that of the left-out
+/// materials.
 fn one(
     a: &Arguments,
     template: &Scheme,
@@ -324,7 +327,7 @@ fn one(
     learn_and_validate(template, &objective, &search, folds, &())
 }
 
-/// A scheme's name without its number of captures.
+/// Returns a scheme's name without its number of captures.
 fn kind(scheme: &Scheme) -> String {
     let suffix = format!(" {}", scheme.captures());
     scheme
@@ -422,7 +425,7 @@ fn draw(a: &Arguments, rows: &[LearnedRow], templates: &[Scheme], path: &Path) -
         s.colour = if s.style == SeriesStyle::Dashed {
             chart::BLACK
         } else {
-            // Black is the bounds'.
+            // Black is reserved for the bounds.
             i + usize::from(i >= chart::BLACK)
         };
     }
@@ -450,7 +453,7 @@ fn draw(a: &Arguments, rows: &[LearnedRow], templates: &[Scheme], path: &Path) -
     super::figure::save(&image, path)
 }
 
-/// The least error that the chart shows: the least bound of the sensors that are compared.
+/// Returns the lowest bound of the compared sensors: the least error that the chart shows.
 fn bound_at(most: usize, a: &Arguments) -> f64 {
     let array = a.sensor.contains(&SensorArgument::PolarizerArray);
     let bound = Scheme::quad(most, array).map_or(f64::NAN, |scheme| a_optimal_bound(&scheme));

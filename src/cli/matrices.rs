@@ -1,4 +1,4 @@
-//! Mueller matrices that commands read: an array of them, or a slice of a store.
+//! Mueller matrices that commands read: an array, or a slice of a store.
 
 use super::failure::Failure;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use sunstone::store::denoised;
 use sunstone::store::place::is_address;
 use sunstone::store::probe::Selection;
 
-/// Where matrices are.
+/// The source of Mueller matrices.
 #[derive(clap::Args)]
 pub struct MatrixSource {
     /// Array (.npy) of shape (..., 4, 4), or a store written by `render` or `merge`.
@@ -16,16 +16,17 @@ pub struct MatrixSource {
     pub source: PathBuf,
     /// Slice of the store.
     slice: Option<String>,
-    /// Keep part of the slice's axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
+    /// Keep part of the slice's axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit.
+    /// Repeatable.
     #[arg(short = 'k', long = "select", requires = "slice")]
     select: Vec<Selection>,
-    /// Read what an unfinished render has: NaN where nothing is rendered yet.
+    /// Also read an unfinished render: values that are not rendered yet are NaN.
     #[arg(long, requires = "slice")]
     partial: bool,
 }
 
 impl MatrixSource {
-    /// Reads all matrices. `rest` is what an example of the command ends with.
+    /// Reads all matrices. `rest` ends the example of `command` in error messages.
     pub fn read(&self, command: &str, rest: &str) -> Result<Matrices, Failure> {
         if let Some(slice) = &self.slice {
             return self.stored(command, slice);
@@ -47,7 +48,7 @@ impl MatrixSource {
             partial: self.partial,
         };
         let (store, stored) = source.open()?;
-        // What they do is held against the matrices as the truth.
+        // These commands use the matrices as ground truth.
         if ["capture", "trial"].contains(&command) {
             denoised::refuse(&store).map_err(Failure::input)?;
         }
@@ -60,7 +61,7 @@ impl MatrixSource {
     }
 }
 
-/// Matrices as captures see them; `wavelengths` are those of an array's last axis.
+/// Converts matrices to the input of captures. `wavelengths` are those of an array's last axis.
 pub fn image(matrices: Matrices, wavelengths: &[f64]) -> Result<MuellerImage, Failure> {
     if matrices.facts.is_some() && !wavelengths.is_empty() {
         return Err(Failure::input(

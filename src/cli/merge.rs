@@ -1,4 +1,4 @@
-//! `sunstone merge`.
+//! The `sunstone merge` command: merges renders or joins parts.
 
 use super::failure::Failure;
 use super::places;
@@ -7,14 +7,14 @@ use sunstone::store::merge::{Options, merge};
 use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::field::Field;
 
-/// Pool renders of the same scene with different seeds into one, exactly; or join the parts of one render.
+/// Merge renders of one scene with different seeds exactly, or join the parts of one render.
 ///
-/// Of different seeds, means, standard errors and sample counts become those of one render with all the samples. Of all parts of one
-/// render (`render --part`, `render --tiles`), the result is that render, byte for byte. Killed at any moment, it leaves no store;
-/// the same command goes on where it was.
+/// For different seeds, the means, standard errors and sample counts become those of one render with all the
+/// samples. For all parts of one render (`render --part`, `render --tiles`), the result equals that render
+/// byte for byte. An interrupted merge leaves no store; run the same command again to resume it.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Stores to pool, at least two, or all parts of one render.
+    /// Stores to merge, at least two, or all parts of one render.
     #[arg(required = true, num_args = 1..)]
     inputs: Vec<PathBuf>,
     /// Store to write, a folder or an address (s3://, gs://, az://).
@@ -23,7 +23,7 @@ pub struct Arguments {
     /// Replace an existing store.
     #[arg(long)]
     force: bool,
-    /// Take unfinished renders for what there is of them; what none of them has is NaN.
+    /// Accept unfinished renders; values that none of them has are NaN.
     #[arg(long)]
     partial: bool,
 }
@@ -39,7 +39,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(&a.output.display().to_string())
 }
 
-/// Says what the inputs of earlier versions do not have.
+/// Prints a note on data that inputs of earlier versions lack.
 fn note_dropped(a: &Arguments) -> Result<(), Failure> {
     for input in &a.inputs {
         let store = TensorStore::open_partial(input).map_err(Failure::input)?;

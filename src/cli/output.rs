@@ -1,12 +1,12 @@
-//! Standard output, and the file of a calibration.
+//! Writes to standard output and to calibration files.
 
 use super::failure::Failure;
 use std::io::Write;
 use std::path::Path;
 use sunstone::base::calibration_file::{self, Part, PutError};
 
-/// Writes a text and a line end to standard output. A closed pipe is no error: nobody wants to read on, but files that
-/// are still to be written are.
+/// Writes a text and a newline to standard output. A closed pipe is not an error, because the command may
+/// still have files to write.
 pub fn print(text: &str) -> Result<(), Failure> {
     match writeln!(std::io::stdout().lock(), "{text}") {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
@@ -16,7 +16,7 @@ pub fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Puts a part into a calibration's file.
+/// Writes a part into a calibration file.
 pub fn calibration(path: &Path, part: Part, text: &str) -> Result<(), Failure> {
     calibration_file::put(path, part, text).map_err(|e| match e {
         PutError::Input(e) => Failure::Scene(e),

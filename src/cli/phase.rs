@@ -1,4 +1,4 @@
-//! `sunstone phase`: scattering by participating media.
+//! The `sunstone phase` command: scattering by participating media.
 
 use super::failure::Failure;
 use super::places;
@@ -11,7 +11,7 @@ use sunstone::optics::spectrum::Wavelengths;
 use sunstone::pbrdf::phase::{PhaseTable, tables};
 use sunstone::scene::media;
 
-/// Look at how participating media scatter.
+/// Inspect the scattering of participating media.
 #[derive(clap::Args)]
 pub struct Arguments {
     #[command(subcommand)]
@@ -25,12 +25,12 @@ enum Command {
 
 /// Print the scattering matrix of a medium over the scattering angle, as CSV.
 ///
-/// MEDIUM.toml holds `[media]` as a scene file does, and `wavelengths_nm` if not 450, 550, 660. The matrix is what the
-/// renderer takes: per steradian, the integral of S11 over the sphere being 1, with the perpendicular of the scattering
-/// plane as the first axis of both Stokes frames: S12 = M01 = M10 is positive where light is polarized perpendicular to
-/// that plane, S34 = M23 = -M32. Lines that begin with # give, for each wavelength, the refractive index of the host, the
-/// coefficients of scattering and absorption in 1/m, the mean cosine g, and the mean cross sections of a particle in m²
-/// (0 where no particles were given).
+/// MEDIUM.toml contains `[media]` as in a scene file, and `wavelengths_nm` unless they are 450, 550, 660. The
+/// matrix is the one that the renderer uses, per steradian, with S11 normalized to the integral 1 over the
+/// sphere. The first axis of both Stokes frames is perpendicular to the scattering plane: S12 = M01 = M10 is
+/// positive for light polarized perpendicular to that plane, and S34 = M23 = -M32. Lines that begin with #
+/// give, for each wavelength, the refractive index of the host, the scattering and absorption coefficients in
+/// 1/m, the mean cosine g, and the mean cross sections of a particle in m² (0 for media without particles).
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -40,13 +40,13 @@ Examples:
 struct EvalArguments {
     /// File of media.
     medium: PathBuf,
-    /// Which of them, if there are several.
+    /// Name of the medium, if the file has several.
     #[arg(long)]
     name: Option<String>,
-    /// Vacuum wavelengths in nanometres, any number of them; lists of the file are interpolated.
+    /// Vacuum wavelengths in nanometres, any number of them; spectra of the file are interpolated.
     #[arg(long, value_name = "NM,…", value_delimiter = ',')]
     wavelengths: Vec<f64>,
-    /// Scattering angles: how many from 0 to 180°, or a list of degrees.
+    /// Scattering angles: their number from 0 to 180°, or a list in degrees.
     #[arg(long, value_name = "N | DEG,…", default_value = "181")]
     angles: Angles,
     /// CSV file to write instead of printing.
@@ -54,7 +54,6 @@ struct EvalArguments {
     output: Option<PathBuf>,
 }
 
-/// Scattering angles in degrees.
 #[derive(Clone, Debug)]
 struct Angles(Vec<f64>);
 
@@ -92,7 +91,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// The medium that is meant, by name.
+/// Returns the name of the selected medium.
 fn choose(a: &EvalArguments) -> Result<String, Failure> {
     let names = media::names(&a.medium)?;
     let file = a.medium.display();
@@ -117,7 +116,7 @@ fn eval(a: &EvalArguments) -> Result<(), Failure> {
     if let Some(path) = &a.output {
         places::extension(path, "tables are", &["csv"])?;
     }
-    // One wavelength at a time, so that there may be any number of them, in any order.
+    // One wavelength at a time allows any number of wavelengths in any order.
     let each = |nm: &f64| Wavelengths::new(vec![*nm]);
     let wavelengths: Vec<Wavelengths> = (a.wavelengths.iter().map(each).collect::<Result<_, _>>())
         .map_err(|e| Failure::input(format!("--wavelengths: {e}")))?;
@@ -141,7 +140,6 @@ fn eval(a: &EvalArguments) -> Result<(), Failure> {
 
 /// Appends the lines of a medium at one wavelength.
 fn write_rows(table: &PhaseTable, degrees: &[f64], head: &mut String, rows: &mut String) {
-    // Writing to a string cannot fail.
     let _ = writeln!(
         head,
         "# {},{},{:e},{:e},{},{:e},{:e}",
@@ -159,7 +157,7 @@ fn write_rows(table: &PhaseTable, degrees: &[f64], head: &mut String, rows: &mut
     }
 }
 
-/// The shortest form of an element, rounding noise far below S11 taken off.
+/// Formats an element in shortest form. Sets rounding noise far below S11 to 0.
 fn plain(element: f32, s11: f32) -> String {
     if element.abs() <= 1e-9 * s11 {
         "0".into()

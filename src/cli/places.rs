@@ -1,5 +1,5 @@
-//! Files that a command reads and writes: no output is an input, no two outputs are one file, and a name says what is
-//! written.
+//! Checks of the paths that a command reads and writes: no output is an input, no two outputs are one file,
+//! and the extension matches the format.
 
 use super::failure::Failure;
 use std::path::{Path, PathBuf};
@@ -8,13 +8,13 @@ use sunstone::base::whole_file::{is_same, real};
 use sunstone::store::place::is_address;
 use sunstone::store::zarr::around;
 
-/// Extensions of files that people know, none of which a folder or a store is named with by intent.
+/// Known extensions of files, which are not intended in the name of a folder or a store.
 const OF_FILES: [&str; 28] = [
     "apng", "bin", "bmp", "csv", "exr", "gif", "glb", "gltf", "h5", "hdr", "jpeg", "jpg", "json", "mat",
     "nc", "npy", "npz", "obj", "pbsdf", "pdf", "ply", "png", "svg", "tif", "tiff", "toml", "txt", "xml",
 ];
 
-/// Refuses files to write that are read by the same command, that are one file, or that cannot be a file.
+/// Refuses output files that are inputs of the same command, that coincide, or that cannot be files.
 pub fn files<'a>(
     inputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
     outputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
@@ -29,7 +29,7 @@ pub fn files<'a>(
     check(inputs, outputs)
 }
 
-/// Refuses folders and stores to write as [`files`] does files.
+/// Applies the checks of [`files`] to folders and stores.
 pub fn folders<'a>(
     inputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
     outputs: impl IntoIterator<Item = Option<&'a PathBuf>>,
@@ -54,7 +54,7 @@ pub fn folders<'a>(
     check(inputs, outputs)
 }
 
-/// Refuses a store to write as [`folders`] does, unless it is an address, which stores are written to.
+/// Applies the checks of [`folders`] to a store, unless it is an address of an object store.
 pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a PathBuf) -> Result<(), Failure> {
     if !is_address(output) {
         return folders(inputs.into_iter().map(Some), [Some(output)]);
@@ -68,7 +68,7 @@ pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a Path
     Ok(())
 }
 
-/// Refuses what would be written into a store, or into anything else of Zarr: a render that is kept is whole as it is.
+/// Refuses outputs inside a store or another Zarr hierarchy, because a finished store must not change.
 pub fn outside_stores<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
     for output in outputs {
         let real = real(output);
@@ -87,9 +87,9 @@ fn lies_in(output: &Path, store: &Path) -> Failure {
     ))
 }
 
-/// Refuses a file whose extension is not one of those that name what is written, `what`.
+/// Refuses a file whose extension is not `known`. `what` names the content in the message.
 pub fn extension(path: &Path, what: &str, known: &[&str]) -> Result<(), Failure> {
-    // As the writers do, which take letters as they are.
+    // Case-sensitive, like the writers.
     let extension = path.extension().and_then(|e| e.to_str());
     if extension.is_some_and(|e| known.contains(&e)) {
         return Ok(());
@@ -172,12 +172,12 @@ fn check<'a>(
     Ok(())
 }
 
-/// Whether a real path lies in a store.
+/// Returns whether a real path lies in a store.
 fn is_within(real: &Path, store: &Path) -> bool {
     store.join("zarr.json").exists() && store.canonicalize().is_ok_and(|store| real.starts_with(store))
 }
 
-/// A wavelength of a command line, nanometres.
+/// Parses a wavelength in nanometres.
 pub fn wavelength(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(nm) if (100.0..=100_000.0).contains(&nm) => Ok(nm),
@@ -185,7 +185,7 @@ pub fn wavelength(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A horizontal field of view of a command line, degrees.
+/// Parses a horizontal field of view in degrees.
 pub fn view(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(degrees) if degrees > 0.0 && degrees < 170.0 => Ok(degrees),

@@ -1,4 +1,4 @@
-//! `sunstone probe`.
+//! The `sunstone probe` command: queries a stored slice.
 
 use super::failure::Failure;
 use super::places;
@@ -10,9 +10,9 @@ use sunstone::tensor::array::Tensor;
 
 /// Slice, sum, contract and convolve a stored slice of T (equations 1 to 9 of Baek & Heide 2021).
 ///
-/// Steps run in this order: projector pattern and Stokes state (I = Σ T P over s', p'), pulse (convolution along t),
-/// selection, sums. Without steps the slice is written as it is. Work goes chunk by chunk, so the slice may be larger
-/// than memory; the result may not.
+/// Steps are applied in this order: projector pattern and Stokes state (I = Σ T P over s', p'), pulse
+/// (convolution along t), selection, sums. Without steps, the slice is written unchanged. The slice is
+/// processed chunk by chunk and may be larger than memory; the result must fit into memory.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -38,7 +38,7 @@ pub struct Arguments {
     /// Pulse shape: gaussian:FWHM_PS, or samples:a,b,… at the slice's bin width.
     #[arg(long)]
     pulse: Option<Pulse>,
-    /// Write the result (.npy, .csv or .zarr).
+    /// File or store to write (.npy, .csv or .zarr).
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Print the result as CSV (`--csv -`).
@@ -49,7 +49,7 @@ pub struct Arguments {
     force: bool,
 }
 
-/// The paper's special cases.
+/// The paper's special cases of T.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Preset {
     /// T_s = Σ_t T(:, :, 0, 0, t).
@@ -99,7 +99,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(summary(&result).trim_end())
 }
 
-/// Prints what the result does not have: light outside the time bins, and values that are not known.
+/// Prints notes on what the result lacks: light outside the time bins, and unknown values.
 fn report(r: &ProbeResult) -> Result<(), Failure> {
     for (name, t) in [
         ("arrived outside the stored time bins", &r.overflow),
@@ -126,7 +126,7 @@ fn report(r: &ProbeResult) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What is written is none of what is read.
+/// Checks that the output is not an input.
 fn check(a: &Arguments) -> Result<(), Failure> {
     let inputs = [Some(&a.source.store), a.pattern.as_ref()];
     let Some(path) = &a.output else {
@@ -143,7 +143,7 @@ fn check(a: &Arguments) -> Result<(), Failure> {
     places::files(inputs, [Some(path), errors.as_ref()])
 }
 
-/// A drive image: its linear brightness, as for masks in a scene.
+/// Reads a drive image as linear brightness, as for masks in a scene.
 fn read_pattern(path: &PathBuf) -> Result<Pattern, Failure> {
     let image = input::open(path)
         .map_err(image::ImageError::from)
@@ -162,7 +162,7 @@ fn read_pattern(path: &PathBuf) -> Result<Pattern, Failure> {
     })
 }
 
-/// Calls `f` with the coordinates of every element.
+/// Calls `f` with the coordinates and the index of every element.
 fn for_each(t: &Tensor, mut f: impl FnMut(&[f64], usize)) {
     let shape = t.shape();
     let mut coords = vec![0.0; shape.len()];
@@ -191,7 +191,7 @@ fn csv(r: &ProbeResult) -> String {
     text
 }
 
-/// Small results in full; of large ones the axes and the extremes.
+/// Formats small results completely, and of large ones the axes and the extremes.
 fn summary(r: &ProbeResult) -> String {
     let mut text = String::new();
     let axes: Vec<String> = r

@@ -1,4 +1,4 @@
-//! How far renders of a command are, and Ctrl-C.
+//! Progress of a command's renders, and interruption with Ctrl-C.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -7,13 +7,14 @@ use sunstone::render::{Summary, Watch};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Says how far a render is, every few seconds, and ends it when asked to.
+/// Prints the progress of a render every few seconds, and interrupts it on request.
 pub struct Progress {
     last: Mutex<Instant>,
 }
 
 impl Progress {
-    /// Listens to Ctrl-C: the first ends at the next tile, the second at once.
+    /// Installs the Ctrl-C handler: the first Ctrl-C stops after the current tiles, the second exits
+    /// immediately.
     pub fn start() -> Self {
         let _ = ctrlc::set_handler(|| {
             if INTERRUPTED.swap(true, Ordering::Relaxed) {

@@ -1,4 +1,4 @@
-//! `sunstone project`: where points of a scene fall on the devices' pixels.
+//! The `sunstone project` command: projects points of a scene onto the devices' pixels.
 
 use super::failure::Failure;
 use std::fmt::Write;
@@ -7,13 +7,13 @@ use sunstone::base::document;
 use sunstone::base::locate::InputError;
 use sunstone::transport::device::pinhole::Pinhole;
 
-/// Print where points fall on the pixels of camera and projector, as CSV.
+/// Print the pixels of camera and projector onto which points project, as CSV.
 ///
-/// Every line of POINTS.csv is a point x,y,z in metres, in the scene's coordinates; lines that begin with # are left out, and so
-/// is a first line of names. Printed are the points with camera_x, camera_y, projector_x, projector_y: continuous pixels, of
-/// which the first covers 0..1, through lens and all, exactly as renders have them. They are empty where a device does not see
-/// the point for being outside its image or behind it; what stands in between is not looked at. A lens of finite aperture
-/// is taken as its centre.
+/// Each line of POINTS.csv is a point x,y,z in metres, in the scene's coordinates. Lines that begin with #
+/// and a first line of names are skipped. Prints the points with camera_x, camera_y, projector_x,
+/// projector_y: continuous pixel coordinates, where the first pixel covers 0..1, with lens distortion,
+/// exactly as in renders. They are empty for points outside the image of a device or behind it. Occlusion is
+/// not tested. A lens of finite aperture is treated as a pinhole at its centre.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -23,10 +23,10 @@ pub struct Arguments {
     /// Scene file.
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// Points, x,y,z a line.
+    /// Points, one x,y,z per line.
     #[arg(value_name = "POINTS.csv")]
     points: PathBuf,
-    /// Count pixels as OpenCV does: (0, 0) is the centre of the first pixel.
+    /// Print OpenCV's pixel coordinates: (0, 0) is the centre of the first pixel.
     #[arg(long)]
     opencv: bool,
 }
@@ -64,7 +64,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     super::output::print(&out)
 }
 
-/// Reads points, x,y,z a line.
+/// Reads points, one x,y,z per line.
 fn points(path: &Path) -> Result<Vec<[f64; 3]>, InputError> {
     let fix = "give a text with x,y,z in metres on every line";
     let text = document::read(path, "points", fix)?;

@@ -1,4 +1,4 @@
-//! `sunstone ptu`: photons that a counter of PicoQuant's has stamped with their times.
+//! The `sunstone ptu` command: files of time-tagged photons from PicoQuant's counters.
 
 mod events;
 mod file;
@@ -21,9 +21,10 @@ use sunstone::rig::ptu::tag::Value;
 use sunstone::store::numpy;
 use tracing::info;
 
-/// Read and write files of time-tagged photons (.ptu) of PicoQuant's counters.
+/// Read and write files of time-tagged photons (.ptu) from PicoQuant's counters.
 ///
-/// PicoHarp 300 and 330, HydraHarp 400, TimeHarp 260, MultiHarp; T2 and T3. Files of any size are read in the same memory.
+/// Supports PicoHarp 300 and 330, HydraHarp 400, TimeHarp 260 and MultiHarp, in T2 and T3 mode. The memory
+/// use does not depend on the size of the file.
 #[derive(Args)]
 pub struct Arguments {
     #[command(subcommand)]
@@ -38,7 +39,7 @@ enum Command {
     Write(events::FromText),
 }
 
-/// Print what a file holds: its tags, photons by channel, markers, duration.
+/// Print the contents of a file: its tags, photons by channel, markers, duration.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -50,11 +51,12 @@ struct Info {
     file: PathBuf,
 }
 
-/// Count photons by their time since the laser's pulse, by channel, and by pixel of a galvo scan.
+/// Count photons by time since the laser pulse, by channel, and by pixel of a galvo scan.
 ///
-/// Writes an array of u32: (channels, bins), or with --pixels (rows, columns, channels, bins). Pixels are found by markers in the file:
-/// one a pixel (--pixel-marker), or one a line, with the durations that the header states. Rows that run backwards (ImgHdr_BiDirect)
-/// are turned around. Photons that are in no bin or pixel are counted and reported; if all are, nothing is written (exit code 2).
+/// Writes an array of u32: (channels, bins), or with --pixels (rows, columns, channels, bins). Pixels are
+/// located by markers in the file: one per pixel (--pixel-marker), or one per line, with the durations from
+/// the header. Rows that are scanned backwards (ImgHdr_BiDirect) are reversed. Photons outside all bins or
+/// pixels are counted and reported; if none is inside, nothing is written (exit code 2).
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -69,22 +71,22 @@ struct Histogram {
     /// File to write.
     #[arg(short, long, value_name = "OUT.npy")]
     output: PathBuf,
-    /// Width of a bin, picoseconds: a multiple of the file's resolution (default: that).
+    /// Bin width in picoseconds, a multiple of the file's resolution [default: that resolution].
     #[arg(long, value_name = "PS")]
     bin_ps: Option<f64>,
-    /// Bins (default: those of one laser period, or up to the last photon if one is later).
+    /// Number of bins [default: the bins of one laser period, or up to the last photon if it is later].
     #[arg(long, value_name = "N")]
     bins: Option<usize>,
-    /// Channels, from 0 (comma-separated; default: those that have photons).
+    /// Channels, from 0 (comma-separated) [default: the channels with photons].
     #[arg(long, value_name = "C,…", value_delimiter = ',')]
     channel: Vec<u8>,
-    /// Columns and rows of the scan.
+    /// Number of columns and rows of the scan.
     #[arg(long, value_name = "W,H", value_delimiter = ',')]
     pixels: Vec<usize>,
-    /// The marker, 1 to 4, that begins each pixel, and the one that ends it, if there is one.
+    /// Marker, 1 to 4, that begins each pixel, and optionally the marker that ends it.
     #[arg(long, value_name = "N[,N]", value_delimiter = ',', requires = "pixels", value_parser = clap::value_parser!(u8).range(1..=4))]
     pixel_marker: Vec<u8>,
-    /// The marker that begins a frame.
+    /// Marker that begins a frame.
     #[arg(long, value_name = "N", requires = "pixel_marker", value_parser = clap::value_parser!(u8).range(1..=4))]
     frame_marker: Option<u8>,
 }
@@ -148,7 +150,7 @@ fn info(a: &Info) -> Result<(), Failure> {
     super::output::print(&out)
 }
 
-/// Longest text or list that is shown whole.
+/// Maximum length of a text or list that is printed completely.
 const LONGEST: usize = 200;
 
 fn shown(value: &Value) -> String {
@@ -212,7 +214,7 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     super::output::print(&a.output.display().to_string())
 }
 
-/// Bins of one laser period, and those of later photons (T3).
+/// Returns the number of bins of one laser period, or up to the last photon if it is later (T3).
 fn bins(reader: &Reader<BufReader<File>>, bin: u32, survey: &Survey, channels: &[u8]) -> usize {
     let period = Plan::period_bins(reader, bin);
     let last = channels.iter().filter_map(|c| {
@@ -230,7 +232,7 @@ fn bins(reader: &Reader<BufReader<File>>, bin: u32, survey: &Survey, channels: &
     period
 }
 
-/// Prints what is not in the array, and what is not used of the header.
+/// Prints notes on photons that are not in the array and header entries that are not used.
 fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &Histograms) {
     let note = |text: String| eprintln!("note: {}: {text}", a.file.display());
     let (header, mode) = (reader.header(), reader.record_type().mode());
@@ -273,7 +275,7 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
     }
 }
 
-/// The width of a bin in the file's own counts.
+/// Returns the bin width in the file's time counts.
 fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> {
     let Some(wanted) = a.bin_ps else { return Ok(1) };
     let Some(resolution) = reader.header().resolution_s(reader.record_type().mode()) else {
@@ -331,7 +333,7 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
     }))
 }
 
-/// The scan that the header describes, if it has the size that is asked for.
+/// Returns the scan that the header describes, if it has the requested size.
 fn of_header(
     a: &Histogram,
     reader: &Reader<BufReader<File>>,

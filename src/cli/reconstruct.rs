@@ -1,4 +1,4 @@
-//! `sunstone reconstruct`.
+//! The `sunstone reconstruct` command: Mueller matrices from intensities.
 
 mod arguments;
 mod of_run;
@@ -87,7 +87,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// The shape of the pixels: what is behind the captures and channels.
+/// Returns the shape of the pixels: the axes after captures and channels.
 fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>, Failure> {
     let (k, channels) = (scheme.captures(), scheme.sensor.channels());
     let want: &[usize] = if channels == 1 { &[k] } else { &[k, channels] };
@@ -115,7 +115,7 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     Ok(pixels)
 }
 
-/// Rays of all wavelengths, or with `--view` of all places too.
+/// Returns the rays of all wavelengths, and with `--view` of all places.
 fn rays(a: &Arguments, leading: &[usize]) -> Result<Vec<Ray>, Failure> {
     let Some(degrees) = a.view else {
         return Ok(Directions::Axial.rays(one_place(a), &a.wavelengths));
@@ -168,10 +168,10 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
     let along_axis = rays.len() == lanes;
     let work = Work::<T> {
         scheme,
-        // What cannot be reconstructed is said before anything is written.
+        // A scheme or prior that does not allow a reconstruction fails here, before anything is written.
         estimates: Reconstruction::new(scheme, &rays[..lanes], options.clone()).map_err(Failure::input)?,
         options,
-        // Other times of a place have its ray.
+        // All time bins of a place share its ray.
         times: if along_axis { 1 } else { pixels / rays.len().max(1) },
         rays: (!along_axis).then_some(&rays[..]),
         lanes,
@@ -206,7 +206,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
                 },
                 files.len() > 1,
             )?;
-            // Nothing is left: no file appears.
+            // If no pixel is determined, fail, so that no file is created.
             if done.tally.lost == done.tally.pixels {
                 return Err(nothing_left(&a.source, done.tally.pixels));
             }
@@ -239,7 +239,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
     Ok(())
 }
 
-/// That no pixel is determined.
+/// The error if no pixel is determined.
 fn nothing_left(source: &Path, pixels: usize) -> Failure {
     Failure::input(format!(
         "{}: none of its {pixels} pixels is determined: their measurements are saturated or not finite numbers; nothing is written",
@@ -249,9 +249,9 @@ fn nothing_left(source: &Path, pixels: usize) -> Failure {
 
 type Fill<'a> = dyn FnMut(&mut BufWriter<File>, Option<&mut BufWriter<File>>) -> Result<(), Failure> + 'a;
 
-/// Writes one or two files, which appear whole or not at all.
+/// Writes one or two files atomically.
 fn write_both(output: &Path, errors: Option<&Path>, fill: &mut Fill) -> Result<(), Failure> {
-    // What fails inside is told as it is, not as a fault of the file that is written.
+    // An error of `fill` is returned unchanged, not as an error of writing the file.
     let mut fault = None;
     let written = whole_file::write_with(output, |out| {
         let result = match errors {

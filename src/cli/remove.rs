@@ -1,4 +1,4 @@
-//! `sunstone remove`.
+//! The `sunstone remove` command: deletes stores.
 
 use super::failure::Failure;
 use std::path::PathBuf;
@@ -6,8 +6,8 @@ use sunstone::store::zarr::{RemoveError, remove};
 
 /// Remove stores, such as the parts of a render that have been joined.
 ///
-/// Finished, unfinished or parts, in folders or below addresses; nothing that is not a store is touched. One that is not there is no
-/// error.
+/// Removes finished and unfinished stores and parts, in folders or at addresses, and refuses anything that is
+/// not a store. A store that does not exist is not an error.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Stores, folders or addresses (s3://, gs://, az://).

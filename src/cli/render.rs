@@ -1,4 +1,4 @@
-//! `sunstone render`.
+//! The `sunstone render` command: renders a scene file into a store.
 
 mod arguments;
 mod in_doubt;
@@ -63,7 +63,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::store([&a.scene], &path)?;
     let target = Target {
         replace: a.force,
-        // What nobody named and is complete already need not be made again, if it is this render.
+        // A complete store at the default path is kept if it is the same render.
         resume: a.resume
             || (a.output.is_none() && !a.force && (is_finished(&path) || is_finished_part(&path))),
         path,

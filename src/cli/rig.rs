@@ -1,4 +1,4 @@
-//! `sunstone rig`: plans, run by instruments that are real or simulated.
+//! The `sunstone rig` command: plans, executed by real or simulated instruments.
 
 mod calibrate;
 mod check;
@@ -10,7 +10,7 @@ mod status;
 
 use super::failure::Failure;
 
-/// Run capture plans on a rig, of real or simulated instruments.
+/// Execute and inspect capture plans on a rig of real or simulated instruments.
 #[derive(clap::Args)]
 pub struct Arguments {
     #[command(subcommand)]

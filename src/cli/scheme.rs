@@ -1,4 +1,4 @@
-//! `sunstone scheme`: making, showing and checking capture schemes.
+//! The `sunstone scheme` command: makes, prints and checks capture schemes.
 
 use super::failure::Failure;
 use super::places;
@@ -12,7 +12,8 @@ use sunstone::polarimetry::capture::scheme::{Scheme, SchemeError};
 use sunstone::polarimetry::capture::scheme_file::{load, to_toml};
 use sunstone::store::numpy;
 
-/// Make, show and check capture schemes: which polarizing elements stand where, and how they are set in each capture.
+/// Make, print and check capture schemes: the positions of the polarizing elements and their settings in each
+/// capture.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -31,13 +32,13 @@ pub struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Dual rotating retarders (Azzam 1978): retarder 2 by 5°, retarder 3 by 25° a capture.
+    /// Dual rotating retarders (Azzam 1978): retarder 2 rotates by 5° and retarder 3 by 25° per capture.
     Drr(New),
-    /// Quad rotating polarizers and retarders at hand-made angles; `sunstone learn` finds better ones.
+    /// Quad rotating polarizers and retarders at hand-chosen angles; `sunstone learn` finds better ones.
     Qrpr(New),
-    /// Liquid-crystal retarders, two a side: nothing turns, retardances change.
+    /// Liquid-crystal retarders, two on each side: nothing rotates, retardances change.
     Lc(New),
-    /// Print rank, condition number, error variance and what no scheme can beat.
+    /// Print rank, condition number, error variance and the lower bound of that variance for any scheme.
     Show(Show),
     /// Write the design matrix as .npy.
     Matrix(Matrix),
@@ -45,10 +46,10 @@ enum Command {
     Plot(Plot),
 }
 
-/// What light falls on.
+/// The type of a sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum SensorArgument {
-    /// Pixels that do not care for polarization.
+    /// Pixels that are insensitive to polarization.
     #[default]
     Intensity,
     /// Pixels behind polarizers at 0°, 45°, 90° and 135°.
@@ -57,7 +58,7 @@ pub enum SensorArgument {
 
 #[derive(clap::Args)]
 struct New {
-    /// Captures.
+    /// Number of captures.
     #[arg(short = 'k', long)]
     captures: usize,
     /// Sensor.
@@ -85,13 +86,14 @@ struct Matrix {
     /// Wavelength, nanometres.
     #[arg(long, default_value_t = 550.0, value_parser = super::places::wavelength)]
     wavelength: f64,
-    /// Angle of the rays to the optical axis, degrees.
+    /// Angle between the rays and the optical axis, degrees.
     #[arg(long, default_value_t = 0.0, value_parser = incidence)]
     incidence: f64,
-    /// Azimuth of their plane of incidence, degrees.
+    /// Azimuth of the rays' plane of incidence, degrees.
     #[arg(long, default_value_t = 0.0, value_parser = azimuth, allow_hyphen_values = true)]
     azimuth: f64,
-    /// File to write: (K, 16) or (4K, 16), columns the elements of a Mueller matrix row by row.
+    /// File to write: (K, 16) or (4K, 16), whose columns are the elements of a Mueller matrix in row-major
+    /// order.
     #[arg(short, long, value_name = "A.npy")]
     output: PathBuf,
 }
@@ -137,7 +139,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// The most captures that a scheme is made for: what a rig could take in a day.
+/// Maximum number of captures of a scheme: about as many as a rig can take in a day.
 const MOST: usize = 100_000;
 
 fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result<(), Failure> {
@@ -155,7 +157,6 @@ fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result
     super::output::print(&new.output.display().to_string())
 }
 
-/// Writes a scheme file.
 pub fn save(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
     places::extension(path, "schemes are", &["toml"])?;
     let text = to_toml(scheme).map_err(Failure::failed)?;
@@ -163,7 +164,7 @@ pub fn save(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
         .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
 }
 
-/// A row for each scheme and wavelength.
+/// Formats a table with a row for each scheme and wavelength.
 pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
     let mut out = String::from(
         "scheme                captures  nm    rank  condition  error variance     bound  over bound\n",
@@ -218,7 +219,6 @@ fn draw(a: &Plot) -> Result<(), Failure> {
     super::output::print(&a.output.display().to_string())
 }
 
-/// Draws the settings of a scheme.
 pub fn picture(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
     let motors = scheme.motors();
     if motors.is_empty() {

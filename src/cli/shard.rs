@@ -1,18 +1,20 @@
-//! `sunstone shard`.
+//! The `sunstone shard` command: copies a store into shards.
 
 use super::failure::Failure;
 use super::places;
 use std::path::PathBuf;
 use sunstone::store::shard::shard;
 
-/// Copy a store into shards: the same values, to the bit, in few large files, of which a pixel's profile is a small part.
+/// Copy a store into shards: bit-identical values in few large files, from which a pixel's profile is read as
+/// a small byte range.
 ///
-/// For object stores (s3://, gs://, az://) and archives, where few objects of some megabytes are wanted and ranges of bytes are read.
-/// Everything that reads a store reads it, and so do zarr-python and xarray (Zarr v3, `sharding_indexed`). Killed at any moment, it
-/// leaves no store; the same command goes on where it was.
+/// For object stores (s3://, gs://, az://) and archives, where few objects of several megabytes and reads of
+/// byte ranges are efficient. All commands that read a store read the result, and so do zarr-python and
+/// xarray (Zarr v3, `sharding_indexed`). An interrupted copy leaves no store; run the same command again to
+/// resume it.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Finished store of `render` or `merge`, a folder or an address; of parts of a render, their merge.
+    /// Finished store of `render` or `merge`, a folder or an address. Merge the parts of a render first.
     store: PathBuf,
     /// Store to write, a folder or an address (s3://, gs://, az://).
     #[arg(short, long)]

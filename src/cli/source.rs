@@ -1,11 +1,11 @@
-//! A slice of a store as commands are given it.
+//! Arguments of commands that read a slice of a store.
 
 use super::failure::Failure;
 use std::path::{Path, PathBuf};
 use sunstone::store::probe::Selection;
 use sunstone::store::zarr::{StoredSlice, TensorStore};
 
-/// What `probe` and `export` read: a slice of a store, or a part of it.
+/// The input of `probe`: a slice of a store, or a part of a slice.
 #[derive(clap::Args)]
 pub struct Source {
     /// Store written by `render` or `merge`.
@@ -15,12 +15,12 @@ pub struct Source {
     /// Keep part of an axis: AXIS=VALUE (nearest entry) or AXIS=FROM:TO, in the axis' unit. Repeatable.
     #[arg(short = 'k', long = "select")]
     pub select: Vec<Selection>,
-    /// Read what an unfinished render has: NaN where nothing is rendered yet.
+    /// Also read an unfinished render: values that are not rendered yet are NaN.
     #[arg(long)]
     pub partial: bool,
 }
 
-/// Opens a store to read it, if `partial` an unfinished one as well.
+/// Opens a store for reading; an unfinished one only if `partial`.
 pub fn store(path: &Path, partial: bool) -> Result<TensorStore, Failure> {
     let open = if partial {
         TensorStore::open_partial
@@ -31,7 +31,7 @@ pub fn store(path: &Path, partial: bool) -> Result<TensorStore, Failure> {
 }
 
 impl Source {
-    /// Opens store and slice.
+    /// Opens the store and the slice.
     pub fn open(&self) -> Result<(TensorStore, StoredSlice), Failure> {
         let store = store(&self.store, self.partial)?;
         let slice = store.slice(&self.slice).map_err(Failure::input)?;

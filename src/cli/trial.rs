@@ -1,4 +1,4 @@
-//! `sunstone trial`: capture schemes against each other, on matrices that are known.
+//! The `sunstone trial` command: compares capture schemes on known matrices.
 
 use super::capture::NoiseArguments;
 use super::failure::Failure;
@@ -16,11 +16,12 @@ use sunstone::store::numpy::Values;
 
 mod report;
 
-/// Try capture schemes in simulation: capture known Mueller matrices, reconstruct them, and compare.
+/// Compare capture schemes in simulation: capture known Mueller matrices, reconstruct them, and compute the
+/// errors.
 ///
-/// Captures as `sunstone capture` does and reconstructs as `sunstone reconstruct` does, with the variances where a camera states
-/// them. The stored matrices count as the truth. Schemes that do not determine a matrix use the prior if one is given, and else
-/// the matrix of least norm among those that explain the captures.
+/// Captures like `sunstone capture` and reconstructs like `sunstone reconstruct`, weighted by the variances
+/// if the camera reports them. The stored matrices are the ground truth. Schemes that do not determine a
+/// matrix use the prior if one is given, otherwise the matrix of least norm that explains the captures.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -34,30 +35,33 @@ over the mean T00. ΔTij/T00: mean absolute error of the 15 normalized elements,
 pub struct Arguments {
     #[command(flatten)]
     from: MatrixSource,
-    /// Scheme to try. Repeatable.
+    /// Scheme to test. Repeatable.
     #[arg(long = "scheme", required = true, value_name = "SCHEME")]
     schemes: Vec<PathBuf>,
-    /// Wavelengths of the last axis before the matrices of an array, nanometres. Without them there is one, 550.
+    /// Wavelengths in nanometres of the array's last axis before the matrices. Without this option there is
+    /// no such axis and the wavelength is 550 nm.
     #[arg(long, value_delimiter = ',', value_parser = super::places::wavelength)]
     wavelengths: Vec<f64>,
     #[command(flatten)]
     noise: NoiseArguments,
-    /// Horizontal field of view, degrees: light passes plates and mirrors in the direction of every pixel.
+    /// Horizontal field of view, degrees: each pixel's light passes plates and mirrors in that pixel's
+    /// direction.
     #[arg(long, value_name = "DEGREES", value_parser = super::places::view)]
     view: Option<f64>,
-    /// Second moment of matrices (.toml) to expect, for schemes below rank 16.
+    /// Second moment of the expected matrices (.toml), for schemes of rank below 16.
     #[arg(long, value_name = "PRIOR.toml")]
     prior: Option<PathBuf>,
-    /// How often every scheme is tried, with seeds that follow one another.
+    /// Number of repetitions for every scheme, with consecutive seeds.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     repeat: u32,
     /// Table to write.
     #[arg(short, long, value_name = "TABLE.csv")]
     output: Option<PathBuf>,
-    /// Picture of each scheme's errors, pixel by pixel, of the first try.
+    /// Picture to write of each scheme's errors per pixel, for the first repetition.
     #[arg(long, value_name = "MAPS.png|.svg|.pdf", value_parser = super::figure::picture)]
     figure: Option<PathBuf>,
-    /// Chart of the errors against the number of captures, a line for each kind of scheme (its name without the number).
+    /// Chart to write of the errors against the number of captures, with a line for each kind of scheme (its
+    /// name without the number).
     #[arg(long, value_name = "CURVE.png|.svg|.pdf", value_parser = super::figure::picture)]
     curve: Option<PathBuf>,
 }
@@ -149,7 +153,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The number of matrices with an element that is not finite.
+/// Returns the number of matrices with a non-finite element.
 fn unknown<T>(elements: &[T], is_finite: impl Fn(&T) -> bool) -> usize {
     elements
         .chunks_exact(16)
@@ -157,7 +161,7 @@ fn unknown<T>(elements: &[T], is_finite: impl Fn(&T) -> bool) -> usize {
         .count()
 }
 
-/// What is said where no trial is possible.
+/// Converts an error of a trial to a failure of the command.
 fn failure(e: TrialError) -> Failure {
     match e {
         TrialError::NoiseUnknown => Failure::input(

@@ -1,19 +1,20 @@
-//! `sunstone verify`.
+//! The `sunstone verify` command: checks a store.
 
 use super::failure::Failure;
 use std::path::PathBuf;
 use sunstone::store::zarr;
 
-/// Check that a store is what was written: every file there, whole and unchanged.
+/// Check that every file of a store exists, is complete and is unchanged.
 ///
-/// Exit code 0 says so; 1 that something is not, a line each; 2 that there is no finished store to check.
+/// Exits with 0 if the store is intact, 1 if any file is damaged (each is printed on a line), 2 if there is
+/// no finished store to check.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Store written by `render`, `merge` or `probe`.
     store: PathBuf,
 }
 
-/// Faults that are printed.
+/// Maximum number of faults to print.
 const SHOWN: usize = 20;
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {

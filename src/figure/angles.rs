@@ -1,5 +1,5 @@
-//! Angles of rotating elements over the captures of an acquisition scheme, one panel per element, as in figure 4(c, d)
-//! of Baek & Heide 2021.
+//! Angles of rotating elements over the captures of a scheme, one panel per element, as in figure 4(c, d) of
+//! Baek & Heide 2021.
 //!
 //! Angles are drawn modulo the period of their element: 180° for polarizers and retarders.
 
@@ -10,20 +10,22 @@ use super::marker::{Marker, palette};
 use super::text::{INK, LABEL, NAME, TICK, fit, width};
 use super::ticks::{Ticks, brief};
 
-/// Size of a panel, and the room above it for the name, in pixels.
+/// Size of a panel, and the space above it for the name, in pixels.
 const SIZE: (f64, f64) = (900.0, 140.0);
 const HEAD: f64 = 34.0;
-/// A panel goes on beyond 0 and beyond the period by this share of it, so that markers there are whole.
+/// A panel extends by this fraction of the period beyond both ends, so that markers at the ends are not
+/// clipped.
 const BEYOND: f64 = 0.08;
-/// A page has at most this many panels.
+/// Maximum number of panels on a page.
 const MOST: usize = 8;
 
-/// Draws the angles of a scheme. Every element has a name, the label of its axis with unit (`"angle / °"`) and the
-/// period of its angle; `values[capture][element]` are the angles in that unit. Angles that are not finite leave gaps.
+/// Draws the angles of a scheme. Every element has a name, an axis label with unit (`"angle / °"`) and the
+/// period of its angle. `values[capture][element]` holds the angles in that unit. Non-finite angles leave
+/// gaps.
 ///
 /// # Errors
-/// [`FigureError::Option`] if there is no capture, no element or more than eight, a capture has another number of
-/// angles than there are elements, or a period is not a finite number above zero.
+/// [`FigureError::Option`] if there is no capture, no element or more than eight, if a capture has the wrong
+/// number of angles, or if a period is not a finite positive number.
 pub fn draw(
     title: &str,
     elements: &[(&str, &str, f64)],
@@ -37,7 +39,8 @@ pub fn draw(
         columns: 1,
     };
     let (wide, high) = panels.extent(elements.len());
-    // The page has the ticks of all panels on one long axis; the labels of the panels go into the room of its label.
+    // The page has the ticks of all panels on one long axis. The labels of the panels take the space of its
+    // label.
     let quarters = || (0..=4).map(|quarter| f64::from(quarter) / 4.0);
     let ticks = |i: usize| {
         let (top, period) = (panels.corner(i).1, elements[i].2);
@@ -78,7 +81,7 @@ pub fn draw(
     Ok(page)
 }
 
-/// Where the angle of capture `k` of `n` is in its panel.
+/// Returns the position of capture `k` of `n` in its panel.
 fn place(panel: Rect, k: usize, n: usize, part: f64) -> Point {
     (
         panel.x + (k as f64 + 0.5) / n as f64 * panel.w,
@@ -86,13 +89,13 @@ fn place(panel: Rect, k: usize, n: usize, part: f64) -> Point {
     )
 }
 
-/// An angle modulo its period, 0 to below 1.
+/// Returns an angle as a fraction of its period, 0 to below 1.
 fn part(angle: f64, period: f64) -> Option<f64> {
     let part = angle.rem_euclid(period) / period;
     part.is_finite().then_some(if part < 1.0 { part } else { 0.0 })
 }
 
-/// Distance of a part of the period from the upper edge of its panel, in pixels.
+/// Returns the distance of a fraction of the period from the upper edge of its panel, in pixels.
 fn row(part: f64) -> f64 {
     (1.0 + BEYOND - part) / (1.0 + 2.0 * BEYOND) * SIZE.1
 }
@@ -144,7 +147,7 @@ mod tests {
         ("retarder 2", "angle / °", 180.0),
     ];
 
-    /// Every angle is a marker in its panel, column and row, and so is the same angle a period later.
+    /// Every angle has a marker in its panel, column and row; an angle one period later is the same.
     #[test]
     fn angles_are_in_their_places() {
         let values = vec![

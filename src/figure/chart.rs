@@ -1,8 +1,8 @@
 //! An x-y chart of named series: lines, markers and error bars over linear or logarithmic axes.
 //!
-//! Series differ in colour and in marker, so that the chart also reads in grey. Points that are not finite leave gaps,
-//! and so do those at or below zero on a logarithmic axis, which a note under the chart counts. A horizontal or
-//! vertical reference line is a series of two points, a bound a dashed one in [`BLACK`].
+//! Series differ in colour and marker, so that the chart is also readable in greyscale. Non-finite points
+//! leave gaps, and so do points at or below zero on a logarithmic axis; a note under the chart counts these.
+//! A horizontal or vertical reference line is a series of two points, a bound a dashed one in [`BLACK`].
 
 use image::Rgb;
 
@@ -28,25 +28,22 @@ mod tests;
 /// Size of the plot in pixels.
 pub(crate) const WIDTH: f64 = 900.0;
 pub(crate) const HEIGHT: f64 = 520.0;
-/// Opacity of the bands of two standard errors and of one.
+/// Number of standard errors and opacity of the bands.
 const BANDS: [(f64, f64); 2] = [(2.0, 0.11), (1.0, 0.17)];
 
-/// What a chart shows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
-    /// Title; empty for none.
+    /// Title; may be empty.
     pub title: String,
-    /// Horizontal axis.
     pub x: ChartAxis,
-    /// Vertical axis.
     pub y: ChartAxis,
-    /// What is drawn, later series over earlier ones.
+    /// The series; later ones are drawn over earlier ones.
     pub series: Vec<Series>,
     /// Notes under the chart, one paragraph each.
     pub notes: Vec<String>,
 }
 
-/// Adds a point, with its standard error, to the series of this name, which is begun where there is none yet.
+/// Adds a point with its standard error to the series of this name, and creates the series if it is missing.
 pub fn add_point(series: &mut Vec<Series>, name: &str, point: (f64, f64), error: f64) {
     let found = series.iter().position(|s| s.name == name);
     let at = found.unwrap_or_else(|| {
@@ -64,17 +61,17 @@ pub fn add_point(series: &mut Vec<Series>, name: &str, point: (f64, f64), error:
     }
 }
 
-/// Draws a chart of 900 × 520 pixels with its axes and legend around or in it.
+/// Draws a chart of 900 × 520 pixels with its axes and legend.
 ///
 /// # Errors
-/// [`FigureError::Option`] if there is no series, one without points or with another number of errors than points, more
-/// series than can be told apart, no point that the axes can show, or a range that is no range.
+/// [`FigureError::Option`] if there is no series, a series without points or with a wrong number of errors,
+/// too many series to distinguish, no point that the axes can show, or an invalid range.
 pub fn draw(chart: &Chart) -> Result<Drawing, FigureError> {
     check(chart)?;
     Ok(draw_in(chart, &palette)?.0)
 }
 
-/// Draws a chart whose series' colours are looked up, together with its scales. Without a check of its series.
+/// Draws a chart with the given palette and returns its scales. Does not check the series.
 pub(crate) fn draw_in(
     chart: &Chart,
     palette: &dyn Fn(usize) -> Rgb<u8>,
@@ -105,7 +102,7 @@ pub(crate) fn draw_in(
     Ok((page, scales))
 }
 
-/// Bands, lines and error bars of series, within their plot.
+/// Draws bands, lines and error bars of series within their plot.
 pub(crate) fn curves(
     page: &mut Drawing,
     all: &[Series],
@@ -123,7 +120,7 @@ pub(crate) fn curves(
     });
 }
 
-/// Markers of series, within their plot.
+/// Draws the markers of series within their plot.
 pub(crate) fn markers(
     page: &mut Drawing,
     all: &[Series],
@@ -139,7 +136,7 @@ pub(crate) fn markers(
     }
 }
 
-/// Checks all that drawing relies on.
+/// Checks the preconditions of drawing.
 pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     if chart.series.is_empty() || chart.series.len() > DISTINCT {
         let must = "1 to 56, which is as many as can be told apart";
@@ -166,12 +163,11 @@ pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     Ok(())
 }
 
-/// Whether an axis can show a value at all.
 fn shows(axis: &ChartAxis, value: f64) -> bool {
     value.is_finite() && (value > 0.0 || !axis.log)
 }
 
-/// Points with their standard errors, 0 where there is none, that both axes can show.
+/// Returns the points that both axes can show, with their standard errors (0 without one).
 fn shown(chart: &Chart) -> impl Iterator<Item = ((f64, f64), f64)> {
     chart.series.iter().flat_map(|s| {
         let errors = s.errors.as_deref().unwrap_or_default();
@@ -182,7 +178,8 @@ fn shown(chart: &Chart) -> impl Iterator<Item = ((f64, f64), f64)> {
     })
 }
 
-/// Scales that hold all points and their error bars; on a logarithmic axis a bar reaches down a decade at most.
+/// Returns scales that contain all points and their error bars; on a logarithmic axis a bar extends down by
+/// at most a decade.
 pub(crate) fn ranges(chart: &Chart) -> Result<(Scale, Scale), FigureError> {
     let reach = |((_, y), e): ((f64, f64), f64)| {
         let low = if chart.y.log { (y - e).max(y / 10.0) } else { y - e };
@@ -194,7 +191,7 @@ pub(crate) fn ranges(chart: &Chart) -> Result<(Scale, Scale), FigureError> {
     ))
 }
 
-/// How many points a logarithmic axis cannot show.
+/// Returns a note on the number of points that a logarithmic axis cannot show.
 fn left_out(chart: &Chart) -> Option<String> {
     let axes: Vec<&str> = [(&chart.x, "horizontal"), (&chart.y, "vertical")]
         .into_iter()
@@ -214,11 +211,11 @@ fn left_out(chart: &Chart) -> Option<String> {
     })
 }
 
-/// Light lines at the labelled ticks, short ticks at the others.
+/// Draws light lines at the labelled ticks and short ticks at the others.
 fn grid(page: &mut Drawing, across: &Marks, up: &Marks) {
     const SHORT: f64 = 3.0;
     let r = page.data;
-    // Lines at the ends of an axis lie inside the frame.
+    // Lines at the ends of an axis stay inside the frame.
     let column = |at: f64| (r.x + at * r.w).clamp(r.x + 0.5, r.x + r.w - 0.5);
     let row = |at: f64| (r.y + (1.0 - at) * r.h).clamp(r.y + 0.5, r.y + r.h - 0.5);
     for (at, _) in &across.major.marks {
@@ -235,7 +232,7 @@ fn grid(page: &mut Drawing, across: &Marks, up: &Marks) {
     }
 }
 
-/// Points of a series on the page, each with its standard error if it has one; `None` where there is no point.
+/// Returns the points of a series on the page with their standard errors (0 without one); `None` for a gap.
 fn places(series: &Series, scales: Scales) -> impl Iterator<Item = Option<(Point, [f64; 2], f64)>> {
     let errors = series.errors.as_deref().unwrap_or_default();
     series.points.iter().enumerate().map(move |(i, &p)| {
@@ -244,7 +241,7 @@ fn places(series: &Series, scales: Scales) -> impl Iterator<Item = Option<(Point
     })
 }
 
-/// Bands between the ends of the standard errors, over each run of points without a gap.
+/// Draws bands between the ends of the standard errors, over each run of points without a gap.
 fn bands(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>) {
     if series.style != SeriesStyle::Band || series.errors.is_none() {
         return;
@@ -265,7 +262,7 @@ fn bands(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>) {
     }
 }
 
-/// Line and error bars of a series.
+/// Draws the line and error bars of a series.
 fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>, nib: Nib) {
     let pen = Pen {
         colour,
@@ -285,7 +282,7 @@ fn lines(page: &mut Drawing, series: &Series, scales: Scales, colour: Rgb<u8>, n
         ..pen
     };
     for ((at, _), [x, y], e) in places(series, scales).flatten().filter(|p| p.2 > 0.0) {
-        // A bar that reaches zero on a logarithmic axis leaves the chart, without a cap.
+        // An error bar that reaches zero on a logarithmic axis extends beyond the chart, without a cap.
         let end = |y: f64, far: f64| scales.point((x, y)).map_or(far, |p| p.1);
         let plot = scales.plot;
         let (top, bottom) = (end(y + e, plot.y - plot.h), end(y - e, plot.y + 3.0 * plot.h));

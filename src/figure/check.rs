@@ -1,4 +1,4 @@
-//! Whether a view can be drawn of a slice, told before the slice is rendered.
+//! Checks before rendering that a view of a slice can be drawn.
 
 use crate::error::{FigureError, WAVELENGTH};
 use crate::flight::MOST;
@@ -6,7 +6,7 @@ use crate::spec::View;
 use base::spectral_table;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
-/// A number that is drawn as one.
+/// Checks a number that must be positive.
 fn positive(option: &'static str, value: Option<f32>) -> Result<(), FigureError> {
     match value {
         Some(v) if !(v > 0.0 && v.is_finite()) => Err(FigureError::option(option, v, "a positive number")),
@@ -14,11 +14,11 @@ fn positive(option: &'static str, value: Option<f32>) -> Result<(), FigureError>
     }
 }
 
-/// Checks options that are wrong whatever the slice holds, and what the slice must resolve; `nm` are the scene's
+/// Checks the options of a view, and that the slice resolves the axes it needs; `nm` are the scene's
 /// wavelengths.
 ///
 /// # Errors
-/// [`FigureError`], as drawing would give.
+/// The same [`FigureError`] as drawing.
 pub fn check(view: &View, slice: &Slice, nm: &[f64]) -> Result<(), FigureError> {
     let missing = |axis, fix| {
         Err(FigureError::MissingAxis {

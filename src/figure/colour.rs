@@ -1,22 +1,22 @@
-//! From values to colours: wavelengths to RGB, exposure, and colour maps.
+//! Maps values to colours: wavelengths to RGB, exposure, and colour maps.
 //!
-//! The wavelength rule: each of the three primaries (660 nm red, 550 nm green, 450 nm blue) shows the mean of the
-//! wavelengths that are nearer to it than to the other two; a primary that has none shows the one wavelength nearest to
-//! it. Three wavelengths are shown in their order instead (lowest blue, middle green, highest red), and one is shown
-//! grey. Every rule's weights sum to 1 per primary, so a spectrally flat picture is grey.
+//! Wavelength rule: each primary (660 nm red, 550 nm green, 450 nm blue) shows the mean of the wavelengths
+//! that are nearest to it. A primary without any shows the single nearest wavelength. Exactly three
+//! wavelengths are assigned by order instead (lowest blue, middle green, highest red), and a single one is
+//! grey. The weights of each primary sum to 1, so a spectrally flat image is grey.
 
 use super::white::White;
 use base::spectral_table;
 use image::Rgb;
 
-/// Colour of what has no value: not finite, or normalized by an M00 that is not positive.
+/// Colour of undefined values: not finite, or normalized by an M00 that is not positive.
 pub const UNDEFINED: Rgb<u8> = Rgb([178, 178, 178]);
 
 /// Wavelengths in nanometres shown as red, green and blue.
 pub const PRIMARIES_NM: [f64; 3] = [660.0, 550.0, 450.0];
 
-/// Share of every wavelength in red, green and blue: `weights[channel][wavelength]`, each row summing to 1. See the
-/// rule at the head of this file.
+/// Returns the weight of every wavelength in red, green and blue: `weights[channel][wavelength]`. Each row
+/// sums to 1; see the module for the rule.
 #[must_use]
 pub fn rgb_weights(nm: &[f64]) -> [Vec<f32>; 3] {
     let n = nm.len();
@@ -46,20 +46,20 @@ pub fn rgb_weights(nm: &[f64]) -> [Vec<f32>; 3] {
     weights
 }
 
-/// Index of the primary (0 red, 1 green, 2 blue) nearest to a wavelength.
+/// Returns the index of the primary (0 red, 1 green, 2 blue) nearest to a wavelength.
 #[must_use]
 pub fn primary(nm: f64) -> usize {
     nearest(&PRIMARIES_NM, nm)
 }
 
-/// Index of the value nearest to `wanted`, the first of equals; 0 for an empty list.
+/// Returns the index of the value nearest to `wanted`, the first of equals; 0 for an empty list.
 #[must_use]
 pub fn nearest(values: &[f64], wanted: f64) -> usize {
     spectral_table::nearest(values, wanted).unwrap_or(0)
 }
 
-/// Line colours that stay apart on white: by primary for several wavelengths (the second of one primary is darker),
-/// dark grey for one alone.
+/// Returns line colours that are distinct on white: by primary for several wavelengths (the second of one
+/// primary is darker), dark grey for a single one.
 #[must_use]
 pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
     const SHADES: [[[u8; 3]; 2]; 3] = [
@@ -86,7 +86,7 @@ pub fn line_colours(nm: &[f64]) -> Vec<Rgb<u8>> {
         .collect()
 }
 
-/// The value below which the share `q` (0..1) of the finite values lies; `None` if no value is finite.
+/// Returns the quantile `q` (0..1) of the finite values; `None` if no value is finite.
 #[must_use]
 pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
     let mut finite: Vec<f32> = values.filter(|v| v.is_finite()).collect();
@@ -97,7 +97,8 @@ pub fn percentile(values: impl Iterator<Item = f32>, q: f64) -> Option<f32> {
     Some(*finite.select_nth_unstable_by(rank, f32::total_cmp).1)
 }
 
-/// The white level of a picture: the 99th percentile of its values, their largest if that is not positive; nothing if no value is.
+/// Returns the white level of an image: the 99th percentile of its values, or their maximum if that is not
+/// positive.
 #[must_use]
 pub fn exposure(values: impl Iterator<Item = f32> + Clone) -> White {
     let positive = |v: &f32| *v > 0.0;
@@ -107,7 +108,7 @@ pub fn exposure(values: impl Iterator<Item = f32> + Clone) -> White {
         .into()
 }
 
-/// sRGB transfer function of a linear value; 0 and below is black, 1 and above white.
+/// sRGB transfer function of a linear value, clamped to 0..1.
 #[must_use]
 pub fn srgb(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
@@ -119,7 +120,7 @@ pub fn srgb(linear: f32) -> u8 {
     (encoded * 255.0).round() as u8
 }
 
-/// A linear colour relative to its white level.
+/// Returns a linear colour relative to its white level.
 #[must_use]
 pub fn photo(rgb: [f32; 3], white: f32) -> Rgb<u8> {
     if rgb.iter().all(|v| v.is_finite()) {
@@ -129,7 +130,7 @@ pub fn photo(rgb: [f32; 3], white: f32) -> Rgb<u8> {
     }
 }
 
-/// Signed map: -1 blue, 0 nearly white, +1 red; beyond is held at the ends.
+/// Diverging map: -1 blue, 0 nearly white, +1 red; values beyond are clamped.
 #[must_use]
 pub fn signed(v: f32) -> Rgb<u8> {
     if !v.is_finite() {
@@ -139,8 +140,8 @@ pub fn signed(v: f32) -> Rgb<u8> {
     Rgb([c.r, c.g, c.b])
 }
 
-/// Cyclic map of an angle: 0 and 1, and all whole numbers, are one colour. Its steps differ by a factor of 4 in a
-/// perceptual space, those of the other cyclic map of this source by 7.
+/// Cyclic map of an angle: all whole numbers have the same colour. Its steps differ by a factor of 4 in a
+/// perceptual space; those of the other cyclic map in `colorous` differ by 7.
 #[must_use]
 pub fn cyclic(v: f32) -> Rgb<u8> {
     if !v.is_finite() {
@@ -150,7 +151,7 @@ pub fn cyclic(v: f32) -> Rgb<u8> {
     Rgb([c.r, c.g, c.b])
 }
 
-/// Perceptual sequential map: 0 black, 1 pale yellow; beyond is held at the ends.
+/// Perceptually uniform sequential map: 0 black, 1 pale yellow; values beyond are clamped.
 #[must_use]
 pub fn sequential(v: f32) -> Rgb<u8> {
     if !v.is_finite() {
@@ -201,7 +202,8 @@ mod tests {
         assert_eq!(srgb(0.215_861), 128);
     }
 
-    /// Steps of the cyclic map in the perceptual space of Ottosson (Oklab, 2020), from which sRGB is not far.
+    /// Steps of the cyclic map in the perceptual space Oklab (Ottosson 2020), with an approximate sRGB
+    /// decoding.
     #[test]
     fn angles_go_round_in_even_steps() {
         let lab = |v: f32| {

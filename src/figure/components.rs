@@ -1,4 +1,4 @@
-//! Matrices of 16 numbers each, such as principal components: 4×4 cells in colour with their values, on one scale.
+//! Matrices of 16 numbers, such as principal components: 4×4 coloured cells with their values, on one scale.
 //!
 //! After figure 5 of Baek & Heide 2021. Rows of a map: Stokes out; columns: Stokes in.
 
@@ -10,22 +10,21 @@ use super::error::FigureError;
 use super::layout::{Bar, Panels};
 use super::text::{Align, INK, NAME, NOTE, Style, TICK, fit};
 
-/// One map of the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
-    /// Name written above it.
+    /// Name above the map.
     pub label: String,
-    /// Second line of the name, in smaller letters; may be empty.
+    /// Second line of the name, in a smaller font; may be empty.
     pub caption: String,
-    /// Elements, row by row.
+    /// Elements, row-major.
     pub values: [f64; 16],
 }
 
-/// Pixels of a cell, the last of which parts it from the next.
+/// Size of a cell in pixels; the last pixel separates it from the next cell.
 const CELL: (f64, f64) = (62.0, 46.0);
 
-/// Draws maps, `columns` a row, on the common scale ± the largest magnitude, which is named `quantity` beside the bar.
-/// Values that are not finite are grey.
+/// Draws maps, `columns` per row, on the common scale ± the largest magnitude; `quantity` labels the colour
+/// bar. Non-finite values are grey.
 ///
 /// # Errors
 /// [`FigureError::Empty`] if there is no map.
@@ -74,7 +73,7 @@ impl Map {
     }
 }
 
-/// Dark letters on pale ground, white ones on dark (luma of ITU-R BT.601).
+/// Dark text on light ground, white text on dark ground (luma of ITU-R BT.601).
 fn ink_on(ground: Rgb<u8>) -> Rgb<u8> {
     let [r, g, b] = ground.0.map(f32::from);
     if 0.299 * r + 0.587 * g + 0.114 * b < 120.0 {
@@ -84,7 +83,7 @@ fn ink_on(ground: Rgb<u8>) -> Rgb<u8> {
     }
 }
 
-/// A value to a hundredth of the scale; all that rounds to it is plain 0.
+/// Formats a value to a hundredth of the scale; negative zero becomes 0.
 fn number(v: f64, limit: f64) -> String {
     if !v.is_finite() {
         return "–".into();
@@ -142,7 +141,7 @@ mod tests {
         }
     }
 
-    /// Nothing at all, all zeros and no numbers are drawn or refused, without panic.
+    /// Empty input, zeros and non-finite values are drawn or rejected without a panic.
     #[test]
     fn odd_maps_do_no_harm() {
         assert!(draw("T", &[], 3, "T", &[]).is_err());

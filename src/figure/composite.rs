@@ -1,8 +1,8 @@
-//! Figures of several panels at the size of a printed column: a grid of pictures with headings, letters, captions, insets, arrows,
-//! colour bars and scale bars.
+//! Figures of several panels at the size of a printed column: a grid of images with headings, letters,
+//! captions, insets, arrows, colour bars and scale bars.
 //!
-//! Where everything lies is worked out in millimetres ([`layout::layout`]), and drawn from that alone ([`draw()`]). Pictures of one figure are
-//! equally wide, a column apart; letters are 6 to 7.5 points high whatever the width.
+//! [`layout::layout`] computes all positions in millimetres, and [`draw()`] draws only from these. Images of
+//! one figure are equally wide and one gap apart. Text is 6 to 7.5 points high at any width.
 
 mod draw;
 pub mod layout;

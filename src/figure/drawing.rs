@@ -1,7 +1,8 @@
-//! A drawing: an SVG document of a few primitives, from which every format of picture is made.
+//! A drawing: an SVG document of a few primitives, from which all output formats are produced.
 //!
-//! Lengths are in pixels of the PNG; x runs to the right, y down. Texts are text, data are embedded images shown with
-//! sharp pixels, and all else are paths. Images lie under everything, which is how [`super::output`] rasterizes them.
+//! Lengths are in pixels of the PNG; x points right, y down. Text stays text, data are embedded images with
+//! sharp pixels, and everything else is a path. Images are below everything else, as [`super::output`]
+//! rasterizes them.
 
 use std::fmt::{self, Write as _};
 
@@ -13,37 +14,30 @@ use image::{ExtendedColorType, ImageEncoder, Rgb, RgbImage};
 use super::marker::Marker;
 use super::text::{Align, CAP_PER_EM, INK, Style};
 
-/// A point in pixels.
 pub type Point = (f64, f64);
 
-/// A rectangle in pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rect {
-    /// Left edge.
     pub x: f64,
-    /// Upper edge.
     pub y: f64,
-    /// Width.
     pub w: f64,
-    /// Height.
     pub h: f64,
 }
 
 impl Rect {
-    /// The rectangle of this size whose upper left corner lies `(dx, dy)` from that of `self`.
+    /// Returns the rectangle of this size whose upper left corner is at `(dx, dy)` from that of `self`.
     #[must_use]
     pub fn within(self, (dx, dy): Point, (w, h): (f64, f64)) -> Self {
         let (x, y) = (self.x + dx, self.y + dy);
         Self { x, y, w, h }
     }
 
-    /// The middle of the rectangle.
     #[must_use]
     pub fn centre(self) -> Point {
         (self.x + self.w / 2.0, self.y + self.h / 2.0)
     }
 
-    /// Whether a point is inside or on the edge.
+    /// Returns whether a point is inside or on the edge.
     #[must_use]
     pub fn holds(self, (x, y): Point) -> bool {
         (self.x..=self.x + self.w).contains(&x) && (self.y..=self.y + self.h).contains(&y)
@@ -51,28 +45,27 @@ impl Rect {
 }
 
 impl fmt::Display for Rect {
-    /// As attributes of an element.
+    /// Formats the rectangle as attributes of an SVG element.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let [x, y, w, h] = [self.x, self.y, self.w, self.h].map(n);
         write!(f, "x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"")
     }
 }
 
-/// How a path is stroked.
+/// The stroke of a path.
 #[derive(Clone, Copy, Debug)]
 pub struct Pen {
-    /// Colour.
     pub colour: Rgb<u8>,
     /// Width in pixels.
     pub width: f64,
-    /// Dashes instead of a whole line.
+    /// Dashed instead of solid.
     pub dashed: bool,
 }
 
-/// Dashes and what is between them, in widths of the line.
+/// Lengths of dashes and gaps, in line widths.
 const DASHES: [f64; 2] = [7.0 / 2.2, 9.0 / 2.2];
 
-/// A picture made of paths, texts and embedded images: the SVG of it is [`Drawing::svg`].
+/// An image made of paths, text and embedded images; [`Drawing::svg`] returns its SVG.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
     width: f64,
@@ -80,13 +73,13 @@ pub struct Drawing {
     title: String,
     body: String,
     clips: usize,
-    /// Pixels per inch of a drawing that has a size on paper.
+    /// Pixels per inch of a drawing with a physical size.
     per_inch: Option<f64>,
-    /// Where the data are.
+    /// The rectangle of the data.
     pub(crate) data: Rect,
 }
 
-/// A length to a thousandth of a pixel, without needless digits.
+/// Rounds a length to a thousandth of a pixel, to avoid needless digits.
 fn n(v: f64) -> f64 {
     (v * 1000.0).round() / 1000.0
 }
@@ -95,7 +88,7 @@ fn hex(Rgb([r, g, b]): Rgb<u8>) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// A text as it stands in XML: marks of the syntax escaped, what XML does not allow and line breaks as spaces.
+/// Escapes a text for XML; characters that XML does not allow and line breaks become spaces.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -113,7 +106,6 @@ fn escaped(text: &str) -> String {
 }
 
 impl Drawing {
-    /// A white page.
     #[must_use]
     pub(crate) fn new(width: f64, height: f64, title: &str) -> Self {
         Self {
@@ -127,31 +119,31 @@ impl Drawing {
         }
     }
 
-    /// Width in pixels, a whole number.
+    /// Returns the width in whole pixels.
     #[must_use]
     pub fn width(&self) -> u32 {
         self.width.ceil() as u32
     }
 
-    /// Height in pixels, a whole number.
+    /// Returns the height in whole pixels.
     #[must_use]
     pub fn height(&self) -> u32 {
         self.height.ceil() as u32
     }
 
-    /// The drawing with so many pixels an inch of paper.
+    /// Returns the drawing with this number of pixels per inch of paper.
     #[must_use]
     pub(crate) fn printed_at(mut self, per_inch: f64) -> Self {
         self.per_inch = Some(per_inch);
         self
     }
 
-    /// Pixels per inch of a drawing that has a size on paper.
     pub(crate) fn per_inch(&self) -> Option<f64> {
         self.per_inch
     }
 
-    /// The whole document. Its texts ask for DejaVu Sans, and for fonts of nearly the same widths where there is none.
+    /// Returns the SVG document. Its text requests DejaVu Sans, with fallback fonts of nearly the same
+    /// widths.
     #[must_use]
     pub fn svg(&self) -> String {
         let (w, h) = (self.width(), self.height());
@@ -164,7 +156,7 @@ impl Drawing {
         }
     }
 
-    /// The document of a drawing whose size is told in pixels.
+    /// Returns the SVG document with its size in pixels.
     pub(crate) fn in_pixels(&self) -> String {
         self.document(&self.width().to_string(), &self.height().to_string())
     }
@@ -179,17 +171,16 @@ impl Drawing {
         )
     }
 
-    /// Makes the page at least this wide.
     pub(crate) fn widen(&mut self, width: f64) {
         self.width = self.width.max(width);
     }
 
-    /// One element; writing to a string does not fail.
+    /// Appends one element; writing to a string does not fail.
     fn put(&mut self, element: fmt::Arguments) {
         let _ = writeln!(self.body, "{element}");
     }
 
-    /// A filled rectangle.
+    /// Draws a filled rectangle.
     pub(crate) fn fill(&mut self, r: Rect, colour: Rgb<u8>, opacity: f64) {
         let colour = hex(colour);
         self.put(format_args!(
@@ -197,15 +188,15 @@ impl Drawing {
         ));
     }
 
-    /// A frame of one pixel just outside a rectangle.
+    /// Draws a frame of one pixel just outside a rectangle.
     pub(crate) fn frame(&mut self, r: Rect, colour: Rgb<u8>) {
         let (r, colour) = (r.within((-0.5, -0.5), (r.w + 1.0, r.h + 1.0)), hex(colour));
         self.put(format_args!("<rect {r} fill=\"none\" stroke=\"{colour}\"/>"));
     }
 
-    /// A line of one pixel in the ink of frames, from a point by `(dx, dy)`.
+    /// Draws a line of one pixel from a point by `(dx, dy)`.
     pub(crate) fn tick(&mut self, (x, y): Point, (dx, dy): Point, colour: Rgb<u8>) {
-        // The middle of a pixel makes a line sharp.
+        // A line through the centre of a pixel is sharp.
         let sharp = |v: f64, along: f64| if along == 0.0 { (v - 0.5).round() + 0.5 } else { v };
         let (x, y, dx, dy) = (n(sharp(x, dx)), n(sharp(y, dy)), n(dx), n(dy));
         let colour = hex(colour);
@@ -214,7 +205,7 @@ impl Drawing {
         ));
     }
 
-    /// Lines through points. A missing point leaves a gap, and one between two gaps is a dot.
+    /// Draws lines through points. A missing point leaves a gap, and a point between two gaps is a dot.
     pub(crate) fn line(&mut self, points: &[Option<Point>], pen: Pen) {
         let mut path = String::new();
         let mut joined = false;
@@ -242,7 +233,7 @@ impl Drawing {
         }
     }
 
-    /// A filled area with these corners.
+    /// Draws a filled polygon.
     pub(crate) fn area(&mut self, corners: impl Iterator<Item = Point>, colour: Rgb<u8>, opacity: f64) {
         let path: String = corners.map(|(x, y)| format!("L{} {}", n(x), n(y))).collect();
         let (path, colour) = (path.trim_start_matches('L'), hex(colour));
@@ -251,7 +242,7 @@ impl Drawing {
         ));
     }
 
-    /// A marker in a white rim that keeps it apart from lines and from other markers.
+    /// Draws a marker with a white rim that separates it from lines and other markers.
     pub(crate) fn marker(&mut self, marker: Marker, (x, y): Point, radius: f64, colour: Rgb<u8>) {
         let (x, y, radius, white) = (n(x), n(y), n(radius), n(2.0 / radius));
         let (rim, path, colour) = (marker.rim(), marker.path(), hex(colour));
@@ -261,14 +252,14 @@ impl Drawing {
         ));
     }
 
-    /// A text at the height of its capitals' middle.
+    /// Draws a text; `y` is the middle of its capitals.
     pub(crate) fn text(&mut self, text: &str, (x, y): Point, align: Align, style: Style) {
         let baseline = y + CAP_PER_EM * style.em / 2.0;
         let place = format!("x=\"{}\" y=\"{}\"", n(x), n(baseline));
         self.put_text(text, &place, align, style);
     }
 
-    /// A text in the middle of a point, written upward.
+    /// Draws a text centred on a point and rotated to read upward.
     pub(crate) fn text_up(&mut self, text: &str, (x, y): Point, style: Style) {
         let baseline = x + CAP_PER_EM * style.em / 2.0;
         let place = format!("transform=\"translate({} {}) rotate(-90)\"", n(baseline), n(y));
@@ -290,10 +281,10 @@ impl Drawing {
         ));
     }
 
-    /// An image that fills a rectangle, its pixels sharp.
+    /// Draws an image that fills a rectangle, with sharp pixels.
     pub(crate) fn image(&mut self, r: Rect, image: &RgbImage) {
         let mut png = Vec::new();
-        // Filters that are tried row by row would take longer than all else of a drawing.
+        // Adaptive filters would take longer than the rest of the drawing.
         PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
             .write_image(image, image.width(), image.height(), ExtendedColorType::Rgb8)
             .expect("memory takes every PNG of at least one pixel");
@@ -304,7 +295,7 @@ impl Drawing {
         ));
     }
 
-    /// Draws with what lies outside a rectangle left out.
+    /// Draws with a clip rectangle.
     pub(crate) fn clipped(&mut self, r: Rect, paint: impl FnOnce(&mut Self)) {
         self.clips += 1;
         let id = self.clips;
@@ -315,7 +306,6 @@ impl Drawing {
         self.put(format_args!("</g>"));
     }
 
-    /// The frame of the data in ink.
     pub(crate) fn frame_data(&mut self) {
         self.frame(self.data, INK);
     }
@@ -343,7 +333,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever a text holds, the document is XML, and says the text.
+        /// For any text, the document is valid XML and contains the text.
         #[test]
         fn any_text_is_escaped(text in "\\PC{0,30}", odd in ".{0,30}") {
             let mut d = Drawing::new(90.0, 90.0, &odd);

@@ -1,7 +1,7 @@
-//! Single elements of Mueller matrices by the names that the paper gives them: `(0,1)`, `-(3,3)`, `±(0,2)`.
+//! Single elements of Mueller matrices by the names of the paper: `(0,1)`, `-(3,3)`, `±(0,2)`.
 //!
-//! A name with one sign shows that part alone, as light: negative values, of the sign that is shown, are black. `±` and normalized
-//! elements have the colours of signed numbers.
+//! A name with one sign shows only values of that sign, as intensity; other values are black. `±` and
+//! normalized elements use the diverging colour map.
 
 use super::colour::{UNDEFINED, exposure, percentile, photo, rgb_weights, signed};
 use super::error::FigureError;
@@ -16,7 +16,7 @@ use serde::Deserialize;
 use std::str::FromStr;
 use tensor::axes::AxisKind;
 
-/// An element with the sign that is shown of it.
+/// An element with the displayed sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Element {
@@ -61,22 +61,21 @@ impl TryFrom<String> for Element {
     }
 }
 
-/// One element of a slice, over all projector pixels and times that it holds.
+/// One element of a slice, summed over all its projector pixels and times.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ElementView {
-    /// Slice to draw.
     pub slice: String,
-    /// The element.
     pub element: Element,
-    /// Wavelength to draw (nearest); absent: all of them as a colour, the middle one of signed numbers.
+    /// Wavelength to draw (nearest). `None` combines all as a colour; signed values then use the middle one.
     pub wavelength_nm: Option<f64>,
-    /// Divide by M00, which makes the number a signed one.
+    /// Divide by M00, which makes the values signed.
     #[serde(default)]
     pub normalized: bool,
-    /// The time bin that this lies in alone, picoseconds; absent: all of them.
+    /// The single time bin to draw contains this time, picoseconds; `None` sums all bins.
     pub time_ps: Option<f64>,
-    /// Value shown as white, or at the ends of the signed scale; absent: 1 if normalized, else the 99th percentile.
+    /// Value shown as white, or at the ends of the signed scale; `None` is 1 if normalized, otherwise the
+    /// 99th percentile.
     pub limit: Option<f32>,
 }
 
@@ -86,7 +85,7 @@ impl ElementView {
     }
 }
 
-/// The bin that a time lies in.
+/// Returns the index of the bin that contains a time.
 fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
     let times = source.need(AxisKind::T)?;
     let half = match times {
@@ -104,10 +103,11 @@ fn bin(source: Source, ps: f64) -> Result<usize, FigureError> {
     ))
 }
 
-/// The element as a picture.
+/// Returns the element as a tile.
 ///
 /// # Errors
-/// [`FigureError`] if the slice lacks an axis that the view needs, is empty or damaged, or an option is out of range.
+/// [`FigureError`] if the slice lacks an axis that the view needs, is empty or damaged, or if an option is
+/// out of range.
 pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
@@ -147,7 +147,7 @@ pub fn tile(view: &ElementView, panel: &Panel) -> Result<Tile, FigureError> {
     }
     let lane = source.wavelength(view.wavelength_nm)?;
     let element = of(view.element.at, Some(lane))?;
-    // The sign is that of the quotient: M00 keeps its own.
+    // The sign applies to the quotient; M00 keeps its sign.
     let m00 = of([0, 0], Some(lane))?;
     let pairs = element.data.iter().zip(&m00.data);
     let raster = Raster::new(
@@ -224,7 +224,7 @@ mod tests {
         tile.cells[0].0.pixels().map(|p| p.0).collect()
     }
 
-    /// Each sign shows its part, both show both, and the quotient has the sign that was asked for.
+    /// Each sign shows its values, both show all values, and the quotient has the requested sign.
     #[test]
     fn signs_are_those_of_the_name() {
         let with = |m00: f32, m23: f32| {
@@ -240,12 +240,12 @@ mod tests {
         assert_eq!(drawn("±(2,3)", false, &t)[..2], [red, blue]);
         assert_eq!(drawn("(2,3)", true, &t), [red, blue, UNDEFINED.0]);
         assert_eq!(drawn("-(2,3)", true, &t), [blue, red, UNDEFINED.0]);
-        // Another element is another picture.
+        // Another element gives another image.
         assert_eq!(drawn("(3,2)", false, &t)[..2], [black, black]);
     }
 
     proptest! {
-        /// Whatever is no name is refused, and names are read as they are written.
+        /// Invalid names are rejected, and valid names are parsed as written.
         #[test]
         fn names_of_elements(text in "\\PC{0,8}", sign in 0..3_usize, i in 0..9_usize, j in 0..9_usize) {
             let _ = text.parse::<Element>();

@@ -1,35 +1,29 @@
-//! Why a picture was not drawn, and the fix.
+//! Errors of drawing and saving figures.
 
-/// What a wavelength to draw must be.
+/// Description of valid wavelengths.
 pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, nanometres";
 
-/// Why a picture was not drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
-    /// The slice does not resolve what the picture shows.
+    /// The slice does not resolve an axis of the view.
     #[error("slice `{slice}` has no {axis} axis; draw a slice with `{fix}`")]
     MissingAxis {
-        /// Name of the slice.
         slice: String,
         /// The missing axis in words.
         axis: &'static str,
-        /// The line of a slice that adds the axis.
+        /// The line of a slice definition that adds the axis.
         fix: &'static str,
     },
-    /// An axis of the slice has no entries.
     #[error("slice `{slice}` holds no values: its axis `{axis}` is empty; keep at least one entry of it")]
     Empty {
-        /// Name of the slice.
         slice: String,
         /// Name of the empty axis.
         axis: &'static str,
     },
-    /// The values do not fill the axes, or an axis is there twice.
+    /// The values do not fill the axes, or an axis occurs twice.
     #[error("slice `{slice}` is damaged: {found} values for axes {axes}; read or render it again")]
     Damaged {
-        /// Name of the slice.
         slice: String,
-        /// Number of values.
         found: usize,
         /// Axes and their lengths.
         axes: String,
@@ -37,44 +31,26 @@ pub enum FigureError {
     /// A row or element that the slice does not have.
     #[error("slice `{slice}` has {len} {what}, so index {index} does not exist; choose 0 to {}", len.saturating_sub(1))]
     Index {
-        /// Name of the slice.
         slice: String,
-        /// What is counted.
+        /// Name of the indexed items.
         what: &'static str,
-        /// The index asked for.
         index: usize,
-        /// How many there are.
         len: usize,
     },
-    /// An option of the view that cannot be drawn.
     #[error("option `{option}` of the view is {value}; it must be {must}")]
     Option {
-        /// Name of the option.
         option: &'static str,
-        /// Its value.
         value: String,
-        /// What it must be.
+        /// Description of valid values.
         must: &'static str,
     },
-    /// The path does not say how to write the picture.
+    /// The file extension does not name a known format.
     #[error("{path}: pictures are written as {known}; name the file so")]
-    Extension {
-        /// Where it should have gone.
-        path: String,
-        /// Extensions that name a format.
-        known: &'static str,
-    },
-    /// The picture could not be encoded.
+    Extension { path: String, known: &'static str },
     #[error("the picture could not be encoded: {0}; draw fewer or smaller panels")]
     Encode(String),
-    /// The picture could not be written.
     #[error("cannot write picture {path}: {source}")]
-    Write {
-        /// Where it should have gone.
-        path: String,
-        /// Why not.
-        source: std::io::Error,
-    },
+    Write { path: String, source: std::io::Error },
 }
 
 impl FigureError {
@@ -83,7 +59,7 @@ impl FigureError {
         Self::Option { option, value, must }
     }
 
-    /// There is nothing to draw under a title.
+    /// Returns the error for an empty list of items under a title.
     pub(crate) fn nothing(title: &str, axis: &'static str) -> Self {
         let slice = title.to_owned();
         Self::Empty { slice, axis }

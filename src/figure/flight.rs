@@ -1,7 +1,8 @@
-//! Light in flight: time bins as colour images of M00, on a contact sheet with their times or one after another.
+//! Light in flight: time bins as colour images of M00, on a contact sheet or as an animation.
 //!
-//! The frames are spread evenly over the bins between which 0.1% and 99.9% of all light (M00 above zero, over pixels
-//! and wavelengths) has come. One exposure serves them all: white is the 99.5th percentile of the channels above zero.
+//! The frames are spread evenly over the bins between 0.1% and 99.9% of the cumulative light (positive M00,
+//! over pixels and wavelengths). All frames share one exposure: white is the 99.5th percentile of the
+//! positive channel values.
 
 use super::colour::{self, percentile, rgb_weights};
 use super::drawing::Drawing;
@@ -17,12 +18,12 @@ use super::white::White;
 use crate::spec::FlightView;
 use tensor::axes::AxisKind;
 
-/// Share of the light before the first and after the last frame.
+/// Fraction of the light before the first and after the last frame.
 const TAIL: f64 = 0.001;
-/// Most frames on a sheet.
+/// Maximum number of frames on a sheet.
 pub(crate) const MOST: usize = 400;
 
-/// The bins to show, rising: `frames` of them, or as many as hold light.
+/// Returns the bins to show in ascending order: `frames` of them, or fewer if fewer contain light.
 pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {
     let total: f64 = light.iter().map(|v| f64::from(*v)).sum();
     let bins = light.len();
@@ -56,7 +57,8 @@ pub fn chosen_bins(light: &[f32], frames: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Columns that bring a sheet of `n` frames of `w` × `h` nearest to the shape 4:3, full rows first.
+/// Returns the number of columns that brings a sheet of `n` frames of `w` × `h` closest to 4:3; full rows are
+/// preferred.
 fn columns(n: usize, w: usize, h: usize) -> usize {
     let cost = |c: usize| {
         let rows = n.div_ceil(c);
@@ -66,19 +68,18 @@ fn columns(n: usize, w: usize, h: usize) -> usize {
     (1..=n).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(1)
 }
 
-/// The frames of a view, of one exposure.
+/// The frames of a view with a common exposure.
 pub(super) struct Frames<'a> {
     xs: &'a [f64],
     ys: &'a [f64],
-    /// What every frame shows, in words.
+    /// Description of the frames' contents.
     note: String,
-    /// What is shown as white.
+    /// The value shown as white.
     pub white: White,
-    /// Time of every frame with its picture, not yet brought to size.
+    /// Time label and unscaled image of every frame.
     pub shown: Vec<(String, Raster<3>)>,
 }
 
-/// Reads the frames.
 pub(super) fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames<'a>, FigureError> {
     if !(1..=MOST).contains(&view.frames) {
         return Err(FigureError::option("frames", view.frames, "1 to 400"));
@@ -159,7 +160,7 @@ pub fn draw(view: &FlightView, title: &str, panel: &Panel) -> Result<Drawing, Fi
     Ok(page)
 }
 
-/// Draws every frame as a page of its own, all of one size, to be shown one after another.
+/// Draws every frame as a separate page of the same size, for an animation.
 pub fn animate(view: &FlightView, title: &str, panel: &Panel) -> Result<Vec<Drawing>, FigureError> {
     let frames = read(view, panel)?;
     let (w, h) = (frames.xs.len(), frames.ys.len());
@@ -195,7 +196,7 @@ mod tests {
         assert_eq!(chosen_bins(&light, 5), [20, 30, 40, 50, 60]);
         assert_eq!(chosen_bins(&light, 100).len(), 41);
         assert_eq!(chosen_bins(&light, 1), [40]);
-        // Less than a thousandth of the light at either end does not stretch the range.
+        // Less than a thousandth of the light at either end does not extend the range.
         light[0] = 0.01;
         light[99] = 0.01;
         assert_eq!(chosen_bins(&light, 2), [20, 60]);

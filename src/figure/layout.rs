@@ -1,4 +1,5 @@
-//! One plot on a white page: title, frame, ticks, axis labels, colour bar and notes, with margins made to measure.
+//! One plot on a white page: title, frame, ticks, axis labels, colour bar and notes, with margins that fit
+//! them.
 
 use image::{Rgb, RgbImage};
 
@@ -8,27 +9,27 @@ use super::text::{Align, INK, LABEL, NOTE, Style, TICK, TITLE, fit, width, wrap}
 use super::ticks::{Ticks, brief};
 use super::white::White;
 
-/// Unit of every camera value.
+/// Unit of camera values.
 pub const CAMERA_UNIT: &str = "W/(m² sr nm)";
-/// Lines of a grid in a plot.
+/// Colour of grid lines in a plot.
 pub const GRID: Rgb<u8> = Rgb([232, 232, 236]);
-/// A page is never narrower than this, so that titles and notes have room.
+/// Minimum width of a page, so that titles and notes fit.
 const PAGE_LEAST: f64 = 480.0;
 /// Plots up to this width have text of the nominal size; on wider ones it grows, up to [`LARGEST`] times.
 const NOMINAL: f64 = 900.0;
 const LARGEST: f64 = 1.6;
 /// Margin of the page.
 const EDGE: f64 = 18.0;
-/// Pixels of a colour bar that are coloured one by one.
+/// Number of colours in a colour bar.
 const BAR_STEPS: u32 = 256;
 
-/// How many times the nominal size texts and distances have beside a plot of this width.
+/// Returns the scale factor of text and distances for a plot of this width.
 #[must_use]
 pub fn growth(plot_width: f64) -> f64 {
     (plot_width / NOMINAL).clamp(1.0, LARGEST)
 }
 
-/// What is shown as white, in the camera's unit, and where it came from; or that there is nothing.
+/// Describes the value shown as white, in the camera's unit, and its origin.
 pub fn white_words(white: White, origin: &str) -> String {
     match white {
         White::Value(v) => format!("{} {CAMERA_UNIT}{origin}", brief(f64::from(v))),
@@ -36,19 +37,18 @@ pub fn white_words(white: White, origin: &str) -> String {
     }
 }
 
-/// An axis with its label.
 #[derive(Clone, Debug, Default)]
 pub struct Axis {
-    /// Label with unit; empty for none.
+    /// Label with unit; may be empty.
     pub label: String,
-    /// Ticks; places count from the left or from the bottom.
+    /// Ticks; positions are from the left or from the bottom.
     pub ticks: Ticks,
-    /// Places count from the top instead.
+    /// Positions are from the top instead.
     pub downward: bool,
 }
 
 impl Axis {
-    /// An axis to the right or upward.
+    /// Creates an axis that points right or up.
     #[must_use]
     pub fn new(label: impl Into<String>, ticks: Ticks) -> Self {
         let label = label.into();
@@ -60,43 +60,40 @@ impl Axis {
     }
 }
 
-/// A colour bar right of the plot.
+/// A colour bar to the right of the plot.
 pub struct Bar<'a> {
     /// Label with unit.
     pub label: String,
-    /// Ticks; places count from the bottom.
+    /// Ticks; positions are from the bottom.
     pub ticks: Ticks,
-    /// Colour at a place 0..1 from the bottom.
+    /// Returns the colour at a position 0..1 from the bottom.
     pub colour: &'a dyn Fn(f32) -> Rgb<u8>,
 }
 
 /// Everything around the data.
 #[derive(Default)]
 pub struct Page<'a> {
-    /// Title; empty for none.
+    /// Title; may be empty.
     pub title: &'a str,
-    /// Horizontal axis.
     pub x: Axis,
-    /// Vertical axis.
     pub y: Axis,
-    /// Colour bar.
     pub bar: Option<Bar<'a>>,
     /// Notes under the plot, one paragraph each.
     pub notes: Vec<String>,
-    /// Leave the frame around the plot out.
+    /// Omit the frame around the plot.
     pub frameless: bool,
 }
 
-/// Text and distances at the size that suits a plot.
+/// Text styles and distances for the size of a plot.
 struct Measure {
     title: Style,
     label: Style,
     tick: Style,
     note: Style,
     tick_length: f64,
-    /// From ticks to their labels.
+    /// Between ticks and their labels.
     gap: f64,
-    /// From tick labels to the label of the axis.
+    /// Between tick labels and the label of the axis.
     space: f64,
     bar_gap: f64,
     bar_width: f64,
@@ -121,7 +118,7 @@ impl Measure {
         }
     }
 
-    /// Room for ticks that stand in a column with their labels.
+    /// Returns the width of a column of ticks with their labels.
     fn beside(&self, ticks: &Ticks) -> f64 {
         let widest = ticks.marks.iter().map(|m| width(&m.1, self.tick).ceil());
         widest
@@ -129,7 +126,7 @@ impl Measure {
             .map_or(0.0, |w| self.tick_length + self.gap + w)
     }
 
-    /// Room for the label of an axis.
+    /// Returns the space for the label of an axis.
     fn name(&self, label: &str) -> f64 {
         if label.is_empty() {
             0.0
@@ -140,7 +137,8 @@ impl Measure {
 }
 
 impl Page<'_> {
-    /// Lays the page out around a plot of `w` × `h` pixels and draws all but the data, whose place is in the drawing.
+    /// Lays the page out around a plot of `w` × `h` pixels and draws everything except the data. The returned
+    /// drawing contains the rectangle of the data.
     #[must_use]
     pub fn draw(&self, w: f64, h: f64) -> Drawing {
         let m = Measure::of(w);
@@ -156,7 +154,7 @@ impl Page<'_> {
         });
         let page_w = (left + w + right).max(PAGE_LEAST);
         let left = left + ((page_w - left - w - right) / 2.0).floor();
-        // A short plot still leaves room for the labels that run along its height.
+        // A short plot still leaves space for the labels along its height.
         let along = width(&self.y.label, m.label)
             .max(self.bar.as_ref().map_or(0.0, |bar| width(&bar.label, m.label)));
         let sag = ((along - h) / 2.0).ceil().max(0.0);
@@ -190,7 +188,7 @@ impl Page<'_> {
         let centre = page.data.centre();
         let bottom = top + h;
 
-        // A text over or under the plot's middle, but kept on the page.
+        // Draws a text centred on the plot, but kept on the page.
         let across = |page: &mut Drawing, text: &str, y: f64, style: Style| {
             let (text, style) = fit(text, style, room);
             let half = EDGE + width(&text, style) / 2.0;
@@ -232,19 +230,19 @@ impl Page<'_> {
 }
 
 impl<'a> Bar<'a> {
-    /// A bar of sizes or of angles.
+    /// Creates a bar with any colour map.
     pub fn new(label: impl Into<String>, ticks: Ticks, colour: &'a dyn Fn(f32) -> Rgb<u8>) -> Self {
         let label = label.into();
         Self { label, ticks, colour }
     }
 
-    /// A bar of numbers between ± `limit`, whose label may need the ticks.
+    /// Creates a bar of signed values between ± `limit`; its label may depend on the ticks.
     pub fn signed(limit: f64, label: impl FnOnce(&Ticks) -> String) -> Self {
         let ticks = Ticks::linear(-limit, limit, 8);
         Self::new(label(&ticks), ticks, &|v| signed(2.0 * v - 1.0))
     }
 
-    /// Draws the bar into its rectangle, ticks and label right of it.
+    /// Draws the bar into its rectangle, with ticks and label to its right.
     fn draw(&self, page: &mut Drawing, r: Rect, m: &Measure) {
         let steps = (r.h as u32).clamp(1, BAR_STEPS);
         let colours = RgbImage::from_fn(1, steps, |_, y| {
@@ -263,20 +261,19 @@ impl<'a> Bar<'a> {
     }
 }
 
-/// Panels of one size in rows, each under its name.
+/// Panels of equal size in rows, each under its name.
 pub struct Panels {
-    /// Width and height of a panel.
     pub size: (f64, f64),
-    /// Room for the name above a panel.
+    /// Space for the name above a panel.
     pub head: f64,
-    /// Room between panels.
+    /// Space between panels.
     pub gap: f64,
-    /// Panels a row, at least 1.
+    /// Panels per row, at least 1.
     pub columns: usize,
 }
 
 impl Panels {
-    /// The size of a plot that holds `count` panels, of which there is at least one.
+    /// Returns the size of a plot with `count` panels, at least one.
     #[must_use]
     pub fn extent(&self, count: usize) -> (f64, f64) {
         let (across, _) = self.corner(count.min(self.columns) - 1);
@@ -284,7 +281,7 @@ impl Panels {
         (across + self.size.0, down + self.size.1)
     }
 
-    /// Upper left corner of a panel, from that of the plot.
+    /// Returns the upper left corner of a panel relative to that of the plot.
     #[must_use]
     pub fn corner(&self, i: usize) -> Point {
         let (column, row) = ((i % self.columns) as f64, (i / self.columns) as f64);
@@ -294,13 +291,13 @@ impl Panels {
         )
     }
 
-    /// Where a panel is on a page.
+    /// Returns the rectangle of a panel on a page.
     #[must_use]
     pub fn place(&self, page: &Drawing, i: usize) -> Rect {
         page.data.within(self.corner(i), self.size)
     }
 
-    /// A page for `count` panels, of which there is at least one, beside a bar and above notes.
+    /// Creates a page for `count` panels, at least one, with a bar and notes.
     #[must_use]
     pub fn page(&self, count: usize, title: &str, bar: Option<Bar>, notes: Vec<String>) -> Drawing {
         let page = Page {
@@ -314,7 +311,7 @@ impl Panels {
         page.draw(w, h)
     }
 
-    /// Writes the lines of a panel's name above it, each with its style.
+    /// Draws the lines of a panel's name above it, each with its style.
     pub fn name(&self, page: &mut Drawing, i: usize, lines: &[(&str, Style)]) {
         let place = self.place(page, i);
         let line = self.head / lines.len().max(1) as f64;

@@ -1,16 +1,14 @@
 //! Publication-quality drawings of tensors in memory, one file per kind of [`View`].
 //!
-//! A picture is drawn once, as a [`Drawing`], whose SVG becomes the file that the path's extension names: `.png`, `.svg`
-//! or `.pdf` ([`save`]), and light in flight also an animation, `.gif` or `.apng` ([`save_animation`]). Data are embedded
-//! images with sharp pixels; axes, lines and texts are vectors, and texts can be selected.
+//! Every image is drawn once, as a [`Drawing`]. [`save`] converts its SVG to the format of the path's
+//! extension: `.png`, `.svg` or `.pdf`. [`save_animation`] writes light in flight as `.gif` or `.apng`. Data
+//! are embedded images with sharp pixels; axes, lines and text are vectors, and text can be selected.
 //!
-//! Every picture has a white background, DejaVu Sans text, axes with units and the scale stated on the picture. The
-//! tensor may have more axes than the picture: what a picture does not show is summed, a Mueller element and a
-//! wavelength are picked. Sizes have a perceptually even colour map, numbers of either sign a diverging one, angles a
-//! cyclic one ([`colour`]). Values that are not finite are drawn in one grey ([`colour::UNDEFINED`]), and so is a
-//! normalized element where M00 is not positive. The same input gives the same bytes.
-
-#![warn(missing_docs)]
+//! Every image has a white background, DejaVu Sans text, axes with units and a stated scale. The tensor may
+//! have more axes than the image: Mueller element and wavelength are selected, other axes are summed.
+//! Magnitudes use a perceptually uniform colour map, signed values a diverging one, angles a cyclic one
+//! ([`colour`]). Non-finite values, and normalized elements where M00 is not positive, are grey
+//! ([`colour::UNDEFINED`]). The same input gives the same bytes.
 
 use crate::spec::{FlightView, View};
 
@@ -56,7 +54,8 @@ mod tests;
 /// Draws one view of a slice under a title.
 ///
 /// # Errors
-/// [`FigureError`] if the slice lacks an axis that the view needs, is empty or damaged, or an option is out of range.
+/// [`FigureError`] if the slice lacks an axis that the view needs, is empty or damaged, or if an option is
+/// out of range.
 pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     match view {
         View::Photo(v) => photo::draw(v, title, panel),
@@ -68,7 +67,7 @@ pub fn draw(view: &View, title: &str, panel: &Panel) -> Result<Drawing, FigureEr
     }
 }
 
-/// Draws the frames of a view of light in flight under a title, one page each, to be shown one after another.
+/// Draws the frames of a light-in-flight view under a title, one page each, for an animation.
 ///
 /// # Errors
 /// As [`draw`].

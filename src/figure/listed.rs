@@ -1,4 +1,4 @@
-//! The figures that a scene file lists, checked against its slices.
+//! Reads the figures of a scene file and checks them against its slices.
 
 use crate::check::check;
 use crate::spec::Figure;
@@ -8,19 +8,19 @@ use serde::Deserialize;
 use std::path::Path;
 use tensor::slice::Slice;
 
-/// The `[[figures]]` of a scene file, all else left aside.
+/// The `[[figures]]` of a scene file; other tables are ignored.
 #[derive(Deserialize)]
 struct Figures {
     #[serde(default)]
     figures: Vec<Located<Figure>>,
 }
 
-/// Reads the figures of a scene file from its text; `path` names it in messages, `slices` are those of the scene,
-/// `nm` its wavelengths.
+/// Reads the figures of a scene file from its text. `path` is used in messages; `slices` and `nm` are the
+/// scene's slices and wavelengths.
 ///
 /// # Errors
-/// [`InputError`] at the place of a figure that is no figure, cannot be drawn of the scene's slices, cannot name a file, or
-/// has the name of another.
+/// [`InputError`] at the location of a figure that is malformed, does not fit the scene's slices, or whose
+/// name is a duplicate or not a valid file name.
 pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Result<Vec<Figure>, InputError> {
     let file: Figures = document::parse(path, text, |_| {
         "`sunstone schema` describes figures under [[figures]]".to_owned()

@@ -1,8 +1,8 @@
 //! Two-dimensional maps of one camera scanline: against the projector (s–s') and against travel time (x–t).
 //!
-//! Camera columns run to the right; projector pixels and time rise upward. M00 is drawn on a square-root scale, or on a
-//! logarithmic one where the values above zero span more than [`LOG_FROM`]; the colour bar says which. Any other
-//! element is drawn signed and divided by M00 (sums first, then the quotient).
+//! Camera columns run to the right; projector pixels and time run upward. M00 has a square-root scale, or a
+//! logarithmic one if its positive values span more than [`LOG_FROM`]; the colour bar states which. Other
+//! elements are signed and divided by M00 (the quotient of sums).
 
 use image::{Rgb, RgbImage};
 
@@ -18,12 +18,13 @@ use super::ticks::Ticks;
 use crate::spec::MapView;
 use tensor::axes::AxisKind;
 
-/// Ratio of the 99.9th to the 5th percentile of what is above zero from which a logarithmic scale is used.
+/// A logarithmic scale is used if the ratio of the 99.9th to the 5th percentile of positive values exceeds
+/// this.
 const LOG_FROM: f32 = 300.0;
-/// Most powers of ten on a logarithmic scale.
+/// Maximum number of decades on a logarithmic scale.
 const DECADES: f32 = 4.0;
 
-/// From an intensity to a place 0..1 on its colour bar.
+/// Maps intensities to positions 0..1 on the colour bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Scale {
     Sqrt { top: f32 },
@@ -31,12 +32,13 @@ pub(super) enum Scale {
 }
 
 impl Scale {
-    /// The scale for some intensities.
+    /// Returns the scale for some intensities.
     fn of(values: impl Iterator<Item = f32> + Clone) -> Self {
         Self::log_from(values, LOG_FROM)
     }
 
-    /// A logarithmic scale if the 99.9th percentile is more than `ratio` times the 5th of what is above zero.
+    /// Returns a logarithmic scale if the 99.9th percentile of positive values is more than `ratio` times the
+    /// 5th.
     pub(super) fn log_from(values: impl Iterator<Item = f32> + Clone, ratio: f32) -> Self {
         let positive = values.filter(|v| *v > 0.0);
         let top = percentile(positive.clone(), 0.999).unwrap_or(1.0);
@@ -52,7 +54,7 @@ impl Scale {
         }
     }
 
-    /// Place of a value on the bar.
+    /// Returns the position of a value on the bar.
     pub(super) fn place(self, v: f32) -> f32 {
         match self {
             _ if v.is_nan() => v,
@@ -62,7 +64,6 @@ impl Scale {
         }
     }
 
-    /// Ticks of the bar.
     pub(super) fn ticks(self) -> Ticks {
         match self {
             Self::Sqrt { top } => {
@@ -74,7 +75,7 @@ impl Scale {
         }
     }
 
-    /// What kind of scale it is.
+    /// Returns the kind of scale.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Sqrt { .. } => "square-root",
@@ -82,14 +83,14 @@ impl Scale {
         }
     }
 
-    /// The colour bar of M00.
+    /// Returns the colour bar of M00.
     fn bar(self, colour: &dyn Fn(f32) -> Rgb<u8>) -> Bar<'_> {
         let ticks = self.ticks();
         let label = format!("M00, {} scale [{}]", self.name(), ticks.unit(CAMERA_UNIT));
         Bar::new(label, ticks, colour)
     }
 
-    /// A colour as bright as its largest channel's place on the scale.
+    /// Returns a colour whose brightness is the position of its largest channel on the scale.
     fn colour(self, rgb: [f32; 3]) -> Rgb<u8> {
         if !rgb.iter().all(|v| v.is_finite()) {
             return UNDEFINED;
@@ -106,23 +107,22 @@ impl Scale {
     }
 }
 
-/// What a map shows, before it has a size.
+/// The contents of a map, before scaling.
 pub(super) struct Content<'a> {
     /// Camera columns, to the right.
     pub xs: &'a [f64],
     /// Projector pixels or times, upward.
     pub ups: &'a [f64],
-    /// Name of the axis upward.
+    /// Label of the upward axis.
     pub label: &'static str,
     note: String,
     values: Values,
 }
 
-/// Values with the scale that they are shown on.
+/// Values and their scale.
 enum Values {
     /// Red, green and blue of M00.
     Colour(Raster<3>, Scale),
-    /// M00 at one wavelength.
     Size(Raster<1>, Scale),
     /// Another element and M00.
     Signed(Raster<2>, [usize; 2]),
@@ -137,7 +137,7 @@ impl Values {
         }
     }
 
-    /// As an image of the size that the factors give, but for repetition; rows rise.
+    /// Returns the image after averaging by the factors, without repetition; rows run upward.
     fn image(&self, factors: (Factor, Factor)) -> RgbImage {
         match self {
             Self::Colour(r, scale) => rising(r, factors, |rgb| scale.colour(rgb)),
@@ -162,13 +162,12 @@ fn rising<const C: usize>(
 }
 
 impl Content<'_> {
-    /// A pixel for each value; rows rise.
+    /// Returns an image with one pixel per value; rows run upward.
     pub fn image(&self) -> RgbImage {
         let whole = Factor { down: 1, up: 1 };
         self.values.image((whole, whole))
     }
 
-    /// The colour bar.
     pub fn bar(&self) -> Bar<'static> {
         self.values.bar()
     }
@@ -197,17 +196,17 @@ impl Content<'_> {
     }
 }
 
-/// Draws camera scanline against projector column, or row where only rows are resolved.
+/// Draws a camera scanline against the projector column, or the row if only rows are resolved.
 pub fn draw_space_space(view: &MapView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     Ok(space_space(view, panel)?.draw(title))
 }
 
-/// Draws camera scanline against travel time.
+/// Draws a camera scanline against travel time.
 pub fn draw_space_time(view: &MapView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     Ok(space_time(view, panel)?.draw(title))
 }
 
-/// Camera scanline against projector column, or row where only rows are resolved.
+/// Reads a camera scanline against the projector column, or the row if only rows are resolved.
 pub(super) fn space_space<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Content<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let len = |kind| source.coords(kind).map_or(0, <[f64]>::len);
@@ -220,7 +219,7 @@ pub(super) fn space_space<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Co
     content(view, source, kind, label)
 }
 
-/// Camera scanline against travel time.
+/// Reads a camera scanline against travel time.
 pub(super) fn space_time<'a>(view: &'a MapView, panel: &Panel<'a>) -> Result<Content<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     content(view, source, AxisKind::T, "travel time [ps]")

@@ -1,4 +1,4 @@
-//! Maps of one number a pixel beside one another, under their names, on one scale: errors of several methods, signed
+//! Adjacent maps of one number per pixel with names and one common scale: errors of several methods, signed
 //! quantities, or angles such as the axis of a retarder.
 
 use image::Rgb;
@@ -12,52 +12,52 @@ use super::raster::{Factor, Raster};
 use super::text::{NAME, NOTE};
 use super::ticks::{Ticks, brief};
 
-/// One map of the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
-    /// Name written above it.
+    /// Name above the map.
     pub label: String,
-    /// Second line of the name, in smaller letters; may be empty.
+    /// Second line of the name, in a smaller font; may be empty.
     pub caption: String,
-    /// Columns.
     pub width: usize,
-    /// Values, rows from the top, `width` columns; those that are not finite are grey.
+    /// Values, rows from the top, `width` columns; non-finite ones are grey.
     pub data: Vec<f32>,
 }
 
-/// What the values are, which decides on their colours.
+/// The kind of the values, which determines the colour map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// Sizes above zero, on a square-root scale, or on a logarithmic one where the values of all maps span much.
+    /// Positive magnitudes on a square-root scale, or on a logarithmic one if the values of all maps have a
+    /// large range.
     Size,
-    /// Numbers of either sign between ± `limit`, on a map that is pale at zero.
+    /// Signed values between ± `limit`, with a diverging colour map.
     Signed {
-        /// Value at the upper end, above zero.
+        /// Value at the upper end, positive.
         limit: f32,
     },
-    /// Angles that are the same a period later, such as 180 for an axis in degrees, on a map that closes.
+    /// Angles with a period, such as 180 for an axis in degrees, with a cyclic colour map.
     Angle {
-        /// Period in the unit of the values, above zero.
+        /// Period in the unit of the values, positive.
         period: f32,
     },
 }
 
-/// Span of the values from which the scale is logarithmic: methods differ by tens, and each is to show its structure.
+/// Range of the values from which the scale is logarithmic. Methods differ by a factor of ten or more, and
+/// the structure of each should be visible.
 const LOG_FROM: f32 = 30.0;
-/// Pixels that the longer side of a map has, about; and the most.
+/// Target and maximum length of a map's longer side in pixels.
 const SIDE: (usize, usize) = (420, 640);
-/// Names need room even above a narrow map.
+/// Minimum width of a panel, for names above a narrow map.
 const LEAST: f64 = 180.0;
 
-/// How the values of a quantity become colours.
+/// The mapping from values to colours.
 struct Shades {
-    /// What is averaged where there are too many pixels: a value, or the vector of an angle.
+    /// The averaged quantity if there are too many pixels: a value, or the vector of an angle.
     vector: Box<dyn Fn(f32) -> [f32; 2]>,
-    /// Place on the colour bar, 0 to 1.
+    /// Position on the colour bar, 0 to 1.
     place: Box<dyn Fn([f32; 2]) -> f32>,
     colour: fn(f32) -> Rgb<u8>,
     ticks: Ticks,
-    /// What is said of the scale after the name of the quantity.
+    /// Remark on the scale after the name of the quantity.
     remark: String,
 }
 
@@ -110,11 +110,12 @@ fn positive(option: &'static str, value: f32) -> Result<f64, FigureError> {
     Err(FigureError::option(option, value, "a finite number above zero"))
 }
 
-/// Draws maps, `columns` a row, on one scale for all of them, which is named `name` beside the bar.
+/// Draws maps, `columns` per row, on one common scale; `name` labels the colour bar.
 ///
 /// # Errors
-/// [`FigureError::Empty`] if there is no map, [`FigureError::Damaged`] if the values of one do not fill its rows,
-/// [`FigureError::Option`] if a limit or a period is no number above zero.
+/// - [`FigureError::Empty`] if there is no map.
+/// - [`FigureError::Damaged`] if the values of a map do not fill its rows.
+/// - [`FigureError::Option`] if a limit or a period is not a positive number.
 pub fn draw(
     title: &str,
     maps: &[Map],
@@ -179,7 +180,7 @@ mod tests {
         img.pixels().filter(|p| **p == c).count()
     }
 
-    /// One scale for all maps: the largest value of all is bright, and only where it is; lost pixels are grey.
+    /// All maps share one scale: only the overall maximum is bright; undefined pixels are grey.
     #[test]
     fn maps_share_a_scale() {
         let mut low = vec![0.25; 12];
@@ -194,7 +195,8 @@ mod tests {
         assert!(count(&img, UNDEFINED) * 12 >= area * 9 / 10);
     }
 
-    /// An angle and the same a period on or back have one colour, and half a period on another; signs have theirs.
+    /// Angles that differ by a period have the same colour, and half a period gives another; signs have
+    /// different colours.
     #[test]
     fn angles_close_and_signs_part() {
         let angles = [10.0, 190.0, -170.0, 370.0].repeat(3);

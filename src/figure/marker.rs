@@ -1,11 +1,11 @@
-//! Markers of data points, and the colours that tell series apart.
+//! Markers of data points, and the colours of series.
 
 use image::Rgb;
 
 /// Index of black in the palette, for bounds and reference lines.
 pub const BLACK: usize = 6;
 
-/// Okabe and Ito's colours, which colour-blind readers tell apart, without the yellow that is too pale on white.
+/// The colour-blind-safe palette of Okabe and Ito, without the yellow that is too pale on white.
 const PALETTE: [[u8; 3]; 7] = [
     [0, 114, 178],
     [213, 94, 0],
@@ -16,8 +16,8 @@ const PALETTE: [[u8; 3]; 7] = [
     [0, 0, 0],
 ];
 
-/// Outlines within a radius of about 1, all of about the area that makes them look equally large: disc, square, triangle
-/// up, diamond, triangle down, ring, cross and plus.
+/// Outlines with a radius of about 1, scaled to look equally large: disc, square, triangle up, diamond,
+/// triangle down, ring, cross and plus.
 const OUTLINES: [&str; 8] = [
     "M1 0A1 1 0 1 1-1 0A1 1 0 1 1 1 0Z",
     "M-.88-.88H.88V.88H-.88Z",
@@ -29,34 +29,33 @@ const OUTLINES: [&str; 8] = [
     "M-.26-1.15H.26V-.26H1.15V.26H.26V1.15H-.26V.26H-1.15V-.26H-.26Z",
 ];
 
-/// So many series differ in colour, in marker or in both.
+/// Number of distinct combinations of colour and marker.
 pub const DISTINCT: usize = PALETTE.len() * OUTLINES.len();
 
-/// A colour of the palette, which repeats.
+/// Returns a colour of the palette, which repeats.
 #[must_use]
 pub fn palette(index: usize) -> Rgb<u8> {
     Rgb(PALETTE[index % PALETTE.len()])
 }
 
-/// Shape of a data point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Marker(usize);
 
 impl Marker {
-    /// The marker that goes with a colour of the palette; their numbers have no common factor, so that the pair of both
-    /// repeats only after [`DISTINCT`].
+    /// Returns the marker for an index. The numbers of markers and colours have no common factor, so their
+    /// pair repeats only after [`DISTINCT`].
     #[must_use]
     pub fn of(index: usize) -> Self {
         Self(index % OUTLINES.len())
     }
 
-    /// The outer edge of [`Marker::path`].
+    /// Returns the outer edge of [`Marker::path`].
     #[must_use]
     pub fn rim(self) -> &'static str {
         self.path().split_inclusive('Z').next().unwrap_or_default()
     }
 
-    /// Its outline as the data of an SVG path, for a radius of 1.
+    /// Returns the outline as SVG path data, for a radius of 1.
     #[must_use]
     pub fn path(self) -> &'static str {
         OUTLINES[self.0]

@@ -1,7 +1,7 @@
 //! The sixteen Mueller elements at one wavelength as a 4×4 grid: rows Stokes out, columns Stokes in.
 //!
-//! Normalized, M00 is shown as intensity and every other element divided by it, undefined (grey) where M00 is not
-//! positive. Not normalized, all sixteen share the signed scale.
+//! If normalized, M00 is shown as intensity and every other element is divided by it; elements are undefined
+//! (grey) where M00 is not positive. Otherwise all sixteen share the signed scale.
 
 use image::Rgb;
 
@@ -18,10 +18,10 @@ use super::white::White;
 use crate::spec::MuellerView;
 use tensor::axes::AxisKind;
 
-/// Lines around panels.
+/// Colour of lines around panels.
 const EDGES: Rgb<u8> = Rgb([120, 120, 124]);
 
-/// The sixteen panels of a grid whose panels have this size, `gap` apart.
+/// Returns the sixteen panels of a grid with panels of this size, `gap` apart.
 #[must_use]
 pub fn panels(size: (f64, f64), gap: f64) -> Panels {
     Panels {
@@ -32,19 +32,18 @@ pub fn panels(size: (f64, f64), gap: f64) -> Panels {
     }
 }
 
-/// What a grid shows, before it has a size.
+/// The contents of a grid, before scaling.
 pub(super) struct Grid<'a> {
     source: Source<'a>,
     lane: usize,
-    /// Sixteen elements a pixel.
+    /// Sixteen elements per pixel.
     pub raster: Raster<16>,
     /// M00 shown as white, if normalized.
     pub white: White,
-    /// What is at the ends of the scale.
+    /// The value at the ends of the scale.
     pub limit: White,
 }
 
-/// Reads the grid.
 pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<'a>, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let xs = source.need(AxisKind::X)?;
@@ -56,7 +55,7 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
     let pick = [(AxisKind::Wavelength, lane)];
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
     let values = source.sum(&keep, &pick, f64::from);
-    // Panels hold 4 × 4 elements each pixel; a tensor with more than four keeps the first four.
+    // Panels show 4 × 4 elements per pixel; a tensor with more keeps the first four.
     let (so, si) = (values.shape[2], values.shape[3]);
     let pixels = values.data.chunks_exact(so * si);
     let data = pixels.map(|m| std::array::from_fn(|i| m[i / 4 * si + i % 4]));
@@ -80,7 +79,7 @@ pub(super) fn read<'a>(view: &'a MuellerView, panel: &Panel<'a>) -> Result<Grid<
     })
 }
 
-/// The colour bar of a grid.
+/// Returns the colour bar of a grid.
 pub(super) fn bar(normalized: bool, limit: f32) -> Bar<'static> {
     Bar::signed(limit.into(), |ticks| {
         if normalized {
@@ -91,7 +90,6 @@ pub(super) fn bar(normalized: bool, limit: f32) -> Bar<'static> {
     })
 }
 
-/// Draws the grid.
 pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     let Grid {
         source,
@@ -132,7 +130,7 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
     Ok(page)
 }
 
-/// Colour of element `i` of a matrix: normalized, M00 as intensity.
+/// Returns the colour of element `i` of a matrix; if normalized, M00 is an intensity.
 #[must_use]
 pub fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) -> Rgb<u8> {
     match (normalized, i) {
@@ -144,7 +142,7 @@ pub fn pixel(m: &[f32; 16], i: usize, normalized: bool, white: f32, limit: f32) 
     }
 }
 
-/// Name of an element on a pale ground in the upper left corner of its panel.
+/// Draws the name of an element on a light ground in the upper left corner of its panel.
 fn tag(page: &mut Drawing, place: Rect, text: &str, style: Style) {
     let (w, h) = (width(text, style) + 8.0, style.em + 5.0);
     let ground = place.within((0.0, 0.0), (w.min(place.w), h.min(place.h)));

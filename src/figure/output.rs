@@ -1,6 +1,6 @@
-//! Pictures as files: PNG, SVG and PDF of a drawing; GIF and APNG of several.
+//! Figures as files: PNG, SVG and PDF of a drawing; GIF and APNG of several.
 //!
-//! Every format comes from the drawing's SVG and from fonts that are built in, so that the same drawing gives the same
+//! Every format comes from the drawing's SVG and from built-in fonts, so the same drawing gives the same
 //! bytes on every machine.
 
 use std::io::{Cursor, Write as _};
@@ -19,29 +19,29 @@ use super::drawing::Drawing;
 use super::error::FigureError;
 use super::text::font;
 
-/// Pixels of a drawing per inch of a PDF page: tick labels come to 7.5 points.
+/// Pixels of a drawing per inch of a PDF page, which makes tick labels 7.5 points.
 const PER_INCH: f32 = 144.0;
-/// How long a frame of an animation is shown, in milliseconds.
+/// Duration of an animation frame, milliseconds.
 const FRAME_MS: u16 = 150;
-/// The speed of choosing a frame's 256 colours, from 1 (best) to 30.
+/// The speed of colour quantization to 256 colours per frame, from 1 (best) to 30.
 const GIF_SPEED: i32 = 10;
 
-/// Formats of a picture that stands still.
+/// Formats of a still image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Pixels.
     Png,
     /// Vectors, with data as embedded images.
     Svg,
-    /// Vectors on a page made to measure, with its fonts.
+    /// Vectors on a page of the drawing's size, with embedded fonts.
     Pdf,
 }
 
 impl Format {
-    /// The format that a file's extension names, in letters of either case.
+    /// Returns the format of a file extension, case-insensitive.
     ///
     /// # Errors
-    /// [`FigureError::Extension`] for any other.
+    /// [`FigureError::Extension`] for an unknown extension.
     pub fn of(path: &Path) -> Result<Self, FigureError> {
         match extension(path).as_str() {
             "png" => Ok(Self::Png),
@@ -55,7 +55,7 @@ impl Format {
     }
 }
 
-/// Whether a file's extension names a format of an animation, `.gif` or `.apng`.
+/// Returns whether a file extension names an animation format, `.gif` or `.apng`.
 #[must_use]
 pub fn is_animation(path: &Path) -> bool {
     matches!(extension(path).as_str(), "gif" | "apng")
@@ -68,7 +68,7 @@ fn extension(path: &Path) -> String {
         .to_ascii_lowercase()
 }
 
-/// Writes a drawing in the format that the path's extension names, whole or not at all. Makes missing folders.
+/// Writes a drawing atomically in the format of the path's extension. Creates missing folders.
 ///
 /// # Errors
 /// [`FigureError::Extension`], [`FigureError::Encode`] or [`FigureError::Write`].
@@ -81,11 +81,12 @@ pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
     write(path, &bytes)
 }
 
-/// Writes drawings of one size as an endless animation, whole or not at all: `.apng` has all colours, `.gif` at most 256
-/// a frame. Makes missing folders.
+/// Writes drawings of equal size atomically as an endless animation. `.apng` has full colour, `.gif` at most
+/// 256 colours per frame. Creates missing folders.
 ///
 /// # Errors
-/// [`FigureError::Extension`], [`FigureError::Encode`] if there is no frame or one is too large, [`FigureError::Write`].
+/// [`FigureError::Extension`], [`FigureError::Encode`] if there is no frame or one is too large,
+/// [`FigureError::Write`].
 pub fn save_animation(frames: &[Drawing], path: &Path) -> Result<(), FigureError> {
     let first = frames.first().ok_or_else(|| encode("it has no frames"))?;
     let mut bytes = Cursor::new(Vec::new());
@@ -133,7 +134,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), FigureError> {
 }
 
 impl Drawing {
-    /// The drawing as it is understood by the programs that paint it.
+    /// Parses the SVG into the tree that the renderers use.
     fn tree(&self) -> Result<Tree, FigureError> {
         static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
         let fonts = FONTS.get_or_init(|| {
@@ -148,7 +149,7 @@ impl Drawing {
         Tree::from_str(&self.in_pixels(), &options).map_err(encode)
     }
 
-    /// The drawing in pixels.
+    /// Rasterizes the drawing.
     ///
     /// # Errors
     /// [`FigureError::Encode`] if it is too large.
@@ -164,7 +165,7 @@ impl Drawing {
         Ok(RgbImage::from_raw(w, h, rgb.collect()).expect("three bytes a pixel"))
     }
 
-    /// The drawing as a PNG file.
+    /// Returns the drawing as a PNG file.
     ///
     /// # Errors
     /// [`FigureError::Encode`] if it is too large.
@@ -172,7 +173,7 @@ impl Drawing {
         let mut bytes = Cursor::new(Vec::new());
         let pixels = self.pixels()?;
         if self.per_inch().is_some() {
-            // What goes to a printer has many pixels, and most of them are like those above.
+            // Images for print have many pixels, most of which equal the pixel above.
             let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Up);
             pixels.write_with_encoder(encoder).map_err(encode)?;
         } else {
@@ -181,7 +182,7 @@ impl Drawing {
         Ok(bytes.into_inner())
     }
 
-    /// The drawing as a PDF file of one page, whose texts can be searched and copied.
+    /// Returns the drawing as a PDF file of one page with searchable text.
     ///
     /// # Errors
     /// [`FigureError::Encode`] if it is too large.
@@ -202,9 +203,9 @@ impl Drawing {
     }
 }
 
-/// A PDF with the entries of its resources in order of their names: svg2pdf writes them in the order of a hash map.
+/// Sorts the entries of a PDF's resources by name, because svg2pdf writes them in the order of a hash map.
 fn in_order(pdf: &[u8]) -> Vec<u8> {
-    // Entries are lines such as `/xo12 34 0 R`; all that move stay between the same bytes of the file.
+    // Entries are lines such as `/xo12 34 0 R`; sorting does not move any other bytes of the file.
     let is_entry = |line: &&[u8]| {
         let line = line.trim_ascii();
         let named = line.first() == Some(&b'/') && line.get(1).is_some_and(u8::is_ascii_lowercase);
@@ -217,8 +218,9 @@ fn in_order(pdf: &[u8]) -> Vec<u8> {
     lines.concat()
 }
 
-/// Paints the embedded images, under everything else: every pixel of the page shows the one pixel under its middle. By
-/// ourselves, because resvg's own painting of images comes with decoders of three formats that no drawing holds.
+/// Paints the embedded images below everything else: every page pixel shows the image pixel under its centre.
+/// Resvg's own image support is not used, because it includes decoders of three formats that no drawing
+/// contains.
 fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {
     for node in group.children() {
         match node {
@@ -229,7 +231,7 @@ fn paint_images(group: &Group, page: &mut Pixmap) -> Result<(), FigureError> {
                 };
                 let picture = image::load_from_memory_with_format(bytes, ImageFormat::Png).map_err(encode)?;
                 let (picture, to_page) = (picture.into_rgb8(), image.abs_transform());
-                // First and last pixel of the page along one direction, and the one of the picture under each.
+                // First and last page pixel along one direction, with the image pixel under each.
                 let along = |n: u32, scale: f32, first: f32, most: u32| {
                     let last = (first + scale * n as f32).round().min(most as f32);
                     let under = move |at: u32| (((at as f32 + 0.5 - first) / scale) as u32).min(n - 1);

@@ -1,14 +1,13 @@
-//! What is drawn of a slice.
+//! The data of a slice to draw.
 
 use tensor::array::Tensor;
 
-/// What is drawn: the mean of a slice and, where there are any, its standard error and what its time bins missed.
+/// The mean of a slice and, if available, its standard error and the light outside its time bins.
 #[derive(Clone, Copy, Debug)]
 pub struct Panel<'a> {
-    /// Mean values.
     pub mean: &'a Tensor,
-    /// Standard error of every mean, over the same axes: the band of a profile.
+    /// Standard error of every mean, with the same axes: the band of a profile.
     pub std_error: Option<&'a Tensor>,
-    /// Light outside the time bins, over the same axes without time: the note of a profile.
+    /// Light outside the time bins, with the same axes except time: the note of a profile.
     pub overflow: Option<&'a Tensor>,
 }

@@ -1,4 +1,4 @@
-//! Colour photograph of M00: everything but camera pixels and wavelengths is summed.
+//! Colour photograph of M00: all axes except camera pixels and wavelengths are summed.
 
 use super::colour::{exposure, photo, rgb_weights};
 use super::drawing::Drawing;
@@ -12,19 +12,16 @@ use super::white::White;
 use crate::spec::PhotoView;
 use tensor::axes::AxisKind;
 
-/// What a photograph shows, before it has a size.
+/// The contents of a photograph, before scaling.
 pub(super) struct Photo<'a> {
-    /// Camera columns.
     pub xs: &'a [f64],
-    /// Camera rows.
     pub ys: &'a [f64],
     /// Linear red, green and blue.
     pub raster: Raster<3>,
-    /// What is shown as white.
+    /// The value shown as white.
     pub white: White,
 }
 
-/// Reads the photograph.
 pub(super) fn read<'a>(view: &'a PhotoView, source: Source<'a>) -> Result<Photo<'a>, FigureError> {
     let (ys, xs) = (source.need(AxisKind::Y)?, source.need(AxisKind::X)?);
     let keep = [AxisKind::Y, AxisKind::X, AxisKind::Wavelength];
@@ -42,7 +39,7 @@ pub(super) fn read<'a>(view: &'a PhotoView, source: Source<'a>) -> Result<Photo<
     })
 }
 
-/// What is shown as white: what the user wishes, or else.
+/// Returns the value shown as white: the user's choice, or the default.
 pub(super) fn white(
     option: &'static str,
     wish: Option<f32>,
@@ -55,7 +52,6 @@ pub(super) fn white(
     }
 }
 
-/// Draws the photograph.
 pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     let source = Source::new(&view.slice, panel.mean)?;
     let Photo {
@@ -90,7 +86,7 @@ pub fn draw(view: &PhotoView, title: &str, panel: &Panel) -> Result<Drawing, Fig
     Ok(page)
 }
 
-/// The axes of a camera's image.
+/// Returns the axes of a camera image.
 pub fn axes(xs: &[f64], ys: &[f64], (fx, fy): (Factor, Factor)) -> (Axis, Axis) {
     let across = Ticks::coordinates(xs, fx.length(xs.len()), true);
     let down = Ticks::coordinates(ys, fy.length(ys.len()), false);
@@ -101,7 +97,7 @@ pub fn axes(xs: &[f64], ys: &[f64], (fx, fy): (Factor, Factor)) -> (Axis, Axis) 
     (Axis::new("camera column [pixel]", across), y)
 }
 
-/// Which wavelengths are shown in which primary, in words.
+/// Describes which wavelengths each primary shows.
 pub fn channels(nm: &[f64]) -> String {
     match nm {
         [] => return "Intensity".into(),

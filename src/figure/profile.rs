@@ -1,6 +1,8 @@
-//! Time profile of one camera pixel: a chart with a line per wavelength and bands of one and two standard errors.
+//! Time profile of one camera pixel: a chart with a line per wavelength and bands of one and two standard
+//! errors.
 //!
-//! Errors of values that are summed (projector pixels, bounces, components) add in squares, as for independent values.
+//! Standard errors of summed values (projector pixels, bounces, components) add in quadrature, as for
+//! independent values.
 
 use image::Rgb;
 
@@ -15,10 +17,10 @@ use super::ticks::brief;
 use crate::spec::ProfileView;
 use tensor::axes::AxisKind;
 
-/// More lines than this have no legend.
+/// Maximum number of lines with a legend.
 const MOST_NAMED: usize = 18;
 
-/// A series for every wavelength, with bands where there are standard errors.
+/// Returns a series for every wavelength, with bands if there are standard errors.
 pub(super) fn read(
     view: &ProfileView,
     source: Source,
@@ -52,7 +54,8 @@ pub(super) fn read(
     Ok((0..lanes).map(series).collect())
 }
 
-/// The range of values that holds all lines and their bands; a band never makes it more than twice that of the lines.
+/// Returns the range of values that contains all lines and their bands; bands extend it to at most twice the
+/// range of the lines.
 pub(super) fn range(series: &[Series]) -> (f64, f64) {
     let values = |sigmas: f64| {
         let all = series.iter().flat_map(move |s| {
@@ -73,8 +76,8 @@ pub(super) fn range(series: &[Series]) -> (f64, f64) {
     (bottom - below, top + margin)
 }
 
-/// Whether a pixel is not beyond those that are kept: by more than half a spacing, at least a pixel. Of one that is alone the
-/// neighbours may have been meant.
+/// Returns whether a pixel is at most half a spacing (at least one pixel) outside the kept pixels. A single
+/// kept pixel accepts any position, because it may stand for its neighbours.
 fn is_inside(kept: &[f64], pixel: f64) -> bool {
     let (Some(first), Some(last)) = (kept.first(), kept.last()) else {
         return true;
@@ -84,7 +87,7 @@ fn is_inside(kept: &[f64], pixel: f64) -> bool {
     pixel >= -0.5 && (first - slack..=last + slack).contains(&pixel)
 }
 
-/// Indices of the kept pixel nearest to the one asked for, and of the element.
+/// Returns the indices of the kept pixel nearest to the requested one, and of the element.
 fn picks(
     view: &ProfileView,
     source: Source,
@@ -109,12 +112,11 @@ fn picks(
     Ok([(AxisKind::X, x), (AxisKind::Y, y), out, inn])
 }
 
-/// Draws the profile.
 pub fn draw(view: &ProfileView, title: &str, panel: &Panel) -> Result<Drawing, FigureError> {
     Ok(draw_with_scales(view, title, panel)?.0)
 }
 
-/// As [`draw`], together with the scales.
+/// As [`draw`], and returns the scales.
 pub(crate) fn draw_with_scales(
     view: &ProfileView,
     title: &str,
@@ -146,7 +148,7 @@ pub(crate) fn draw_with_scales(
     chart::draw_in(&chart, &|lane| colours[lane % colours.len()])
 }
 
-/// The profile as a chart without a title.
+/// Returns the profile as a chart without a title.
 pub(crate) fn chart(
     view: &ProfileView,
     source: Source,
@@ -171,13 +173,13 @@ pub(crate) fn chart(
     })
 }
 
-/// Colours of the wavelengths' lines.
+/// Returns the line colours of the wavelengths.
 pub(crate) fn colours(source: Source) -> Vec<Rgb<u8>> {
     let nm = source.wavelengths();
     line_colours(if nm.is_empty() { &[550.0] } else { nm })
 }
 
-/// What the time bins missed at this pixel, of M00.
+/// Returns a note on the light (M00) outside the time bins at this pixel.
 fn overflow_note(
     view: &ProfileView,
     source: Source,

@@ -1,4 +1,4 @@
-//! Pictures of values before they have colours, and how they come to size by whole factors.
+//! Images of values before they have colours, and their scaling by whole factors.
 
 use image::{Rgb, RgbImage};
 
@@ -13,22 +13,21 @@ pub struct Raster<const C: usize> {
     pub w: usize,
     /// Rows, at least 1.
     pub h: usize,
-    /// Values.
     pub data: Vec<[f32; C]>,
 }
 
-/// Whole factors from data pixels to picture pixels along one direction.
+/// Whole factors from data pixels to image pixels along one direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Factor {
-    /// Data pixels that are averaged into one (1: none).
+    /// Number of data pixels averaged into one (1: none).
     pub down: usize,
-    /// Picture pixels that show one (averaged) data pixel.
+    /// Number of image pixels per (averaged) data pixel.
     pub up: usize,
 }
 
 impl Factor {
-    /// The factor that brings `n` data pixels as near below `target` as possible by repetition, or below `most` by
-    /// averaging if there are more than `most`.
+    /// Returns the factor that brings `n` data pixels as close below `target` as possible by repetition, or
+    /// below `most` by averaging if there are more than `most`.
     #[must_use]
     pub fn new(n: usize, target: usize, most: usize) -> Self {
         let n = n.max(1);
@@ -45,13 +44,13 @@ impl Factor {
         }
     }
 
-    /// Picture pixels of `n` data pixels.
+    /// Returns the number of image pixels of `n` data pixels.
     #[must_use]
     pub fn length(self, n: usize) -> f64 {
         (n.div_ceil(self.down) * self.up) as f64
     }
 
-    /// The factor, stretched until `n` data pixels are at least `least` picture pixels.
+    /// Returns the factor enlarged until `n` data pixels are at least `least` image pixels.
     #[must_use]
     pub fn at_least(self, least: usize, n: usize) -> Self {
         let length = n.div_ceil(self.down) * self.up;
@@ -61,8 +60,8 @@ impl Factor {
         }
     }
 
-    /// Factors that keep pixels square, so that the longer side comes to `target`; a strip thinner than `least` is
-    /// stretched across until it can be seen.
+    /// Returns factors that keep pixels square, with the longer side close to `target`. A strip thinner than
+    /// `least` is stretched across to remain visible.
     #[must_use]
     pub fn square(w: usize, h: usize, target: usize, most: usize, least: usize) -> (Self, Self) {
         let f = Self::new(w.max(h), target, most);
@@ -78,7 +77,7 @@ impl Factor {
 }
 
 impl Raster<3> {
-    /// Red, green and blue from values whose last axis is the wavelength.
+    /// Returns red, green and blue from values whose last axis is the wavelength.
     #[must_use]
     pub fn colour(w: usize, h: usize, values: &Reduced, weights: &[Vec<f32>; 3]) -> Self {
         let lanes = weights[0].len().max(1);
@@ -100,10 +99,10 @@ impl Raster<3> {
 }
 
 impl<const C: usize> Raster<C> {
-    /// A raster of `w` columns.
+    /// Builds a raster of `w` columns.
     ///
     /// # Errors
-    /// [`FigureError::Damaged`] under a name if there is no value, or the values do not fill the rows.
+    /// [`FigureError::Damaged`] with this name if there is no value, or if the values do not fill the rows.
     pub fn new(name: &str, w: usize, data: Vec<[f32; C]>) -> Result<Self, FigureError> {
         let h = data.len() / w.max(1);
         if h == 0 || h * w != data.len() {
@@ -116,7 +115,7 @@ impl<const C: usize> Raster<C> {
         Ok(Self { w, h, data })
     }
 
-    /// Means over boxes; a box with a value that is not finite has none.
+    /// Averages over boxes; a box with a non-finite value is undefined.
     #[must_use]
     pub fn shrink(self, (fx, fy): (Factor, Factor)) -> Self {
         if fx.down == 1 && fy.down == 1 {
@@ -140,14 +139,15 @@ impl<const C: usize> Raster<C> {
         Self { w, h, data }
     }
 
-    /// The raster upside down: rows rise.
+    /// Returns the raster flipped vertically, so that rows run upward.
     #[must_use]
     pub fn flipped(mut self) -> Self {
         self.data = self.data.chunks_exact(self.w).rev().flatten().copied().collect();
         self
     }
 
-    /// Draws the (shrunk) raster as an image with its upper left corner `from` that of the data of a page.
+    /// Draws the (shrunk) raster as an image with its upper left corner at `from`, relative to the page's
+    /// data.
     pub fn paint(
         &self,
         page: &mut Drawing,
@@ -159,7 +159,7 @@ impl<const C: usize> Raster<C> {
         page.image(page.data.within(from, size), &self.image(colour));
     }
 
-    /// The raster as an image, a pixel for each of its own.
+    /// Returns the raster as an image with one pixel per raster pixel.
     pub fn image(&self, colour: impl Fn([f32; C]) -> Rgb<u8>) -> RgbImage {
         let pixel = |x: u32, y: u32| colour(self.data[y as usize * self.w + x as usize]);
         RgbImage::from_fn(self.w as u32, self.h as u32, pixel)

@@ -1,4 +1,4 @@
-//! From a tensor of any axes to the few that a picture shows: pick, sum and check in one pass.
+//! Reduces a tensor to the axes of an image: selects, sums and checks in one pass.
 
 use super::error::FigureError;
 use super::error::WAVELENGTH;
@@ -6,26 +6,24 @@ use base::spectral_table::nearest_within;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// A tensor that was checked: its values fill its axes, none of which is empty or there twice.
+/// A checked tensor: its values fill its axes, and no axis is empty or occurs twice.
 #[derive(Clone, Copy)]
 pub struct Source<'a> {
     /// Name of the slice for messages.
     pub slice: &'a str,
-    /// The values.
     pub tensor: &'a Tensor,
 }
 
-/// Sums over all axes but those kept.
+/// Sums over all axes except the kept ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reduced {
-    /// Row-major over the kept axes, in the order asked for.
+    /// Row-major over the kept axes, in the requested order.
     pub data: Vec<f32>,
-    /// Lengths of the kept axes; 1 where the tensor has no such axis.
+    /// Lengths of the kept axes; 1 for axes that the tensor does not have.
     pub shape: Vec<usize>,
 }
 
 impl<'a> Source<'a> {
-    /// Checks a tensor.
     pub fn new(slice: &'a str, tensor: &'a Tensor) -> Result<Self, FigureError> {
         if let Some(axis) = tensor.axes.iter().find(|a| a.coords.is_empty()) {
             return Err(FigureError::nothing(slice, axis.kind.name()));
@@ -53,7 +51,7 @@ impl<'a> Source<'a> {
         Ok(Self { slice, tensor })
     }
 
-    /// Coordinates of an axis that the picture needs.
+    /// Returns the coordinates of a required axis.
     pub fn need(&self, kind: AxisKind) -> Result<&'a [f64], FigureError> {
         self.coords(kind).ok_or_else(|| {
             let (axis, fix) = match kind {
@@ -76,23 +74,23 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// Coordinates of an axis, if the tensor has it.
+    /// Returns the coordinates of an axis, if the tensor has it.
     pub fn coords(&self, kind: AxisKind) -> Option<&'a [f64]> {
         self.tensor
             .find(kind)
             .map(|i| self.tensor.axes[i].coords.as_slice())
     }
 
-    /// Wavelengths in nanometres; empty if the tensor does not say.
+    /// Returns the wavelengths in nanometres; empty if the tensor has no such axis.
     pub fn wavelengths(&self) -> &'a [f64] {
         self.coords(AxisKind::Wavelength).unwrap_or(&[])
     }
 
-    /// Index of the wavelength nearest to `nm`, the middle one without a wish.
+    /// Returns the index of the wavelength nearest to `nm`, by default the middle one.
     pub fn wavelength(&self, nm: Option<f64>) -> Result<usize, FigureError> {
         let all = self.wavelengths();
         match nm {
-            // A tensor that does not say is of all of them.
+            // A tensor without a wavelength axis applies to all wavelengths.
             Some(nm) if !all.is_empty() => {
                 nearest_within(all, nm).ok_or_else(|| FigureError::option("wavelength_nm", nm, WAVELENGTH))
             }
@@ -100,7 +98,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The picks that choose a Mueller element. M00 needs no Stokes axes.
+    /// Returns the picks that select a Mueller element. M00 needs no Stokes axes.
     pub fn element(&self, [out, inn]: [usize; 2]) -> Result<[(AxisKind, usize); 2], FigureError> {
         for (kind, i) in [(AxisKind::StokesOut, out), (AxisKind::StokesIn, inn)] {
             if i > 0 || self.coords(kind).is_some() {
@@ -110,7 +108,6 @@ impl<'a> Source<'a> {
         Ok([(AxisKind::StokesOut, out), (AxisKind::StokesIn, inn)])
     }
 
-    /// An index that must exist.
     pub fn index(&self, what: &'static str, index: usize, len: usize) -> Result<usize, FigureError> {
         if index < len {
             return Ok(index);
@@ -129,7 +126,7 @@ impl<'a> Source<'a> {
     pub fn sum(&self, keep: &[AxisKind], pick: &[(AxisKind, usize)], f: impl Fn(f32) -> f64) -> Reduced {
         let shape: Vec<usize> = keep.iter().map(|&k| self.tensor.extent(k)).collect();
         let mut out = vec![0.0_f64; shape.iter().product()];
-        // Per axis of the tensor: first offset, number of steps, and how far a step goes in source and target.
+        // Per axis of the tensor: number of steps, and the strides in source and target.
         let lengths = self.tensor.shape();
         let mut steps: Vec<(usize, usize, usize)> = Vec::with_capacity(lengths.len());
         let mut first = 0;
@@ -153,7 +150,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Adds `f` of every value along the steps that remain, from a place in the source to one in the target.
+/// Adds `f` of every value along the remaining steps, from a source offset to a target offset.
 fn add(
     out: &mut [f64],
     data: &[f32],
@@ -176,8 +173,8 @@ fn add(
     }
 }
 
-/// An axis of pixels or bins as a straight ruler: value at the outer edge of the first and of the last entry, or `None`
-/// where the entries are not evenly spaced.
+/// Returns the values at the outer edges of the first and last entry of a uniform axis; `None` if the entries
+/// are not evenly spaced.
 pub fn ruler(coords: &[f64]) -> Option<(f64, f64)> {
     let (&first, &last) = (coords.first()?, coords.last()?);
     let step = if coords.len() > 1 {

@@ -1,4 +1,4 @@
-//! A contact sheet: many small 4×4 Mueller grids under their names, all on one scale.
+//! A contact sheet: many small named 4×4 Mueller grids on one scale.
 
 use super::colour::exposure;
 use super::drawing::Drawing;
@@ -8,25 +8,24 @@ use super::mueller;
 use super::raster::{Factor, Raster};
 use super::text::NAME;
 
-/// One grid of the sheet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// Name written above it.
+    /// Name above the grid.
     pub label: String,
-    /// Columns of each of its sixteen pictures.
+    /// Columns of each of its sixteen images.
     pub width: usize,
-    /// Mueller matrices, rows of Stokes out first; row-major from the top, `width` columns. M00 is shown as intensity,
-    /// all else is divided by it.
+    /// Mueller matrices, rows of Stokes out first; row-major from the top, `width` columns. M00 is shown as
+    /// intensity; the other elements are divided by it.
     pub data: Vec<[f32; 16]>,
 }
 
-/// Pixels that one of the sixteen pictures is wide, about.
+/// Approximate width of one of the sixteen images in pixels.
 const PICTURE: usize = 72;
 
-/// Draws the sheet, `columns` grids a row.
+/// Draws the sheet, `columns` grids per row.
 ///
 /// # Errors
-/// [`FigureError`] if there is no grid, or the data of one do not fill its rows.
+/// [`FigureError`] if there is no grid, or if the data of one do not fill its rows.
 pub fn draw(title: &str, grids: &[Grid], columns: usize, notes: &[&str]) -> Result<Drawing, FigureError> {
     let mut pictures = vec![];
     let mut size = (0.0_f64, 0.0_f64);
@@ -78,7 +77,7 @@ mod tests {
         }
     }
 
-    /// The colours of every element are in the picture, those of other values are not.
+    /// The image contains the colours of every element and no colours of other values.
     #[test]
     fn elements_are_painted() {
         let mut m = [0.0; 16];

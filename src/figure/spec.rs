@@ -1,19 +1,19 @@
-//! Views: which picture to draw of which slice. Plain data shared by scene files, stores and the command line.
+//! Views: which image to draw of which slice. Plain data shared by scene files, stores and the command line.
 
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
-/// A named picture.
+/// A named figure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Figure {
-    /// File stem of the picture.
+    /// File stem of the figure.
     pub name: String,
-    /// What to draw.
+    /// The image to draw.
     pub view: View,
 }
 
-/// Puts the syntax of figures into the schema of scene files, which leaves it open.
+/// Adds the syntax of figures to the schema of scene files, which leaves it undefined.
 pub fn describe_in(scene: &mut Schema) {
     let mut figure = schemars::schema_for!(Figure).to_value();
     let Some(figure) = figure.as_object_mut() else {
@@ -39,7 +39,7 @@ pub fn describe_in(scene: &mut Schema) {
     }
 }
 
-/// What to draw of a slice.
+/// The image to draw of a slice.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum View {
@@ -58,7 +58,7 @@ pub enum View {
 }
 
 impl View {
-    /// Name of the slice that is drawn.
+    /// Returns the name of the drawn slice.
     #[must_use]
     pub fn slice(&self) -> &str {
         match self {
@@ -77,7 +77,7 @@ impl View {
 pub struct PhotoView {
     /// Slice to draw.
     pub slice: String,
-    /// Camera value shown as white; absent: the 99th percentile.
+    /// Camera value shown as white; default: the 99th percentile.
     pub white: Option<f32>,
 }
 
@@ -87,12 +87,14 @@ pub struct PhotoView {
 pub struct MuellerView {
     /// Slice to draw (polarization `mueller`).
     pub slice: String,
-    /// Wavelength to draw (nearest); absent: the middle one.
+    /// Wavelength to draw (nearest); default: the middle one.
     pub wavelength_nm: Option<f64>,
-    /// Divide every element by M00 of its pixel (M00 itself is shown as it is, scaled to its 99th percentile).
+    /// Divide every element by M00 of its pixel (M00 itself is not divided, but scaled to its 99th
+    /// percentile).
     #[serde(default = "yes")]
     pub normalized: bool,
-    /// Value at the ends of the symmetric colour scale; absent: 1 if normalized, else the 99th percentile of |M|.
+    /// Value at the ends of the symmetric colour scale; default: 1 if normalized, otherwise the 99th
+    /// percentile of |M|.
     pub limit: Option<f32>,
 }
 
@@ -102,12 +104,13 @@ pub struct MuellerView {
 pub struct MapView {
     /// Slice to draw.
     pub slice: String,
-    /// Wavelength to draw (nearest); absent: colour from all wavelengths for M00, the middle one for other elements.
+    /// Wavelength to draw (nearest); default: colour from all wavelengths for M00, the middle one for other
+    /// elements.
     pub wavelength_nm: Option<f64>,
     /// Index into the slice's camera rows (0: its first row); drawn along x.
     #[serde(default)]
     pub row: usize,
-    /// Mueller element [out, in] to draw; other than [0, 0] it is drawn signed and normalized by M00.
+    /// Mueller element [out, in] to draw; elements other than [0, 0] are signed and normalized by M00.
     #[serde(default)]
     pub element: [usize; 2],
 }
@@ -118,7 +121,7 @@ pub struct MapView {
 pub struct FlightView {
     /// Slice to draw (camera pixels and time bins resolved).
     pub slice: String,
-    /// Number of frames, spread evenly over the bins that hold light.
+    /// Number of frames, spread evenly over the bins that contain light.
     #[serde(default = "twelve")]
     pub frames: usize,
 }

@@ -1,4 +1,4 @@
-//! Sizes of DejaVu Sans text: how wide it is, and how it is made to fit.
+//! Metrics of DejaVu Sans text: measures, shrinks and wraps it.
 
 use std::sync::OnceLock;
 
@@ -8,29 +8,25 @@ use ttf_parser::Face;
 /// Height of capitals and digits over the em.
 pub const CAP_PER_EM: f64 = 0.729;
 
-/// The font of every text. There is but one: the files of svg2pdf with more are not the same twice.
+/// Returns the font of all text. There is only one, because svg2pdf's output with several fonts is not
+/// reproducible.
 #[must_use]
 pub fn font() -> &'static [u8] {
     dejavu::sans::regular()
 }
 
-/// Where a text lies relative to its point, along the direction of writing.
+/// Position of a text relative to its point, along the direction of writing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Align {
-    /// The text begins at the point.
     Start,
-    /// The text is centred on the point.
     Middle,
-    /// The text ends at the point.
     End,
 }
 
-/// Size and colour of a text.
 #[derive(Clone, Copy, Debug)]
 pub struct Style {
     /// Em in pixels.
     pub em: f64,
-    /// Colour of the ink.
     pub colour: Rgb<u8>,
 }
 
@@ -39,7 +35,7 @@ impl Style {
         Self { em, colour }
     }
 
-    /// The same style `k` times as large.
+    /// Returns the style scaled by `k`.
     #[must_use]
     pub fn scaled(self, k: f64) -> Self {
         let em = self.em * k;
@@ -49,34 +45,30 @@ impl Style {
 
 /// Colour of text and frames.
 pub const INK: Rgb<u8> = Rgb([30, 30, 34]);
-/// Titles.
 pub const TITLE: Style = Style::new(21.0, INK);
-/// Axis labels.
 pub const LABEL: Style = Style::new(17.0, INK);
-/// Names of panels.
 pub const NAME: Style = Style::new(16.0, INK);
-/// Tick labels.
 pub const TICK: Style = Style::new(15.0, INK);
-/// Notes under a picture.
 pub const NOTE: Style = Style::new(14.0, Rgb([90, 90, 96]));
 
-/// Advance width of a character in pixels.
+/// Returns the advance width of a character in pixels.
 fn advance(c: char, style: Style) -> f64 {
     static FACE: OnceLock<Face> = OnceLock::new();
     let face = FACE.get_or_init(|| Face::parse(font(), 0).expect("the embedded font is a font"));
-    // A character that the font lacks is drawn as its first glyph.
+    // A missing character is drawn as the font's first glyph.
     let glyph = face.glyph_index(c).unwrap_or_default();
     let units = face.glyph_hor_advance(glyph).unwrap_or_default();
     f64::from(units) / f64::from(face.units_per_em()) * style.em
 }
 
-/// Width of a text in pixels.
+/// Returns the width of a text in pixels.
 #[must_use]
 pub fn width(text: &str, style: Style) -> f64 {
     text.chars().map(|c| advance(c, style)).sum()
 }
 
-/// The text, cut with an ellipsis where it is wider than `room`, and a style that was made smaller first.
+/// Returns the text and style that fit into `room`: first the style shrinks, then the text is cut with an
+/// ellipsis.
 #[must_use]
 pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     let wide = width(text, style);
@@ -96,7 +88,7 @@ pub fn fit(text: &str, style: Style, room: f64) -> (String, Style) {
     (kept.trim_end().to_owned() + "…", style)
 }
 
-/// Words of a text in lines no wider than `room` (a word that is wider has its own line).
+/// Wraps a text into lines no wider than `room`; a wider word has its own line.
 #[must_use]
 pub fn wrap(text: &str, style: Style, room: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();

@@ -1,19 +1,20 @@
-//! Round numbers for axes and colour bars.
+//! Ticks at round numbers for axes and colour bars.
 
 use super::reduce::ruler;
 use super::text::{TICK, width};
 
-/// Ticks of an axis: where they are (0..1 from its low end) and what they say, with the power of ten that was taken out.
+/// Ticks of an axis: positions (0..1 from its low end), labels, and the power of ten factored out of the
+/// labels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ticks {
-    /// Place along the axis and label.
+    /// Position along the axis and label.
     pub marks: Vec<(f64, String)>,
-    /// The labels are to be multiplied by ten to this power.
+    /// Power of ten that multiplies the labels.
     pub exponent: i32,
 }
 
 impl Ticks {
-    /// Ticks at 1, 2 or 5 times powers of ten between `low` and `high`, at most about `most` of them.
+    /// Returns ticks at 1, 2 or 5 times powers of ten between `low` and `high`, about `most` at most.
     #[must_use]
     pub fn linear(low: f64, high: f64, most: usize) -> Self {
         let span = high - low;
@@ -44,7 +45,7 @@ impl Ticks {
         Self { marks, exponent }
     }
 
-    /// Ticks at whole powers of ten between two powers of ten.
+    /// Returns ticks at whole powers of ten between two powers of ten.
     #[must_use]
     pub fn decades(low_exp: f64, high_exp: f64) -> Self {
         let span = high_exp - low_exp;
@@ -57,8 +58,8 @@ impl Ticks {
         Self { marks, exponent: 0 }
     }
 
-    /// Ticks of pixel or bin coordinates along `length` picture pixels, so that labels of an axis that runs
-    /// horizontally do not touch. Axes that are not evenly spaced are labelled at some of their entries.
+    /// Returns ticks of pixel or bin coordinates along `length` image pixels. Labels of a horizontal axis do
+    /// not overlap. Axes that are not evenly spaced are labelled at some of their entries.
     #[must_use]
     pub fn coordinates(coords: &[f64], length: f64, horizontal: bool) -> Self {
         let ticks = |most: usize| match ruler(coords) {
@@ -77,13 +78,13 @@ impl Ticks {
         ticks(most)
     }
 
-    /// Whether the labels stand side by side on `length` pixels without touching.
+    /// Returns whether the labels fit side by side into `length` pixels without overlap.
     #[must_use]
     pub fn fit_side_by_side(&self, length: f64) -> bool {
         self.marks.iter().map(|m| width(&m.1, TICK) + 16.0).sum::<f64>() <= length
     }
 
-    /// Labels at about `most` entries of a list.
+    /// Returns labels at about `most` entries of a list.
     fn listed(coords: &[f64], most: usize) -> Self {
         let n = coords.len();
         let every = n.div_ceil(most.max(1)).max(1);
@@ -98,7 +99,7 @@ impl Ticks {
         Self { marks, exponent: 0 }
     }
 
-    /// A unit with the power of ten that was taken out of the labels.
+    /// Returns a unit with the power of ten factored out of the labels.
     #[must_use]
     pub fn unit(&self, unit: &str) -> String {
         match self.exponent {
@@ -108,7 +109,7 @@ impl Ticks {
     }
 }
 
-/// The smallest of 1, 2, 5 times a power of ten that is not below `raw`.
+/// Returns the smallest of 1, 2, 5 times a power of ten that is at least `raw`.
 fn nice_step(raw: f64) -> f64 {
     let base = 10_f64.powf(raw.log10().floor());
     [1.0, 2.0, 5.0, 10.0]
@@ -118,7 +119,7 @@ fn nice_step(raw: f64) -> f64 {
         .unwrap_or(raw)
 }
 
-/// A number with a true minus sign.
+/// Formats a number with a true minus sign.
 fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
@@ -128,7 +129,7 @@ fn number(value: f64, decimals: usize) -> String {
     }
 }
 
-/// A value with up to three digits, for notes: `0.0123`, `4.56×10⁻⁷`.
+/// Formats a value with up to three digits, for notes: `0.0123`, `4.56×10⁻⁷`.
 #[must_use]
 pub fn brief(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -149,7 +150,7 @@ pub fn brief(value: f64) -> String {
     format!("{}×10{}", short(value / 10_f64.powi(e), 2), superscript(e))
 }
 
-/// An exponent in raised digits.
+/// Formats an exponent in superscript digits.
 fn superscript(e: i32) -> String {
     e.to_string()
         .chars()

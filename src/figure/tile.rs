@@ -1,6 +1,6 @@
-//! What one panel of a composite shows, before it has a size: images or a chart, with axes and a colour bar.
+//! The contents of one panel of a composite, before scaling: images or a chart, with axes and a colour bar.
 //!
-//! Images have a pixel for each number that they show, so that whoever places them decides on their size.
+//! Images have one pixel per value, so that the composite determines their size.
 
 use image::{Rgb, RgbImage};
 
@@ -17,23 +17,22 @@ use super::white::White;
 use super::{flight, map, mueller, profile};
 use crate::spec::{FlightView, MuellerView, PhotoView, ProfileView, View};
 
-/// Colours of a bar, from its lower end.
+/// Number of colours of a bar.
 const STEPS: u32 = 256;
 
-/// A panel's content.
+/// The contents of a panel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tile {
-    /// Images of one size with what stands in their corner, row by row; none of a chart.
+    /// Images of one size with their corner labels, row by row; empty for a chart.
     pub(crate) cells: Vec<(RgbImage, String)>,
-    /// Images a row.
+    /// Images per row.
     pub(crate) columns: usize,
     /// Axes to the right and upward, or downward.
     pub(crate) axes: Option<[Scaled; 2]>,
-    /// Colour bar.
     pub(crate) bar: Option<Ramp>,
-    /// Lines instead of images.
+    /// Chart instead of images.
     pub(crate) chart: Option<Lines>,
-    /// Height over width that a map or a chart is drawn with; images have their own.
+    /// Ratio of height to width of a map or a chart; images have their own.
     pub(crate) aspect: Option<f64>,
     white: Option<White>,
 }
@@ -50,19 +49,19 @@ pub(crate) struct Scaled {
 pub struct Ramp {
     pub(crate) label: String,
     pub(crate) ticks: Ticks,
-    /// One pixel wide, its upper end first.
+    /// One pixel wide, upper end first.
     pub(crate) colours: RgbImage,
 }
 
-/// Lines over ranges.
+/// Lines with their axes.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Lines {
     pub x: Ruled,
     pub y: Ruled,
     pub series: Vec<Series>,
-    /// Colours that series look theirs up in, one at least.
+    /// Colour palette of the series, at least one colour.
     pub palette: Vec<Rgb<u8>>,
-    /// Whether names of series stand under the axis.
+    /// Whether the names of series are listed under the axis.
     pub legend: bool,
 }
 
@@ -74,11 +73,11 @@ pub(crate) struct Ruled {
     named: Vec<(f64, String)>,
 }
 
-/// Labels of the upward axis of a chart, at most.
+/// Maximum number of labels of a chart's vertical axis.
 const UPWARD: usize = 5;
 
 impl Ruled {
-    /// The label gets the power of ten of so many ticks.
+    /// Creates an axis whose label contains the power of ten of at most `most` ticks.
     fn new(axis: &ChartAxis, scale: Along, most: usize) -> Self {
         let mut out = Self {
             label: String::new(),
@@ -89,7 +88,7 @@ impl Ruled {
         out
     }
 
-    /// Labelled ticks, about so many at most, and places of the others.
+    /// Returns labelled ticks, about `most` at most, and the positions of the others.
     pub fn marks(&self, most: usize) -> (Ticks, Vec<f64>) {
         let own = || self.scale.marks(most);
         let marks = self.scale.named(&self.named).unwrap_or_else(own);
@@ -98,38 +97,34 @@ impl Ruled {
 }
 
 impl Lines {
-    /// Ticks of the upward axis.
+    /// Returns the ticks of the vertical axis.
     pub fn up(&self) -> Ticks {
         self.y.marks(UPWARD).0
     }
 
-    /// Colour of a series' number.
+    /// Returns the colour of a series by index.
     pub fn colour(&self, i: usize) -> Rgb<u8> {
         self.palette[i % self.palette.len().max(1)]
     }
 }
 
-/// What the numbers of a map are, which decides on their colours.
+/// The kind of a map's values, which determines the colour map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scale {
-    /// Numbers between two ends.
+    /// Values between two ends.
     Linear {
         /// Value at the dark end.
         low: f32,
         /// Value at the bright end.
         high: f32,
     },
-    /// Numbers of either sign.
     Signed {
         /// Value at the upper end.
         limit: f32,
     },
-    /// Angles that are the same a period later.
-    Angle {
-        /// The period.
-        period: f32,
-    },
-    /// Numbers of things, from 0 on; negative ones are of nothing.
+    /// Angles with a period.
+    Angle { period: f32 },
+    /// Indices of objects, from 0 on; negative ones mean no object.
     Things,
 }
 
@@ -146,7 +141,6 @@ impl Ramp {
 }
 
 impl Tile {
-    /// One image.
     #[must_use]
     pub fn image(image: RgbImage) -> Self {
         Self::images(vec![(image, String::new())], 1)
@@ -164,7 +158,7 @@ impl Tile {
         }
     }
 
-    /// With this said to be its white.
+    /// Sets the value shown as white.
     #[must_use]
     pub fn with_white(mut self, white: White) -> Self {
         self.white = Some(white);
@@ -176,14 +170,14 @@ impl Tile {
         self
     }
 
-    /// Without its colour bar, for a panel whose neighbour has the same.
+    /// Removes the colour bar, for a panel whose neighbour has the same one.
     #[must_use]
     pub fn without_bar(mut self) -> Self {
         self.bar = None;
         self
     }
 
-    /// With its height this share of its width, where it is a map or a chart, whose pixels have no shape.
+    /// Sets the ratio of height to width of a map or a chart; images keep their own.
     #[must_use]
     pub fn with_aspect(mut self, aspect: f64) -> Self {
         if self.aspect.is_some() {
@@ -192,13 +186,13 @@ impl Tile {
         self
     }
 
-    /// What is shown as white, or at the end of a signed scale, where brightness or a signed scale is.
+    /// Returns the value shown as white, or at the end of a signed scale, if the tile has such a scale.
     #[must_use]
     pub fn white(&self) -> Option<White> {
         self.white
     }
 
-    /// The size in pixels of an image that stands alone.
+    /// Returns the size in pixels of a single image.
     #[must_use]
     pub fn size(&self) -> Option<[u32; 2]> {
         match &self.cells[..] {
@@ -208,7 +202,7 @@ impl Tile {
     }
 }
 
-/// What a view of a slice shows.
+/// Returns the tile of a view of a slice.
 ///
 /// # Errors
 /// As [`crate::draw`].
@@ -277,7 +271,8 @@ fn of_profile(view: &ProfileView, panel: &Panel) -> Result<Tile, FigureError> {
     lines(&chart, profile::colours(source), false)
 }
 
-/// A chart; its title and its notes are left out. Names of its series stand under it, if there is to be a legend.
+/// Returns a chart as a tile, without its title and notes. If `legend` is set, the names of its series are
+/// listed under it.
 ///
 /// # Errors
 /// As [`chart::draw`].
@@ -300,10 +295,12 @@ fn lines(chart: &Chart, palette: Vec<Rgb<u8>>, legend: bool) -> Result<Tile, Fig
     Ok(tile)
 }
 
-/// A map of one number a pixel, `width` columns, rows from the top; `name` stands beside its bar. Numbers that are not finite are grey.
+/// Returns a map of one value per pixel, `width` columns, rows from the top; `name` labels its colour bar.
+/// Non-finite values are grey.
 ///
 /// # Errors
-/// [`FigureError::Damaged`] if the values do not fill the rows, [`FigureError::Option`] if the ends of the scale are no range.
+/// [`FigureError::Damaged`] if the values do not fill the rows; [`FigureError::Option`] if the ends of the
+/// scale are invalid.
 pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Result<Tile, FigureError> {
     let raster = Raster::new(name, width, values.iter().map(|v| [*v]).collect())?;
     let must = |ok: bool, option, value: f32| {
@@ -362,10 +359,11 @@ fn labelled(name: &str, ticks: &Ticks) -> String {
     }
 }
 
-/// An image of linear colours, red, green and blue a pixel, `white` shown as white.
+/// Returns an image of linear colours, red, green and blue per pixel; `white` is shown as white.
 ///
 /// # Errors
-/// [`FigureError::Damaged`] if the values do not fill the rows, [`FigureError::Option`] if white is no number above zero.
+/// [`FigureError::Damaged`] if the values do not fill the rows; [`FigureError::Option`] if white is not a
+/// positive number.
 pub fn of_colours(
     name: &str,
     width: usize,
@@ -379,7 +377,8 @@ pub fn of_colours(
     Ok(Tile::image(raster.image(|rgb| photo(rgb, white.value()))).with_white(white))
 }
 
-/// The white of images that share one: the 99th percentile of all their values, their largest if that is not positive.
+/// Returns the common white level of several images: the 99th percentile of all values, or their maximum if
+/// that is not positive.
 #[must_use]
 pub fn common_white(values: impl Iterator<Item = f32> + Clone) -> White {
     colour::exposure(values)

@@ -1,16 +1,16 @@
-//! What is shown as white.
+//! The value shown as white.
 
-/// The value that is shown as white, or at the ends of a signed scale.
+/// The value shown as white, or at the ends of a signed scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum White {
-    /// This one; positive and finite.
+    /// This value; positive and finite.
     Value(f32),
-    /// None: nothing of the picture is positive, so that all of it is black, or at the middle of a signed scale.
+    /// No value: nothing in the image is positive, so it is all black, or at the middle of a signed scale.
     Nothing,
 }
 
 impl White {
-    /// The value; 1 where there is none.
+    /// Returns the value; 1 if there is none.
     #[must_use]
     pub fn value(self) -> f32 {
         match self {
@@ -21,7 +21,7 @@ impl White {
 }
 
 impl From<Option<f32>> for White {
-    /// None where there is no positive number.
+    /// Returns `Nothing` unless there is a finite positive number.
     fn from(v: Option<f32>) -> Self {
         v.filter(|v| *v > 0.0 && v.is_finite())
             .map_or(Self::Nothing, Self::Value)

@@ -1,8 +1,9 @@
-//! Checked reading of glTF 2.0 buffers and accessors (specification, sections 3.6 and 5.1).
+//! Checked access to glTF 2.0 buffers and accessors (specification, sections 3.6 and 5.1).
 //!
-//! The crate `gltf` decodes the container and the JSON; its own accessor readers are not used because they and its
-//! validation panic on broken files (a `POSITION` index out of range, an empty accessor, an unsuitable component type,
-//! a percent-encoded uri that is not UTF-8). Here every index, offset and count is checked against the bytes at hand.
+//! The crate `gltf` decodes the container and the JSON. Its accessor readers and its validation are not used
+//! because they panic on invalid files (a `POSITION` index out of range, an empty accessor, an unsuitable
+//! component type, a percent-encoded URI that is not UTF-8). Here every index, offset and count is checked
+//! against the available bytes.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -20,22 +21,21 @@ use super::gltf_notes::MESHOPT;
 use super::meshopt::{self, Mode};
 use super::notes::Notes;
 
-/// A document's JSON with its buffers' bytes.
+/// A document's JSON and the bytes of its buffers.
 pub(super) struct Data<'a> {
     pub root: &'a Root,
     buffers: Vec<Cow<'a, [u8]>>,
-    /// Bytes of buffer views that were compressed.
+    /// Decompressed buffer views.
     views: BTreeMap<usize, Vec<u8>>,
-    /// Values of accessors whose primitives were compressed.
+    /// Values of accessors of compressed primitives.
     elements: BTreeMap<usize, Elements>,
 }
 
-/// One number of an accessor, read from its bytes.
 type Decode<T> = fn(ComponentType, bool, &[u8]) -> T;
 
 impl<'a> Data<'a> {
-    /// Fetches all buffers: the GLB's own chunk, data URIs and, if `base` is given, files below it.
-    /// One that is shorter than it should be is noted: accessors are checked by themselves.
+    /// Loads all buffers: the GLB's own chunk, data URIs and, if `base` is given, files below it. A buffer
+    /// that is too short is noted, since accessors are checked separately.
     pub fn new(
         root: &'a Root,
         blob: Option<&'a [u8]>,
@@ -44,7 +44,7 @@ impl<'a> Data<'a> {
     ) -> Result<Self, ImportError> {
         let mut buffers = Vec::with_capacity(root.buffers.len());
         for (i, buffer) in root.buffers.iter().enumerate() {
-            // What stands in for compressed views is not needed, and may have no bytes.
+            // Fallbacks of compressed views are not needed and can be empty.
             let extensions = buffer.extensions.as_ref().map(|e| &e.others);
             let is_fallback = |name: &&str| {
                 extensions
@@ -102,12 +102,12 @@ impl<'a> Data<'a> {
         Ok(data)
     }
 
-    /// An accessor of `N` floating-point (or normalized or plain integer) components.
+    /// Reads an accessor of `N` floating-point (or normalized or plain integer) components.
     pub fn floats<const N: usize>(&self, accessor: usize) -> Result<Vec<[f32; N]>, ImportError> {
         self.gather(accessor, decode_float)
     }
 
-    /// A scalar accessor of unsigned integers.
+    /// Reads a scalar accessor of unsigned integers.
     pub fn indices(&self, accessor: usize) -> Result<Vec<u32>, ImportError> {
         let json = self.accessor(accessor)?;
         match component(json) {
@@ -118,12 +118,12 @@ impl<'a> Data<'a> {
         Ok(values.into_iter().map(|[i]| i).collect())
     }
 
-    /// An accessor of four unsigned integers an element.
+    /// Reads an accessor of four unsigned integers per element.
     pub fn joints(&self, accessor: usize) -> Result<Vec<[u32; 4]>, ImportError> {
         self.gather(accessor, |t, _, b| decode_unsigned(t, b))
     }
 
-    /// An accessor of 4 × 4 matrices of floats, column by column.
+    /// Reads an accessor of 4 × 4 float matrices, column by column.
     pub fn matrices(&self, accessor: usize) -> Result<Vec<[f32; 16]>, ImportError> {
         self.gather(accessor, decode_float)
     }
@@ -204,7 +204,7 @@ impl<'a> Data<'a> {
         Ok(values)
     }
 
-    /// The bytes of a buffer view, if its buffer holds them all.
+    /// Returns the bytes of a buffer view, if its buffer contains them all.
     fn view(&self, index: usize) -> Option<&[u8]> {
         let view = self.root.buffer_views.get(index)?;
         if let Some(decoded) = self.views.get(&index) {
@@ -215,7 +215,7 @@ impl<'a> Data<'a> {
         self.buffers.get(view.buffer.value())?.get(start..end)
     }
 
-    /// The bytes of `count` elements of `size` bytes, if the view and its buffer hold them all.
+    /// Returns the bytes of `count` elements of `size` bytes, if the view and its buffer contain them all.
     fn elements(
         &self,
         view: usize,
@@ -234,7 +234,6 @@ impl<'a> Data<'a> {
     }
 }
 
-/// The extension by which a view is compressed.
 fn compression(view: &View) -> Option<(&'static str, &Value)> {
     let extensions = &view.extensions.as_ref()?.others;
     MESHOPT
@@ -242,7 +241,8 @@ fn compression(view: &View) -> Option<(&'static str, &Value)> {
         .find_map(|name| Some((name, extensions.get(name)?)))
 }
 
-/// The bytes that a view's extension stands for; `None` if they cannot be decoded. Filtered colours, which are not used, stay so.
+/// Decompresses a view; returns `None` if that fails. Filters of colours, which are not used, are not
+/// reversed.
 fn decompressed(extension: &Value, buffers: &[Cow<[u8]>]) -> Option<Vec<u8>> {
     let number = |key: &str| usize::try_from(extension[key].as_u64()?).ok();
     let start = extension
@@ -272,7 +272,7 @@ fn component(json: &Accessor) -> Option<ComponentType> {
     }
 }
 
-/// Little-endian bytes, as many as the type has, to a float; normalized integers map to 0..1 or -1..1.
+/// Decodes little-endian bytes of a type to a float; normalized integers map to 0..1 or -1..1.
 fn decode_float(t: ComponentType, normalized: bool, b: &[u8]) -> f32 {
     let scaled = |x: f32, full: f32| if normalized { (x / full).max(-1.0) } else { x };
     match (t, b) {
@@ -295,7 +295,7 @@ fn decode_unsigned(t: ComponentType, b: &[u8]) -> u32 {
     }
 }
 
-/// The first `length` bytes of a buffer file beside the document.
+/// Reads the first `length` bytes of a buffer file next to the document.
 fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, ImportError> {
     let Some(base) = base else {
         let what = format!("the buffer {uri:?} lies in another file");
@@ -326,7 +326,7 @@ fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, Im
     })
 }
 
-/// Undoes percent-encoding (RFC 3986); `None` if what results is not UTF-8.
+/// Decodes percent-encoding (RFC 3986); returns `None` if the result is not UTF-8.
 pub(super) fn percent_decoded(uri: &str) -> Option<String> {
     let mut out = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

@@ -1,4 +1,5 @@
-//! Whatever a file holds is used, noted by its name, or refused: files with one thing that is not used, made at random.
+//! Tests that everything in a file is used, noted by name or refused, with files that contain one random
+//! unused item.
 
 use super::{ImportError, Model, gltf_tests, parse_gltf, parse_obj, parse_ply};
 use rand::seq::IndexedRandom;
@@ -6,10 +7,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde_json::{Value, json};
 
-/// Files of each format.
 const FILES: u64 = 250;
 
-/// A word that no format knows.
 fn word(rng: &mut Pcg64Mcg) -> String {
     let letters: String = (0..6)
         .map(|_| char::from(rng.random_range(b'a'..=b'z')))
@@ -55,7 +54,7 @@ fn obj() {
             _ => (format!("{unknown}{numbers}"), &*unknown),
         };
         let mut all: Vec<&str> = lines.split('\n').collect();
-        // Vertices at the end: they number those behind them.
+        // Insert vertices at the end, since they change the numbers of later ones.
         let at = if line.starts_with('v') {
             all.len()
         } else {
@@ -120,7 +119,7 @@ fn gltf() {
             .notes
             .is_empty()
     );
-    // Objects that the importer reads; materials and what belongs to them are accounted for with them.
+    // Objects that the importer reads; materials and their parts are tested with the materials.
     let places = [
         "",
         "/asset",

@@ -1,22 +1,22 @@
-//! Values that a PLY file gives to vertices or faces besides positions, normals and texture coordinates: attributes of a mesh.
+//! Attributes of a PLY mesh: values of vertices or faces besides positions, normals and texture coordinates.
 //!
-//! Names and columns are those of Mitsuba 3 (`src/shapes/ply.h`, `find_other_fields`): `vertex_NAME` or `face_NAME`, of one column `NAME_0`
-//! or of three, `NAME_0` to `NAME_2`, `NAME_1` to `NAME_3`, or `NAME_x` to `NAME_z`; `color` also of `r`, `g`, `b` or `red`, `green`, `blue`,
-//! and `NAME_color` of `NAME_r`, `NAME_g`, `NAME_b`. Bytes count as 0 to 1 over 0 to 255 (Mitsuba takes them as they are, and warns).
+//! Names and columns are those of Mitsuba 3 (`src/shapes/ply.h`, `find_other_fields`): `vertex_NAME` or
+//! `face_NAME`, with one column `NAME_0`, or three columns `NAME_0` to `NAME_2`, `NAME_1` to `NAME_3`, or
+//! `NAME_x` to `NAME_z`. `color` can also be `r`, `g`, `b` or `red`, `green`, `blue`, and `NAME_color` can be
+//! `NAME_r`, `NAME_g`, `NAME_b`. Bytes 0 to 255 map to 0 to 1 (Mitsuba uses them unscaled, with a warning).
 
 use super::ply_header::{Element, Kind};
 use transport::geometry::mesh::Mesh;
 
-/// An attribute at the corners of each triangle of a mesh.
+/// Attribute values at the corners of each triangle of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Corners {
-    /// Three numbers at each corner of each triangle: red, green, blue, or three times one number.
+    /// Three numbers per triangle corner: red, green, blue, or one number three times.
     pub values: Vec<[[f32; 3]; 3]>,
-    /// It has three columns in the file, not one.
+    /// Whether it has three columns in the file instead of one.
     pub coloured: bool,
 }
 
-/// What is asked for.
 #[derive(Clone, Copy)]
 pub(super) enum Wanted<'a> {
     Vertex(&'a str),
@@ -24,14 +24,15 @@ pub(super) enum Wanted<'a> {
 }
 
 impl<'a> Wanted<'a> {
-    /// By its full name; `None` if that is none.
+    /// Parses a full name; returns `None` if it is not an attribute's.
     pub fn new(name: &'a str) -> Option<Self> {
         let vertex = name.strip_prefix("vertex_").map(Self::Vertex);
         vertex.or_else(|| name.strip_prefix("face_").map(Self::Face))
     }
 }
 
-/// The columns of an attribute among an element's properties: one or three, and what a full value is.
+/// Returns the columns of an attribute among an element's properties (one or three), and the value that maps
+/// to 1.
 pub(super) fn columns(element: &Element, name: &str) -> Option<([usize; 3], f32)> {
     let find = |column: String| {
         let is = |p: &super::ply_header::Property| p.name == column && p.list.is_none();
@@ -66,7 +67,7 @@ pub(super) fn columns(element: &Element, name: &str) -> Option<([usize; 3], f32)
     Some((found, full))
 }
 
-/// Drops triangles without area together with their values, which must then be as many as triangles.
+/// Removes degenerate triangles and their values; there must be one value per triangle.
 pub(super) fn drop_degenerate(mesh: &mut Mesh, corners: &mut Corners) {
     let kept: Vec<bool> = (0..mesh.indices.len()).map(|i| !mesh.is_degenerate(i)).collect();
     let keep = || {

@@ -1,9 +1,9 @@
-//! Attributes of PLY files against what they say.
+//! Tests of the attributes of PLY files.
 
 use super::attribute::Corners;
 use super::{Model, parse_ply, parse_ply_attribute};
 
-/// A quadrangle, a triangle without area and a triangle, with colours and weights of vertices and faces.
+/// A quadrilateral, a degenerate triangle and a triangle, with colours and weights of vertices and faces.
 fn file(vertex: &str, face: &str) -> String {
     format!(
         "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n{vertex}\
@@ -25,7 +25,7 @@ fn corners(text: &str, name: &str) -> Corners {
     part.corners.clone()
 }
 
-/// Triangles without area go with their values, polygons give theirs to all their triangles.
+/// Degenerate triangles are dropped with their values; polygons pass their value to all their triangles.
 #[test]
 fn values_stay_with_their_triangles() {
     let text = file(VERTEX, FACE);
@@ -40,11 +40,10 @@ fn values_stay_with_their_triangles() {
     let of = |triangle: [u32; 3]| triangle.map(|i| 0.25 * i as f32);
     let mesh = &parse_ply(text.as_bytes()).unwrap().parts[0].mesh;
     assert_eq!(reds, mesh.indices.iter().map(|t| of(*t)).collect::<Vec<_>>());
-    // Normals and texture coordinates of faces do not disturb them, nor do formats.
+    // Normals and texture coordinates of faces have no effect, nor has the format.
     assert!(vertices.coloured && vertices.values[0][0][1..] == [0.1, 0.2]);
 }
 
-/// The names that Mitsuba gives to columns.
 #[test]
 fn columns_are_found_by_their_names() {
     let of = |[a, b, c]: [&str; 3]| format!("property float {a}\nproperty float {b}\nproperty float {c}\n");

@@ -1,19 +1,21 @@
-//! The body below a coat that stands for a base colour of another model, so that directional albedos agree.
+//! Computes the albedo of the body below a coat from another model's base colour, so that directional albedos
+//! agree.
 //!
-//! Other models add a diffuse part of albedo `base` to what a coat reflects, E(θ), and weaken it by an approximation of
-//! their own. Ours lets into the body what the coat does not reflect, so that a body of albedo ρ returns E(θ) + ρ (1 - E(θ)).
-//! The factor ρ / base makes both equal where light leaves along the normal; `validation/import_albedo.py` prints what
-//! remains at other angles.
+//! Other models add a diffuse part of albedo `base` to the coat's reflection E(θ), attenuated by their own
+//! approximation. Sunstone's body receives what the coat does not reflect, so that a body of albedo ρ returns
+//! E(θ) + ρ (1 - E(θ)). The factor ρ / base makes both equal for light that exits along the normal.
+//! `validation/import_albedo.py` prints the remaining difference at other angles.
 
 use glam::Vec3A;
 use optics::sampling::microfacet::{Distribution, Masking, Microfacet};
 use optics::spectrum::Spectral;
 use transport::material::coat;
 
-/// Directions in each of two dimensions of the integral over facets.
+/// Samples per dimension of the integral over facets.
 const DRAWN: u32 = 48;
 
-/// Directional albedo at normal incidence of a coat of GGX facets of width `alpha` and relative index `eta`.
+/// Returns the directional albedo at normal incidence of a coat of GGX facets of roughness `alpha` and
+/// relative index `eta`.
 #[must_use]
 pub fn coat_albedo(eta: f64, alpha: f64, masking: Masking) -> f64 {
     let model = Microfacet {
@@ -25,7 +27,7 @@ pub fn coat_albedo(eta: f64, alpha: f64, masking: Masking) -> f64 {
     f64::from(coat::reflected(&model, eta, Vec3A::Z.z, DRAWN).to_array()[0])
 }
 
-/// ∫ 2 cosθ f(cosθ) d(cosθ) over 0..1.
+/// Returns ∫ 2 cosθ f(cosθ) d(cosθ) over 0..1.
 fn cosine_mean(f: impl Fn(f64) -> f64) -> f64 {
     const STEPS: u32 = 1000;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
@@ -37,20 +39,22 @@ fn schlick(cos: f64) -> f64 {
     (1.0 - cos).powi(5)
 }
 
-/// ρ over base colour of glTF's dielectric, whose diffuse part is base (1 - F(v·h)) / π (glTF 2.0, appendix B.3).
+/// Returns ρ / base colour for glTF's dielectric, whose diffuse part is base (1 - F(v·h)) / π (glTF 2.0,
+/// appendix B.3).
 #[must_use]
 pub fn gltf(eta: f64, alpha: f64) -> f64 {
     let f0 = ((eta - 1.0) / (eta + 1.0)).powi(2);
     let diffuse = cosine_mean(|cos| {
-        // The half vector of the normal and a direction at θ lies at θ/2.
+        // The half vector of the normal and a direction at θ is at θ/2.
         let half = ((1.0 + cos) / 2.0).sqrt();
         (1.0 - f0) * (1.0 - schlick(half))
     });
     diffuse / (1.0 - coat_albedo(eta, alpha, Masking::Correlated))
 }
 
-/// ρ over base colour of Disney's `principled` as Mitsuba 3 has it: (1 - Fo/2)(1 - Fi/2) and retro-reflection by
-/// `roughness` (Burley 2012, sect. 5.3), which adds energy: the factor may be above 1.
+/// Returns ρ / base colour for Disney's `principled` as in Mitsuba 3: (1 - Fo/2)(1 - Fi/2) and
+/// retro-reflection by `roughness` (Burley 2012, sect. 5.3). The latter adds energy, so the factor can exceed
+/// 1.
 #[must_use]
 pub fn principled(eta: f64, roughness: f64) -> f64 {
     let diffuse = cosine_mean(|cos| {
@@ -64,7 +68,8 @@ pub fn principled(eta: f64, roughness: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Base 0.2, 0.5 and 0.8 at roughness 1: what glTF's specification and Mitsuba give (evaluated by scripts of theirs).
+    /// Base 0.2, 0.5 and 0.8 at roughness 1: values of glTF's specification and of Mitsuba, from separate
+    /// scripts.
     #[test]
     fn base_colours_keep_their_directional_albedo() {
         let specified = [0.204, 0.492, 0.780];

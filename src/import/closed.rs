@@ -1,10 +1,10 @@
-//! Closed surfaces of meshes: whether they are closed, which way they face, and what is inside of them.
+//! Checks of closed meshes: whether they are closed, their orientation, and whether points are inside.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use transport::geometry::mesh::Mesh;
 
-/// The triangles of a closed surface (metres, the world's space), with their bounds.
+/// Triangles of a closed surface (metres, world space) with their bounds.
 pub struct Inside {
     triangles: Vec<[DVec3; 3]>,
     low: DVec3,
@@ -12,7 +12,7 @@ pub struct Inside {
 }
 
 impl Inside {
-    /// The inside of all `meshes` together.
+    /// Creates the inside test of all `meshes` together.
     #[must_use]
     pub fn new(meshes: &[&mut Mesh]) -> Self {
         let corner = |mesh: &Mesh, i: u32| mesh.positions[i as usize].as_dvec3();
@@ -26,13 +26,12 @@ impl Inside {
         Self { triangles, low, high }
     }
 
-    /// The lowest and the highest coordinates.
     #[must_use]
     pub fn bounds(&self) -> (DVec3, DVec3) {
         (self.low, self.high)
     }
 
-    /// Up to `most` points of the surface, the middles of triangles.
+    /// Returns up to `most` points of the surface: centroids of triangles.
     #[must_use]
     pub fn points(&self, most: usize) -> Vec<DVec3> {
         let step = self.triangles.len().div_ceil(most.max(1)).max(1);
@@ -40,11 +39,11 @@ impl Inside {
         some.map(|[a, b, c]| (a + b + c) / 3.0).collect()
     }
 
-    /// Whether a point is inside; `None` so near to the surface that it is either.
+    /// Returns whether a point is inside, or `None` if it is too close to the surface to decide.
     #[must_use]
     pub fn holds(&self, p: DVec3) -> Option<bool> {
         let near = 1e-4 * (self.high - self.low).max_element();
-        // A direction that no edge of a model is likely to run along.
+        // A direction that is unlikely to be parallel to an edge.
         let dir = DVec3::new(0.5213, 0.6731, 0.5247).normalize();
         let mut crossings = 0;
         for t in &self.triangles {
@@ -59,15 +58,15 @@ impl Inside {
     }
 }
 
-/// Numbers of vertices, those at one position alike: by mesh.
+/// Vertex ids by mesh; vertices at the same position have the same id.
 struct Welded {
     ids: Vec<Vec<u32>>,
-    /// A position of each number.
+    /// A position for each id.
     places: Vec<DVec3>,
 }
 
 impl Welded {
-    /// Vertices within `near` of one another (metres) count as one.
+    /// Merges vertices within `near` (metres) of each other.
     fn new(meshes: &[&mut Mesh], near: f64) -> Self {
         let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
         let mut places: Vec<DVec3> = vec![];
@@ -75,7 +74,7 @@ impl Welded {
         let ids = meshes.iter().map(|mesh| {
             let list = mesh.positions.iter().map(|p| {
                 let p = p.as_dvec3();
-                // A vertex near the border of its cell may be known in the next one.
+                // A vertex near the border of its cell can be stored in the next cell.
                 let [low, high] = [-near, near].map(|by| ((p + by) / size).floor().as_i64vec3());
                 for x in low.x..=high.x {
                     for y in low.y..=high.y {
@@ -102,7 +101,7 @@ impl Welded {
         }
     }
 
-    /// The triangles of all meshes, but for those that welding takes the area of.
+    /// Returns the triangles of all meshes except those that merging makes degenerate.
     fn triangles<'a>(&'a self, meshes: &'a [&mut Mesh]) -> impl Iterator<Item = [u32; 3]> + 'a {
         let all = meshes.iter().zip(&self.ids);
         let triangles = all.flat_map(|(m, ids)| m.indices.iter().map(|t| t.map(|i| ids[i as usize])));
@@ -110,7 +109,8 @@ impl Welded {
     }
 }
 
-/// What is wrong with a surface that should be closed, for people; `None` if nothing is. Vertices within a millionth of its extent are one: seams are rounded.
+/// Returns a message about the first error of a surface that should be closed, or `None`. Vertices within
+/// 1e-6 of its extent are merged, since coordinates at seams are rounded.
 #[must_use]
 pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     let all = meshes.iter().flat_map(|m| &m.positions);
@@ -118,7 +118,7 @@ pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     let high = all.copied().fold(Vec3::NEG_INFINITY, Vec3::max);
     let near = 1e-6 * f64::from((high - low).max_element().max(f32::MIN_POSITIVE));
     let welded = Welded::new(meshes, near);
-    // How often each edge is run along from its smaller end, less how often from its larger one.
+    // Per edge: traversals from its lower id minus those from its higher id, and their number.
     let mut edges: HashMap<(u32, u32), (i32, u32)> = HashMap::new();
     for [a, b, c] in welded.triangles(meshes) {
         for (from, to) in [(a, b), (b, c), (c, a)] {
@@ -149,12 +149,13 @@ pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     ))
 }
 
-/// Bits of a position, -0 as 0.
+/// Returns the bits of a position, with -0 as 0.
 fn key(p: Vec3) -> [u32; 3] {
     p.to_array().map(|x| (x + 0.0).to_bits())
 }
 
-/// Turns pieces of a closed surface round whose normals point inward, but for hollows in others; true if there were some.
+/// Reverses components of a closed surface whose normals point inward, except cavities inside others. Returns
+/// whether there were any.
 pub fn turn_outward(meshes: &mut [&mut Mesh]) -> bool {
     let mut ids: HashMap<[u32; 3], usize> = HashMap::new();
     let mut parents: Vec<usize> = vec![];
@@ -182,7 +183,7 @@ pub fn turn_outward(meshes: &mut [&mut Mesh]) -> bool {
         });
         corners.push(list.collect());
     }
-    // Signed volume and bounds of each piece.
+    // Signed volume and bounds of each component.
     let mut pieces: HashMap<usize, (f64, DVec3, DVec3)> = HashMap::new();
     for (mesh, list) in meshes.iter().zip(&corners) {
         for (t, ids) in mesh.indices.iter().zip(list) {
@@ -227,7 +228,7 @@ pub fn turn_outward(meshes: &mut [&mut Mesh]) -> bool {
     !inward.is_empty()
 }
 
-/// Distance along `dir` to a triangle, which may lie behind (Möller & Trumbore 1997).
+/// Returns the signed distance along `dir` to a triangle (Möller & Trumbore 1997).
 fn met([a, b, c]: &[DVec3; 3], p: DVec3, dir: DVec3) -> Option<f64> {
     let (e1, e2) = (b - a, c - a);
     let h = dir.cross(e2);

@@ -1,7 +1,8 @@
-//! Curves with a radius at each point (Mitsuba 3's `bsplinecurve` and `linearcurve`) as triangle meshes.
+//! Converts curves with a radius at each point (Mitsuba 3's `bsplinecurve` and `linearcurve`) to triangle
+//! meshes.
 //!
-//! A tube is swept along a uniform cubic B-spline, or round cones join spheres at the points. Texture coordinates are
-//! Mitsuba's: u around the tube from a frame guided by the z axis, v along all segments of the file.
+//! A tube is swept along a uniform cubic B-spline, or cones join spheres at the points. Texture coordinates
+//! are Mitsuba's: u around the tube from a frame defined by the z axis, v along all segments of the file.
 
 use super::error::{ImportError, ImportProblem};
 use super::text;
@@ -9,42 +10,40 @@ use glam::{DAffine3, DQuat, DVec3, DVec4, Vec2};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use transport::geometry::mesh::Mesh;
 
-/// How points become a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A uniform cubic B-spline, with open ends.
+    /// A uniform cubic B-spline with open ends.
     BSpline,
     /// Cones that touch a sphere at each point.
     Linear,
 }
 
-/// The mesh of the curves of a file.
 #[derive(Clone, Debug)]
 pub struct Tubes {
     /// Triangles that face outward, with normals and Mitsuba's texture coordinates.
     pub mesh: Mesh,
-    /// Corners of a cross-section. Its circumference is the circle's.
+    /// Number of corners of a cross-section, whose circumference equals the circle's.
     pub sides: u32,
-    /// Bound on the distance between the mesh and the curves' surface, metres.
+    /// Upper bound of the distance between the mesh and the curves' surface, in metres.
     pub deviation: f64,
 }
 
-/// Greatest number of triangles.
 const MOST: usize = 4_000_000;
-/// Corners of a cross-section, the first that keeps to [`MOST`].
+/// Corners of a cross-section; the first value that satisfies [`MOST`] is used.
 const SIDES: [u32; 3] = [24, 12, 6];
-/// Greatest number of pieces of a segment.
 const PIECES: f64 = 64.0;
-/// Distance of a chord from its curve over the radius that calls for another piece, and turning of the tangent.
+/// Tolerances for another piece: chord distance relative to the radius, and rotation of the tangent in
+/// radians.
 const CHORD: f64 = 0.01;
 const TURN: f64 = TAU / 36.0;
 const FIX: &str = "list x, y, z and radius of one point a line, and an empty line between curves";
 
-/// Reads curves: a point a line (x, y, z, radius), empty lines between curves. `place` moves points and leaves radii.
+/// Parses curves: one point per line (x, y, z, radius), empty lines between curves. `place` transforms points
+/// but not radii.
 ///
 /// # Errors
-/// [`ImportError`], with the line, if a number is missing, not finite or a negative radius, a curve has too few points or
-/// no extent, all radii are 0, or more than 4 million triangles would be needed.
+/// [`ImportError`] with the line if a number is missing, not finite or a negative radius, if a curve has too
+/// few points or no extent, if all radii are 0, or if more than 4 million triangles are needed.
 pub fn parse_curves(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Tubes, ImportError> {
     let curves = points(bytes, kind, place)?;
     let least = if kind == Kind::BSpline { 3 } else { 1 };
@@ -122,11 +121,10 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
     }
 }
 
-/// A cross-section. Where `e` points outward, the normal is along (q - w·e) e - s.
+/// A cross-section. At an outward direction `e`, the normal is along (q - w·e) e - s.
 #[derive(Clone, Copy)]
 struct Ring {
     center: DVec3,
-    /// Of unit length.
     tangent: DVec3,
     radius: f64,
     v: f64,
@@ -135,7 +133,7 @@ struct Ring {
     s: DVec3,
 }
 
-/// Mitsuba's axes across a tangent: u is 0 at the second, and 1/4 at the first.
+/// Returns Mitsuba's axes perpendicular to a tangent: u is 0 at the second and 1/4 at the first.
 fn across(tangent: DVec3) -> [DVec3; 2] {
     let rotated = (DVec3::Z - tangent * tangent.z).try_normalize();
     let rotated = rotated.unwrap_or(DVec3::Y);
@@ -147,7 +145,7 @@ struct Sweep {
     deviation: f64,
     sides: u32,
     segments: f64,
-    /// Radius of a corner over that of the circle of the same circumference.
+    /// Radius of a corner divided by that of the circle of the same circumference.
     corner: f64,
 }
 
@@ -163,13 +161,13 @@ impl Sweep {
         }
     }
 
-    /// Adds the corners of a ring, begun `shift` corners later.
+    /// Adds the corners of a ring, starting at corner `shift`.
     fn ring(&mut self, ring: &Ring, shift: i64) -> u32 {
         let first = self.mesh.positions.len() as u32;
         let [rotated, radial] = across(ring.tangent);
         for k in 0..=i64::from(self.sides) {
             let u = (k + shift) as f64 / f64::from(self.sides);
-            // The seam's corners are the same to the last bit.
+            // Corners at the seam must be bit-identical.
             let turn = (k + shift).rem_euclid(i64::from(self.sides)) as f64 / f64::from(self.sides) * TAU;
             let e = radial * turn.cos() + rotated * turn.sin();
             let normal = (e * (ring.q - ring.w.dot(e)).max(1e-3 * ring.q) - ring.s).normalize_or(e);
@@ -182,13 +180,13 @@ impl Sweep {
         first
     }
 
-    /// Joins rings. Triangles all of whose normals are `hidden` are left out.
+    /// Joins rings. Triangles whose normals are all `hidden` are omitted.
     fn join(&mut self, rings: &[Ring], hidden: impl Fn(DVec3) -> bool) {
         let Some(first) = rings.first() else { return };
         let mut near = self.ring(first, 0);
         for pair in rings.windows(2) {
             let [a, b] = [pair[0], pair[1]];
-            // How far Mitsuba's frame turns about the tangent, in corners.
+            // Rotation of Mitsuba's frame about the tangent, in corners.
             let carried = DQuat::from_rotation_arc(a.tangent, b.tangent) * across(a.tangent)[1];
             let [rotated, radial] = across(b.tangent);
             let turn = carried.dot(rotated).atan2(carried.dot(radial));
@@ -237,7 +235,7 @@ impl Sweep {
                 off = off.max(from.truncate().reject_from_normalized(axis).length() + from.w.abs());
                 thickest = thickest.max(at(v).w);
             }
-            // A chord of one piece of n is n² times as near.
+            // With n pieces the chord distance is n² times smaller.
             let wanted = (off / (CHORD * thickest.max(1e-3 * off)))
                 .sqrt()
                 .max(turned / TURN);
@@ -259,7 +257,7 @@ impl Sweep {
                 });
             }
         }
-        // Where a curve stands still its neighbours say where it goes.
+        // Where the velocity is zero, use the tangent of a neighbour.
         let mut last = rings.iter().map(|r| r.tangent).find(|t| *t != DVec3::ZERO);
         for ring in &mut rings {
             if ring.tangent == DVec3::ZERO {
@@ -281,7 +279,7 @@ impl Sweep {
 
     fn cones(&mut self, curve: &[DVec4], before: usize) {
         let within = |a: &DVec4, b: &DVec4| a.truncate().distance(b.truncate()) <= b.w - a.w;
-        // Spheres, and v there. One within its neighbour is not seen.
+        // Spheres with their v. A sphere inside its neighbour is not visible.
         let mut spheres: Vec<(DVec4, f64)> = vec![];
         for (i, p) in curve.iter().enumerate() {
             while spheres.last().is_some_and(|(last, _)| within(last, p)) {
@@ -291,7 +289,7 @@ impl Sweep {
                 spheres.push((*p, (before + i) as f64 / self.segments));
             }
         }
-        // Where a cone touches its spheres: its direction, and the angle by which normals lean toward it.
+        // A cone's direction, and the angle by which the normals where it touches its spheres lean toward it.
         let touching = |p: &[(DVec4, f64)]| {
             let along = (p[1].0 - p[0].0).truncate();
             (along.normalize(), ((p[0].0.w - p[1].0.w) / along.length()).asin())
@@ -313,7 +311,7 @@ impl Sweep {
         for (i, &sphere) in spheres.iter().enumerate() {
             let incoming = i.checked_sub(1).map(|i| cones[i]);
             let outgoing = cones.get(i).copied();
-            // What a cone covers of the sphere is left out.
+            // Omit the part of the sphere that a cone covers.
             let (tangent, [from, to]) = match (incoming, outgoing) {
                 (Some((t, latitude)), _) => (t, [latitude, FRAC_PI_2]),
                 (None, Some((t, latitude))) => (t, [-FRAC_PI_2, latitude]),
@@ -344,7 +342,7 @@ impl Sweep {
     }
 }
 
-/// The B-spline's point at v in 0..1 of a segment.
+/// Returns the B-spline's point at v in 0..1 of a segment.
 fn position(p: &[DVec4; 4], v: f64) -> DVec4 {
     let (v2, v3) = (v * v, v * v * v);
     (p[0] * (1.0 - 3.0 * v + 3.0 * v2 - v3)
@@ -354,7 +352,7 @@ fn position(p: &[DVec4; 4], v: f64) -> DVec4 {
         / 6.0
 }
 
-/// Its first and second derivative.
+/// Returns the first and second derivative of [`position`].
 fn derivatives(p: &[DVec4; 4], v: f64) -> [DVec4; 2] {
     let v2 = v * v;
     let first = p[0] * (2.0 * v - 1.0 - v2)

@@ -1,4 +1,4 @@
-//! Tubes against the areas and volumes of their closed forms, and broken files.
+//! Tests of tubes against analytic areas and volumes, and with invalid files.
 
 use super::curve::{Kind, parse_curves};
 use glam::{DAffine3, DVec3};
@@ -12,7 +12,7 @@ fn text(points: &[[f64; 4]]) -> String {
         .collect()
 }
 
-/// Area, and volume of what is closed.
+/// Returns the area, and the volume if the mesh is closed.
 fn measures(mesh: &Mesh) -> [f64; 2] {
     let (mut area, mut volume) = (0.0, 0.0);
     for corners in &mesh.indices {
@@ -40,7 +40,7 @@ fn normals_agree(mesh: &Mesh) {
 
 #[test]
 fn a_straight_spline_is_a_cylinder_or_a_cone() {
-    // Segments reach from the second point to the last but one.
+    // Segments span the second to the second-last point.
     for direction in [DVec3::X, DVec3::Z, DVec3::new(1.0, 2.0, -3.0).normalize()] {
         let at = |k: f64, r: f64| (direction * k).extend(r).to_array();
         let tube = text(&[
@@ -60,7 +60,7 @@ fn a_straight_spline_is_a_cylinder_or_a_cone() {
     }
 }
 
-/// Pappus: the area of a torus is (2πR)(2πr). A closed B-spline of 64 points is a circle to 1e-5.
+/// Pappus: the area of a torus is (2πR)(2πr). A closed B-spline of 64 points approximates a circle to 1e-5.
 #[test]
 fn a_circle_is_a_torus() {
     let ring: Vec<[f64; 4]> = (0..67)
@@ -75,7 +75,7 @@ fn a_circle_is_a_torus() {
     near(area, TAU * radius * TAU * 0.2, 3e-3);
     near(volume, TAU * radius * TAU / 2.0 * 0.04, 1e-2);
     normals_agree(&made.mesh);
-    // Where the tangent is along z, Mitsuba's frame turns; no triangle reaches across the tube.
+    // Where the tangent is along z, Mitsuba's frame rotates; no triangle may span the tube.
     for corners in &made.mesh.indices {
         let [a, b, c] = corners.map(|i| made.mesh.positions[i as usize]);
         assert!(a.distance(b).max(b.distance(c)) < 0.2);
@@ -89,13 +89,13 @@ fn linear_curves_have_spheres_at_their_points() {
             .unwrap()
             .mesh
     };
-    // A capsule.
+    // Capsule.
     let capsule = made(&[[0.0, 0.0, 0.0, 0.5], [0.0, 2.0, 0.0, 0.5]]);
     let [area, volume] = measures(&capsule);
     near(area, TAU * 0.5 * (2.0 + 1.0), 1e-2);
     near(volume, TAU / 2.0 * 0.25 * (2.0 + 4.0 / 3.0 * 0.5), 1e-2);
     normals_agree(&capsule);
-    // A joint along a line adds nothing; duplicate points neither.
+    // A joint on a straight line does not change the area, nor do duplicate points.
     let straight = made(&[
         [0.0, 0.0, 0.0, 0.5],
         [0.0, 1.0, 0.0, 0.5],
@@ -103,7 +103,7 @@ fn linear_curves_have_spheres_at_their_points() {
         [0.0, 2.0, 0.0, 0.5],
     ]);
     near(measures(&straight)[0], area, 2e-2);
-    // Two spheres and the cone that touches both: sin α = 0.25.
+    // Two spheres and the cone tangent to both: sin α = 0.25.
     let cone = made(&[[0.0, 0.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.25]]);
     let (sin, cos) = (0.25_f64, (1.0_f64 - 0.0625).sqrt());
     let caps = TAU * (0.25 * (1.0 + sin) + 0.0625 * (1.0 - sin));

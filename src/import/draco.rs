@@ -1,5 +1,5 @@
-//! Primitives compressed by Draco (glTF extension `KHR_draco_mesh_compression`): the values that stand in for those of their
-//! accessors. The bitstream itself is decoded by the crate `draco-core`.
+//! Decodes primitives compressed with Draco (glTF extension `KHR_draco_mesh_compression`) to accessor values.
+//! The crate `draco-core` decodes the bitstream.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -20,11 +20,12 @@ pub(super) struct Elements {
     pub bytes: Vec<u8>,
 }
 
-/// The most triangles or points of one stream: a stream of under a kilobyte can describe millions, so that its length is no bound.
+/// Maximum number of triangles or points per stream. A stream of under a kilobyte can describe millions, so
+/// its length is no bound.
 const MOST: u64 = 1 << 26;
 
-/// What the accessors of all compressed primitives stand for. Where a file also holds a primitive's values uncompressed, those are
-/// exact and are used instead. `view` gives the bytes of a buffer view.
+/// Returns the values of the accessors of all compressed primitives. If a file also contains a primitive's
+/// values uncompressed, those are exact and are used instead. `view` returns the bytes of a buffer view.
 pub(super) fn decode<'a>(
     root: &Root,
     view: impl Fn(usize) -> Option<&'a [u8]>,
@@ -37,12 +38,12 @@ pub(super) fn decode<'a>(
                 continue;
             };
             let wrong = |what: &str| broken(format!("{DRACO} of primitive {i} of mesh {m} {what}"));
-            // A strip's indices would be those of triangles here.
+            // The decoded indices are those of triangles, not of a strip.
             if primitive.mode != Checked::Valid(Mode::Triangles) {
                 return Err(wrong("is of another mode than triangles"));
             }
             let index = number(&extension["bufferView"]).ok_or_else(|| wrong("has no buffer view"))?;
-            // Primitives of different materials may share a stream.
+            // Primitives of different materials can share a stream.
             let stream = match streams.entry(index) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(vacant) => {
@@ -84,12 +85,11 @@ pub(super) fn decode<'a>(
     Ok(out)
 }
 
-/// The extension of a compressed primitive.
 fn extension(primitive: &Primitive) -> Option<&Value> {
     primitive.extensions.as_ref()?.others.get(DRACO)
 }
 
-/// Whether an accessor of a primitive has no bytes of its own.
+/// Returns whether an accessor of a primitive has no bytes in a buffer.
 fn lacks_values(root: &Root, primitive: &Primitive) -> bool {
     let accessors = primitive.attributes.values().chain(&primitive.indices);
     accessors
@@ -101,7 +101,7 @@ fn number(value: &Value) -> Option<usize> {
     usize::try_from(value.as_u64()?).ok()
 }
 
-/// The values of an attribute in the order of the points.
+/// Returns the values of an attribute in the order of the points.
 fn elements(attribute: &PointAttribute, points: usize) -> Option<Elements> {
     let component = match attribute.data_type() {
         DataType::Int8 => ComponentType::I8,

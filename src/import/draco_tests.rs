@@ -1,4 +1,4 @@
-//! Primitives compressed by Draco: streams that Google's encoder wrote (DracoPy 1.x), and faults.
+//! Tests of Draco-compressed primitives: streams from Google's encoder (DracoPy 1.x), and invalid streams.
 
 use glam::{Vec2, Vec3, vec2, vec3};
 use serde_json::{Value, json};
@@ -7,7 +7,8 @@ use super::gltf_notes::DRACO;
 use super::gltf_tests::glb;
 use super::{ImportError, Model, parse_gltf};
 
-/// Positions of 14 bits, normals of 10 and texture coordinates of 12 in the order given, triangles one after another.
+/// Positions of 14 bits, normals of 10 and texture coordinates of 12 in the original order, with sequential
+/// triangles.
 const SEQUENTIAL: &str = "\
     445241434f020201000000050601000104010204020304030004010502010303090201000109030001000903000202030200\
     0101000d03ad0a27553503a3a283fc3f00f83f000a4000fefffff93f000200000000ff0f0000000301000b235535ad0a03de\
@@ -49,7 +50,7 @@ fn stream(hex: &str) -> Vec<u8> {
     digits.as_chunks().0.iter().map(|[a, b]| a << 4 | b).collect()
 }
 
-/// A document around a stream; `ids` are those of positions, normals and texture coordinates in it.
+/// Returns a document for a stream; `ids` are those of positions, normals and texture coordinates in it.
 fn document(length: usize, ids: [u32; 3]) -> Value {
     json!({
         "asset": {"version": "2.0"},
@@ -67,7 +68,7 @@ fn document(length: usize, ids: [u32; 3]) -> Value {
     })
 }
 
-/// Numbers of the attributes in both streams, as Google's decoder gives them.
+/// Ids of the attributes in both streams, as reported by Google's decoder.
 const IDS: [u32; 3] = [2, 1, 0];
 
 pub fn sample_glb() -> Vec<u8> {

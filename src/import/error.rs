@@ -1,67 +1,44 @@
-//! What can be wrong with a mesh file.
+//! Errors of mesh files.
 
 use std::path::PathBuf;
 use transport::geometry::mesh::MeshError;
 
-/// Why a file could not be imported; prints as one line: `file:line: what is wrong; how to fix it`.
+/// An import error. It prints as one line: `file:line: problem; fix`.
 #[derive(Debug)]
 pub struct ImportError {
-    /// The file, where it is known.
     pub file: Option<PathBuf>,
-    /// The line, from 1, in text formats, where it is known.
+    /// Line number from 1 in text formats, if known.
     pub line: Option<usize>,
-    /// What is wrong.
     pub problem: ImportProblem,
 }
 
-/// What can be wrong with a file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportProblem {
-    /// The file or a file it refers to cannot be read.
+    /// The file, or a file that it refers to, cannot be read.
     #[error("{what} cannot be read ({cause}); check that it exists and may be read")]
-    Read {
-        /// What was being read.
-        what: String,
-        /// The system's answer.
-        cause: std::io::Error,
-    },
-    /// The extension is not one of those known.
+    Read { what: String, cause: std::io::Error },
+    /// The extension is not a known mesh format.
     #[error("the extension {0:?} is not a known mesh format; use .obj, .ply, .gltf, .glb or .serialized")]
     Extension(String),
-    /// The file has no bytes.
     #[error("the file is empty; export it again")]
     EmptyFile,
-    /// The file breaks its format.
     #[error("{what}; {fix}")]
-    Malformed {
-        /// What is wrong.
-        what: String,
-        /// What to do about it.
-        fix: &'static str,
-    },
-    /// The file is sound but uses something that Sunstone does not read.
+    Malformed { what: String, fix: &'static str },
+    /// The file is valid but uses an unsupported feature.
     #[error("{what}; {fix}")]
-    Unsupported {
-        /// What is not supported.
-        what: String,
-        /// What to do about it.
-        fix: &'static str,
-    },
-    /// The file is sound, and nothing in it has an area.
+    Unsupported { what: String, fix: &'static str },
+    /// The file is valid but has no triangle with an area.
     #[error("there are no triangles in it{notes}; {fix}")]
     NoArea {
-        /// What was left out, each after a semicolon.
+        /// Contents that were omitted, each after a semicolon.
         notes: String,
-        /// What to do about it.
         fix: &'static str,
     },
-    /// A mesh in the file cannot be used.
+    /// A mesh in the file is invalid.
     #[error("{} {cause}", if name.is_empty() { "the mesh".into() } else { format!("mesh {name:?}") })]
     Mesh {
-        /// The mesh's name.
         name: String,
-        /// What is wrong with it.
         #[source]
         cause: MeshError,
     },
@@ -115,7 +92,6 @@ impl ImportError {
 
 const FIX: &str = "export the file again, with an exporter that passes the glTF validator";
 
-/// Something wrong with a glTF file itself.
 pub(super) fn broken(what: impl Into<String>) -> ImportError {
     ImportError::malformed(what, FIX)
 }

@@ -1,4 +1,4 @@
-//! Property tests: whatever the bytes, the parsers return.
+//! Property tests: the parsers do not panic for any input.
 
 use std::sync::LazyLock;
 
@@ -28,7 +28,7 @@ fn ply_binary() -> Vec<u8> {
     b
 }
 
-/// Sound files, of which mutants are made.
+/// Valid files from which mutants are made.
 static SEEDS: LazyLock<[Vec<u8>; 6]> = LazyLock::new(|| {
     [
         OBJ.into(),
@@ -40,7 +40,7 @@ static SEEDS: LazyLock<[Vec<u8>; 6]> = LazyLock::new(|| {
     ]
 });
 
-/// Words that have upset parsers before.
+/// Words that have caused parser errors before.
 const WORDS: [&str; 14] = [
     "-1",
     "0",
@@ -59,7 +59,7 @@ const WORDS: [&str; 14] = [
 ];
 
 fn parse_all(bytes: &[u8]) {
-    // The result does not matter, only that there is one.
+    // Only the absence of a panic is tested.
     let _ = parse_obj(bytes);
     let _ = parse_ply(bytes);
     let _ = parse_gltf(bytes, None);
@@ -71,7 +71,7 @@ enum Edit {
     Cut(Index),
     Delete(Index, usize),
     Insert(Index, usize),
-    /// Replaces the number at or after a place.
+    /// Replaces the first number at or after a position.
     Number(Index, usize),
 }
 

@@ -1,10 +1,10 @@
-//! glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with `EXT_mesh_gpu_instancing`,
-//! `KHR_mesh_quantization`, `KHR_node_visibility`, `KHR_draco_mesh_compression`, `EXT_meshopt_compression` and
-//! `KHR_meshopt_compression`.
+//! Reads glTF 2.0, as JSON or GLB (Khronos, "glTF 2.0 specification", 2021), with `EXT_mesh_gpu_instancing`,
+//! `KHR_mesh_quantization`, `KHR_node_visibility`, `KHR_draco_mesh_compression`, `EXT_meshopt_compression`
+//! and `KHR_meshopt_compression`.
 //!
-//! The node tree is walked in double precision and every mesh is baked to world space once per node that uses it, in the pose
-//! of rest: morph targets by their default weights, skins by their joints' nodes. glTF is right-handed with +y up and in
-//! metres, as Sunstone is.
+//! The node tree is traversed in double precision. Every mesh is baked to world space once per node that uses
+//! it, in the rest pose: morph targets by their default weights, skins by their joints' nodes. Like Sunstone,
+//! glTF is right-handed with +y up and uses metres.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -22,21 +22,23 @@ use super::gltf_notes::{self, INSTANCING, VISIBILITY};
 use super::part::{self, Model, Parts};
 use transport::geometry::mesh::Mesh;
 
-/// The most triangles that instancing may blow one file up to (about 2 GB of tables).
+/// Maximum number of triangles after instancing of one file (about 2 GB of tables).
 const MAX_TRIANGLES: usize = 1 << 26;
 
-/// Reads a glTF document or GLB container. Takes the default scene, else the first one, else all nodes, else all meshes;
-/// each primitive of each node that has a mesh becomes a part named after the node, baked to world space. `base_dir`
-/// is where external buffers are looked up; without it they are an error. Materials without a name are called
-/// `material_` and their number. Points and lines, and whatever else is not used, are noted.
+/// Parses a glTF document or GLB container. Uses the default scene, otherwise the first one, otherwise all
+/// nodes, otherwise all meshes. Each primitive of each node with a mesh becomes a part named after the node,
+/// baked to world space.
+///
+/// `base_dir` is the folder of external buffers; without it they are an error. Materials without a name are
+/// named `material_` and their index. Points, lines and everything else that is not used are noted.
 ///
 /// # Errors
-/// [`ImportError`] if the file is broken, its nodes are not a tree, it needs an extension for its geometry that is not read,
-/// or no triangles are left.
+/// [`ImportError`] if the file is invalid, its nodes are not a tree, it requires an unsupported geometry
+/// extension, or it has no triangles.
 pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, ImportError> {
     let (json, blob) = container(bytes)?;
     let cannot = |e: gltf::json::Error| broken(format!("the glTF JSON cannot be read ({e})"));
-    // Not `deserialize::from_slice`, which would be compiled for `Root` here, optimized, once more.
+    // The generic `deserialize::from_slice` would compile the code for `Root` again in this optimized crate.
     let mut document: Value = gltf::json::deserialize::from_slice(&json).map_err(cannot)?;
     let version = document["asset"]["version"].as_str().unwrap_or("1.0");
     if !version.starts_with("2.") {
@@ -46,7 +48,7 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
     let mut parts = Parts::default();
     gltf_notes::read(&document, &mut parts.notes)?;
     let materials = material_names(&document);
-    // What is not read here must not be able to refuse the file.
+    // Parts that are not read must not cause an error.
     if let Some(top) = document.as_object_mut() {
         for key in [
             "animations",
@@ -60,7 +62,7 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
             top.remove(key);
         }
     }
-    // A scene without nodes is an empty one (section 3.5.1).
+    // A scene without nodes is empty (section 3.5.1).
     for scene in document
         .get_mut("scenes")
         .and_then(Value::as_array_mut)
@@ -88,7 +90,7 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
         .end("export a scene whose nodes have meshes of triangles")
 }
 
-/// Names of the files beside a document that hold its buffers, as far as it can be read.
+/// Returns the file names of a document's external buffers, as far as the document is readable.
 #[must_use]
 pub fn gltf_buffers(bytes: &[u8]) -> Vec<String> {
     let root = container(bytes)
@@ -101,10 +103,10 @@ pub fn gltf_buffers(bytes: &[u8]) -> Vec<String> {
         .collect()
 }
 
-/// Bytes of a file, or unpacked from it.
+/// Bytes of a file, or decoded from it.
 type Bytes<'a> = Cow<'a, [u8]>;
 
-/// A file's JSON, and the chunk of bytes behind it in a GLB.
+/// Returns a file's JSON and the binary chunk of a GLB.
 pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
@@ -124,7 +126,7 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
         return Err(ImportError::unsupported(what, "export as glTF 2.0"));
     }
     let (mut json, mut bin, mut at) = (None, None, 12);
-    // A length that is too large is that of a file whose end is missing: buffers and accessors are checked by themselves.
+    // If the length is too large, the file is truncated; buffers and accessors are checked separately.
     while let (Some(size), Some(kind)) = (word(at), bytes.get(at + 4..at + 8)) {
         if at >= length {
             break;
@@ -134,11 +136,12 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
         match kind {
             b"JSON" => json = json.or(Some(chunk)),
             b"BIN\0" => bin = bin.or(Some(chunk)),
-            // The specification (section 4.4.1) asks to ignore others.
+            // The specification (section 4.4.1) requires unknown chunks to be ignored.
             _ => {}
         }
         at += 8 + chunk.len();
-        // Chunks begin at multiples of 4. Some exporters give the length without the padding, others leave the padding out.
+        // Chunks begin at multiples of 4. Some exporters give the length without the padding, others omit the
+        // padding.
         if bytes.get(at + 4..at + 8) != Some(b"BIN\0") {
             at = at.next_multiple_of(4);
         }
@@ -149,11 +152,10 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
 
 struct Importer<'a> {
     data: Data<'a>,
-    /// Names of the materials.
     materials: Vec<String>,
-    /// Maps of all nodes to the world, where they belong to a tree.
+    /// Node-to-world transforms, for nodes that belong to a tree.
     worlds: Vec<Option<DAffine3>>,
-    /// The primitives of each mesh in its own space with its default weights, once read.
+    /// Primitives of each mesh in its own space with its default weights, once read.
     primitives: Vec<Option<Vec<Local>>>,
     parts: Parts,
     triangles: usize,
@@ -222,7 +224,7 @@ impl Importer<'_> {
                 None => None,
             },
         };
-        // A skin's joints map to the world, whatever the node's own place (section 3.7.3.1).
+        // A skin's joints map to world space, independent of the node's own transform (section 3.7.3.1).
         if pose.joints.is_some() {
             let local = self.read(mesh, &pose)?;
             return self.place(mesh, name, &local, &[DAffine3::IDENTITY]);
@@ -234,7 +236,6 @@ impl Importer<'_> {
         self.place(mesh, name, &local, &maps)
     }
 
-    /// The primitives of a mesh.
     fn read(&mut self, mesh: usize, pose: &Pose) -> Result<Vec<Local>, ImportError> {
         let is_default = pose.weights.is_none() && pose.joints.is_none();
         if let Some(Some(known)) = self.primitives.get(mesh).filter(|_| is_default) {
@@ -247,7 +248,7 @@ impl Importer<'_> {
         Ok(read)
     }
 
-    /// The maps of `EXT_mesh_gpu_instancing`, or the identity alone.
+    /// Returns the transforms of `EXT_mesh_gpu_instancing`, or only the identity.
     fn instances(&self, node: &Node) -> Result<Vec<DAffine3>, ImportError> {
         let extension = node.extensions.as_ref().and_then(|e| e.others.get(INSTANCING));
         let Some(attributes) = extension.map(|e| e.get("attributes")) else {
@@ -292,7 +293,7 @@ impl Importer<'_> {
             .collect()
     }
 
-    /// Adds a mesh's primitives to the parts, once for each map to world space.
+    /// Adds a mesh's primitives to the parts, once per transform to world space.
     fn place(
         &mut self,
         mesh: usize,
@@ -326,13 +327,13 @@ impl Importer<'_> {
     }
 }
 
-/// Maps of all nodes to the world; `None` of those in a cycle.
+/// Returns the transforms of all nodes to world space; `None` for those in a cycle.
 fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
     let mut out = vec![None; root.nodes.len()];
     let mut stack: Vec<_> = tops(root).into_iter().map(|n| (n, DAffine3::IDENTITY)).collect();
     while let Some((index, parent)) = stack.pop() {
         let Some(node) = root.nodes.get(index) else {
-            // Named where the scene reaches it.
+            // Reported if the scene refers to it.
             continue;
         };
         if out[index].is_some() {
@@ -347,7 +348,7 @@ fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
     Ok(out)
 }
 
-/// Nodes that are no node's children.
+/// Returns nodes without a parent.
 fn tops(root: &Root) -> Vec<usize> {
     let mut is_child = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|n| n.children.iter().flatten()) {
@@ -358,7 +359,7 @@ fn tops(root: &Root) -> Vec<usize> {
     (0..root.nodes.len()).filter(|&n| !is_child[n]).collect()
 }
 
-/// The nodes to start from.
+/// Returns the root nodes to import.
 fn roots(root: &Root, parts: &mut Parts) -> Result<Vec<usize>, ImportError> {
     if root.scenes.is_empty() {
         return Ok(tops(root));
@@ -375,7 +376,7 @@ fn roots(root: &Root, parts: &mut Parts) -> Result<Vec<usize>, ImportError> {
     Ok(nodes.iter().map(Index::value).collect())
 }
 
-/// A node's map to its parent.
+/// Returns a node's transform to its parent.
 fn local(node: &Node, index: usize) -> Result<DAffine3, ImportError> {
     let Some(m) = node.matrix else {
         return trs(
@@ -398,7 +399,7 @@ fn local(node: &Node, index: usize) -> Result<DAffine3, ImportError> {
     Ok(DAffine3::from_mat3_translation(linear, column(12)))
 }
 
-/// Translation · rotation · scale; the quaternion (x, y, z, w) is normalized, `None` if that is impossible.
+/// Returns translation · rotation · scale, or `None` if the quaternion (x, y, z, w) cannot be normalized.
 fn trs(t: [f32; 3], r: [f32; 4], s: [f32; 3]) -> Option<DAffine3> {
     let q = DQuat::from_array(r.map(f64::from));
     let length = q.length();
@@ -435,7 +436,7 @@ fn read_mesh(
             if let Some(joints) = &pose.joints {
                 gltf_deform::skin(data, p, joints, &mut mesh)?;
             }
-            // Before they are turned: all nodes turn the same ones.
+            // Repair before transforming, since all nodes transform the same normals.
             part::repair_normals(&mut mesh, &name, &mut parts.notes);
             let material = match p.material.map(|m| m.value()) {
                 Some(i) => {
@@ -460,7 +461,7 @@ fn material_names(document: &Value) -> Vec<String> {
     list.iter().enumerate().map(name).collect()
 }
 
-/// A primitive as the file has it; `None` if it has no triangles, which is noted.
+/// Reads a primitive; returns `None` and adds a note if it has no triangles.
 fn read_primitive(
     data: &Data,
     p: &Primitive,
@@ -497,7 +498,7 @@ fn read_primitive(
         .transpose()?
         .unwrap_or_default();
     let uvs = match attribute(Semantic::TexCoords(0)) {
-        // Theirs count from the image's upper left corner, ours from its lower left.
+        // glTF's v starts at the image's upper left corner, Sunstone's at the lower left.
         Some(index) => data
             .floats(index)?
             .into_iter()
@@ -521,7 +522,7 @@ fn read_primitive(
     }))
 }
 
-/// Cuts an index list into triangles (specification, section 3.7.2.1).
+/// Splits an index list into triangles (specification, section 3.7.2.1).
 fn triangles(mode: Mode, order: &[u32]) -> Vec<[u32; 3]> {
     match mode {
         Mode::TriangleStrip => {

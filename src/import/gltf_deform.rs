@@ -1,4 +1,4 @@
-//! glTF's morph targets and skins in the pose of rest (specification, sections 3.7.2.2 and 3.7.3).
+//! Applies glTF's morph targets and skins in the rest pose (specification, sections 3.7.2.2 and 3.7.3).
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use gltf::json::Index;
@@ -9,16 +9,16 @@ use super::accessor::Data;
 use super::error::{ImportError, broken};
 use transport::geometry::mesh::Mesh;
 
-/// How a node deforms its mesh.
+/// Deformation of a node's mesh.
 #[derive(Default)]
 pub(super) struct Pose<'a> {
-    /// Weights of its morph targets; `None` for the mesh's own.
+    /// Weights of its morph targets, or `None` for the mesh's own.
     pub weights: Option<&'a [f32]>,
-    /// Maps of its skin's joints, from the mesh to the world.
+    /// Mesh-to-world transforms of its skin's joints.
     pub joints: Option<Vec<DAffine3>>,
 }
 
-/// The maps of a skin's joints from the mesh to the world, of the nodes' maps `worlds`.
+/// Returns the mesh-to-world transforms of a skin's joints; `worlds` are the node-to-world transforms.
 pub(super) fn joints(
     data: &Data,
     skin: usize,
@@ -51,7 +51,6 @@ fn affine(m: &[f32; 16]) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(4), column(8)), column(12))
 }
 
-/// Adds the displacements of morph targets, by their weights.
 pub(super) fn morph(data: &Data, p: &Primitive, weights: &[f32], mesh: &mut Mesh) -> Result<(), ImportError> {
     for (target, &weight) in p.targets.iter().flatten().zip(weights) {
         if weight == 0.0 {
@@ -81,7 +80,7 @@ pub(super) fn morph(data: &Data, p: &Primitive, weights: &[f32], mesh: &mut Mesh
     Ok(())
 }
 
-/// Moves vertices to the world by the joints that they hang on.
+/// Transforms vertices to world space by the joints that influence them.
 pub(super) fn skin(
     data: &Data,
     p: &Primitive,
@@ -135,7 +134,7 @@ pub(super) fn skin(
                 "vertex {vertex} of a skinned primitive has only weights of 0"
             )));
         }
-        // The weights' sum is 1, but for rounding.
+        // The weights sum to 1 only up to rounding.
         let (linear, offset) = (linear * sum.recip(), offset / sum);
         let position = &mut mesh.positions[vertex];
         *position = (linear * position.as_dvec3() + offset).as_vec3();

@@ -1,9 +1,9 @@
-//! glTF's materials (specification, section 3.9 and appendix B; `KHR_materials_ior`, `_transmission`, `_volume` as far as it
-//! makes a surface refract, `_pbrSpecularGlossiness`, `_unlit`; `KHR_texture_transform`). Every other key of a material is
-//! listed as unused.
+//! Reads glTF's materials (specification, section 3.9 and appendix B; `KHR_materials_ior`, `_transmission`,
+//! `_volume` only to decide whether a surface refracts, `_pbrSpecularGlossiness`, `_unlit`;
+//! `KHR_texture_transform`). All other keys of a material are listed as unused.
 //!
-//! Its texture coordinates count from the image's upper left corner, v downward; ours from the lower left. Colours of factors
-//! are linear, those of images sRGB-encoded.
+//! glTF's texture coordinates start at the image's upper left corner, with v downward; Sunstone's start at
+//! the lower left. Colour factors are linear, colours of images are sRGB-encoded.
 
 use super::accessor::percent_decoded;
 use super::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
@@ -13,10 +13,10 @@ use gltf::json::Value;
 use syntax::texture::UvRows;
 use transport::material::texture::{Filter, Wrap};
 
-/// The materials of a glTF document or GLB container, as its parts name them.
+/// Returns the materials of a glTF document or GLB container, named as in its parts.
 ///
 /// # Errors
-/// [`ImportError`] if the file is broken.
+/// [`ImportError`] if the file is invalid.
 pub fn appearances(bytes: &[u8]) -> Result<Vec<Appearance>, ImportError> {
     let (json, blob) = container(bytes)?;
     let root: Value = gltf::json::deserialize::from_slice(&json)
@@ -38,7 +38,8 @@ fn number(value: &Value, missing: f64) -> f64 {
     value.as_f64().filter(|v| v.is_finite()).unwrap_or(missing)
 }
 
-/// Keys of a material that are used, or say nothing of light: `doubleSided` is about which faces a rasterizer leaves out.
+/// Keys of a material that are used or do not affect light: `doubleSided` only controls culling in
+/// rasterizers.
 const MATERIAL: &[&str] = &[
     "name",
     "extras",
@@ -58,7 +59,6 @@ const METALLIC_ROUGHNESS: &[&str] = &[
     "metallicRoughnessTexture",
 ];
 
-/// Extensions of materials that are read.
 const EXTENSIONS: &[&str] = &[
     "KHR_materials_ior",
     "KHR_materials_transmission",
@@ -67,19 +67,18 @@ const EXTENSIONS: &[&str] = &[
     "KHR_materials_unlit",
 ];
 
-/// Three factors.
 fn colour(value: &Value, missing: f64) -> [f64; 3] {
     [0, 1, 2].map(|i| number(&value[i], missing).clamp(0.0, 1.0))
 }
 
-/// A reflectance at normal incidence: of a coat as far as glass reflects, else of a mirror.
+/// Sets a reflectance at normal incidence: a coat if it is within the range of glass, otherwise a mirror.
 fn specular(f0: [f64; 3], out: &mut Appearance) {
     const MOST: f64 = 0.16;
     let strongest = f0.into_iter().fold(0.0, f64::max);
     out.coat = None;
     if strongest > MOST {
         out.mirror = f0;
-        // The extension weakens the diffuse colour by the strongest reflectance.
+        // The extension attenuates the diffuse colour by the largest reflectance.
         out.base = out.base.map(|v| v * (1.0 - strongest));
     } else if strongest > 0.0 {
         let root = strongest.sqrt();
@@ -180,7 +179,7 @@ impl File<'_> {
             (more, EXTENSIONS),
         ] {
             for (key, _) in place.as_object().into_iter().flatten() {
-                // What is black, or an image of light times black, says nothing.
+                // Black, or an emissive image times black, has no effect.
                 let silent = dark && ["emissiveFactor", "emissiveTexture"].contains(&key.as_str());
                 if !known.contains(&key.as_str()) && !silent {
                     unused.push(key.clone());
@@ -190,7 +189,6 @@ impl File<'_> {
         out
     }
 
-    /// The image that a texture reference leads to.
     fn picture(&self, info: &Value, what: &str, unused: &mut Vec<String>) -> Option<Picture> {
         let texture = &self.root["textures"][usize::try_from(info["index"].as_u64()?).ok()?];
         let transform = &info["extensions"]["KHR_texture_transform"];
@@ -239,7 +237,7 @@ impl File<'_> {
             return percent_decoded(uri).map(Source::File);
         }
         let view = &self.root["bufferViews"][usize::try_from(file["bufferView"].as_u64()?).ok()?];
-        // Of images in bytes those of a GLB alone.
+        // Embedded images are read from the GLB's buffer only.
         if view["buffer"].as_u64()? != 0 {
             return None;
         }
@@ -250,7 +248,7 @@ impl File<'_> {
     }
 }
 
-/// `KHR_texture_transform` on coordinates of which v runs the other way.
+/// Returns the map of `KHR_texture_transform` for coordinates with v in the opposite direction.
 fn turned(t: &Value) -> Option<UvRows> {
     if t.is_null() {
         return None;
@@ -258,7 +256,7 @@ fn turned(t: &Value) -> Option<UvRows> {
     let two = |key: &str, missing: f64| [0, 1].map(|i| number(&t[key][i], missing));
     let ([ox, oy], [sx, sy]) = (two("offset", 0.0), two("scale", 1.0));
     let (sin, cos) = number(&t["rotation"], 0.0).sin_cos();
-    // translation × rotation × scale of the extension's text, counter-clockwise in an upright image.
+    // translation × rotation × scale as in the extension's text, counter-clockwise in an upright image.
     let [[a, b, c], [d, e, f]] = [[cos * sx, sin * sy, ox], [-sin * sx, cos * sy, oy]];
     let rows = [[a, -b, b + c], [-d, e, 1.0 - e - f]];
     (rows != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(rows)
@@ -292,7 +290,7 @@ mod tests {
         assert_eq!(red.unused, ["emissiveFactor", "KHR_materials_clearcoat"]);
     }
 
-    /// Every key is used or named as unused.
+    /// Every key is used or listed as unused.
     #[test]
     fn every_key_is_accounted_for() {
         let bare = read(&json!({"materials": [{}]})).remove(0);
@@ -336,7 +334,7 @@ mod tests {
                 &mut material[place]
             };
             target[key] = value;
-            // A texture that is not there is listed too.
+            // A missing texture is listed too.
             let found = read(&json!({"materials": [material]})).remove(0);
             let changed = Appearance {
                 unused: vec![],
@@ -347,7 +345,7 @@ mod tests {
         }
     }
 
-    /// The extension's own example: an upright image turned by a quarter about its upper left corner.
+    /// The extension's example: an upright image rotated by a quarter turn about its upper left corner.
     #[test]
     fn texture_transforms_are_those_of_the_upright_image() {
         let t = json!({"offset": [0.1, 0.2], "scale": [2, 3], "rotation": 0.5});

@@ -1,4 +1,4 @@
-//! What of a glTF document is not used: extensions, and keys that no part of the importer reads.
+//! Notes about unused contents of a glTF document: extensions, and keys that the importer does not read.
 
 use gltf::json::Value;
 
@@ -23,7 +23,7 @@ const READ: [&str; 7] = [
 pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// Beginnings of the names of extensions that change no triangle.
+/// Prefixes of extensions that do not affect triangles.
 const NO_GEOMETRY: [&str; 14] = [
     "KHR_materials_",
     "EXT_materials_",
@@ -41,8 +41,8 @@ const NO_GEOMETRY: [&str; 14] = [
     "AGI_",
 ];
 
-/// Keys of each kind of object that are read, or that say nothing about the surfaces (names, and bounds that follow from the
-/// data). `extras` belong to applications and have no meaning to others.
+/// Keys of each kind of object that are read, or that do not affect surfaces (names, and bounds that follow
+/// from the data). `extras` are application-specific.
 const KEYS: [(&str, &[&str]); 7] = [
     ("scenes", &["name", "nodes"]),
     (
@@ -90,7 +90,7 @@ const KEYS: [(&str, &[&str]); 7] = [
     ("skins", &["name", "joints", "inverseBindMatrices", "skeleton"]),
 ];
 
-/// Keys of the document; materials and what belongs to them are accounted for with them.
+/// Keys of the document. Materials and their parts are checked separately.
 const TOP: [&str; 13] = [
     "asset",
     "scene",
@@ -107,7 +107,7 @@ const TOP: [&str; 13] = [
     "samplers",
 ];
 
-/// Attributes of morph targets; tangents follow from the others.
+/// Attributes of morph targets. Tangents follow from the others.
 const TARGET: [&str; 3] = ["POSITION", "NORMAL", "TANGENT"];
 
 const PRIMITIVE: [&str; 5] = ["attributes", "indices", "material", "mode", "targets"];
@@ -116,10 +116,10 @@ fn list(value: &Value) -> &[Value] {
     value.as_array().map_or(&[], Vec::as_slice)
 }
 
-/// Notes what is not used.
+/// Adds notes about contents that are not used.
 ///
 /// # Errors
-/// [`ImportError`] if the document requires an extension that its triangles may depend on.
+/// [`ImportError`] if the document requires an extension that can affect its triangles.
 pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportError> {
     let names = |key: &str| -> Vec<&str> { list(&document[key]).iter().filter_map(Value::as_str).collect() };
     let is_known = |name: &str| READ.contains(&name) || NO_GEOMETRY.iter().any(|n| name.starts_with(n));

@@ -1,4 +1,4 @@
-//! Known answers and faults of the glTF importer, on containers built by hand.
+//! Tests of the glTF importer on containers built by hand: valid and invalid files.
 
 use glam::{Vec2, Vec3, vec3};
 use serde_json::{Value, json};
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::gltf_notes::INSTANCING;
 use super::{ImportError, Model, parse_gltf};
 
-/// A GLB container around a document and its binary chunk.
+/// Returns a GLB container with a document and a binary chunk.
 pub fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     let mut text = json.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
@@ -23,8 +23,8 @@ pub fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     out
 }
 
-/// The bytes of a tetrahedron's corner: 4 positions, 4 normals +z, 4 uvs as u16, indices as u8, u16, u32, and two
-/// translations.
+/// Returns the buffer of a tetrahedron's corner: 4 positions, 4 normals +z, 4 uvs as u16, indices as u8, u16
+/// and u32, and two translations.
 fn bin() -> Vec<u8> {
     let mut b = Vec::new();
     for x in [0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1.0_f32] {
@@ -49,7 +49,8 @@ fn bin() -> Vec<u8> {
     b
 }
 
-/// Two nodes that instance one mesh: one moved by its parent, turned and scaled; one mirrored by a matrix.
+/// Returns a document with two nodes that instance one mesh: one translated by its parent, rotated and
+/// scaled, one mirrored by a matrix.
 fn document() -> Value {
     json!({
         "asset": {"version": "2.0"}, "scene": 0,
@@ -81,7 +82,7 @@ pub fn sample_glb() -> Vec<u8> {
     glb(&document(), &bin())
 }
 
-/// The sample as JSON with a data URI.
+/// Returns the sample as JSON with a data URI.
 pub fn sample_gltf() -> Vec<u8> {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut uri = String::from("data:application/octet-stream;base64,");
@@ -127,13 +128,13 @@ fn instances_are_baked_to_world_space() {
         (turned.name.as_str(), turned.material.as_deref()),
         ("turned", Some("jade"))
     );
-    // Scale (2, 3, 4), a quarter turn about z, then up by 1 and by the parent's (10, 20, 30).
+    // Scale (2, 3, 4), rotation by 90° about z, translation by 1 along z, then by the parent's (10, 20, 30).
     close(
         &turned.mesh.positions,
         &[vec3(10., 20., 31.), vec3(10., 22., 31.), vec3(7., 20., 31.)],
     );
     close(&turned.mesh.normals, &[Vec3::Z; 3]);
-    // v runs upward here, downward there.
+    // v points up in Sunstone and down in glTF.
     assert_eq!(turned.mesh.uvs, [Vec2::Y, Vec2::ONE, Vec2::ZERO]);
     assert_eq!(turned.mesh.indices, [[0, 1, 2]]);
     let mirrored = &parts[1].mesh;
@@ -319,7 +320,7 @@ fn what_is_left_out_is_noted() {
     noted("/meshes/0/primitives/0/indices", json!(4), "surplus index");
 }
 
-/// Weights times displacements, by the mesh's own weights and by a node's.
+/// Displacements weighted by the mesh's own weights and by a node's.
 #[test]
 fn morph_targets_are_applied() {
     let mut d = document();
@@ -327,19 +328,20 @@ fn morph_targets_are_applied() {
     d["meshes"][0]["weights"] = json!([0.5, 0.0]);
     d["nodes"][1]["weights"] = json!([0.0, 2.0]);
     let parts = parse_gltf(&glb(&d, &bin()), None).unwrap().parts;
-    // Displaced by half of (0, 0, 1), then scaled by 4 and moved by 31 along z.
+    // Displaced by half of (0, 0, 1), then scaled by 4 and translated by 31 along z.
     assert_eq!(parts[0].mesh.positions[0], vec3(10., 20., 33.));
-    // Three times the position, mirrored along x and moved by 10.
+    // Three times the position, mirrored along x and translated by 10.
     assert_eq!(parts[1].mesh.positions[1], vec3(7., 0., 0.));
     assert!(parts[1].mesh.normals[1].abs_diff_eq(vec3(-2.0, 0.0, 1.0).normalize(), 1e-6));
 }
 
-/// v = Σ weight · joint's map · inverse bind matrix · p, whatever the node's own place.
+/// v = Σ weight · joint transform · inverse bind matrix · p, independent of the node's own transform.
 #[test]
 fn skins_are_applied() {
     let mut d = document();
     let mut bytes = bin();
-    // Joints: all of a vertex's weight on joint 0, but vertex 1 half on joint 1; weights do not sum to 1 exactly.
+    // All of a vertex's weight is on joint 0, except that half of vertex 1's is on joint 1. Weights do not
+    // sum to 1 exactly.
     let joints = bytes.len();
     bytes.extend([0_u8, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
     let weights = bytes.len();
@@ -395,7 +397,7 @@ fn skins_are_applied() {
 fn containers_are_read_as_the_specification_asks() {
     let expected = parse_gltf(&sample_glb(), None).unwrap();
     let json_end = 20 + u32::from_le_bytes(sample_glb()[12..16].try_into().unwrap()) as usize;
-    // A chunk of an unknown kind before the binary one.
+    // A chunk of an unknown kind before the binary chunk.
     let mut more = sample_glb();
     more.splice(json_end..json_end, [4, 0, 0, 0, b'X', b'Y', b'Z', 0, 1, 2, 3, 4]);
     let length = more.len() as u32;
@@ -413,7 +415,8 @@ fn containers_are_read_as_the_specification_asks() {
     assert_eq!(parse_gltf(&marked, None).unwrap(), expected);
 }
 
-/// Buffer views of `EXT_meshopt_compression` and `KHR_meshopt_compression`, whose own buffer has no bytes: a triangle.
+/// Triangle in buffer views of `EXT_meshopt_compression` and `KHR_meshopt_compression`; the uncompressed
+/// buffer has no bytes.
 #[test]
 fn compressed_views_are_read() {
     let view = |start: u32, length: u32, stride: u32, mode: &str| json!({"buffer": 0, "byteOffset": start, "byteLength": length, "byteStride": stride, "count": 3, "mode": mode});
@@ -455,6 +458,6 @@ fn compressed_views_are_read() {
             "{broken}"
         );
     }
-    // Scenes may have no nodes.
+    // Scenes without nodes are valid.
     fails("/scenes/0", json!({}), "no triangles");
 }

@@ -1,13 +1,16 @@
-//! Meshes from files: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's `serialized`; and what else
-//! of scenes is read or computed triangle by triangle and pixel by pixel: closed surfaces, pictures, places of many copies.
+//! Mesh import: Wavefront OBJ, PLY (ASCII and binary), glTF 2.0 (`.gltf`, `.glb`) and Mitsuba's `serialized`.
+//! Also contains other per-triangle and per-pixel work on scene files: closed surfaces, images, transforms of
+//! many copies.
 //!
-//! The parsers are pure functions of the bytes and hold up against arbitrary input: a broken file gives an
-//! [`ImportError`] that says where it is broken, never a panic, and no allocation exceeds what the file's own length
-//! supports. All of them finish a mesh the same way: triangles without area are dropped, then unused vertices,
-//! normals are made unit length (those without a length are replaced), and the result is validated. Whatever a file holds is
-//! used, noted or refused.
-
-#![warn(missing_docs)]
+//! The parsers are pure functions of the bytes and accept arbitrary input. An invalid file gives an
+//! [`ImportError`] with its location, never a panic, and allocations are bounded by the file's length. All
+//! parsers finish a mesh in the same way:
+//!
+//! - degenerate triangles and then unused vertices are dropped;
+//! - normals are normalized, and those of zero length are replaced;
+//! - the result is validated.
+//!
+//! Everything in a file is used, noted or refused.
 
 mod accessor;
 pub mod appearance;
@@ -66,12 +69,12 @@ pub use self::part::{MeshPart, Model, lies_within};
 pub use self::ply::{parse_ply, parse_ply_attribute};
 pub use self::serialized::parse_serialized;
 
-/// Loads every mesh of a file; the format follows from the extension (`.obj`, `.ply`, `.gltf`, `.glb`, `.serialized` (its first mesh),
-/// in any case).
+/// Loads all meshes of a file. The extension selects the format: `.obj`, `.ply`, `.gltf`, `.glb` or
+/// `.serialized` (first mesh only), in any case.
 ///
 /// # Errors
-/// [`ImportError`], which names the file, if it cannot be read, is not one of those formats, breaks its format, or
-/// holds no usable triangles.
+/// [`ImportError`] with the file's name if it cannot be read, has another format, is invalid or has no usable
+/// triangles.
 pub fn load(path: &Path) -> Result<Model, ImportError> {
     let mut model = load_unnamed(path).map_err(|mut error| {
         error.file = Some(path.to_owned());

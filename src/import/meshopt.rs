@@ -1,7 +1,7 @@
-//! Buffer views compressed as `EXT_meshopt_compression` and `KHR_meshopt_compression` say (Khronos glTF extensions,
-//! appendix A: bitstreams; appendix B: filters), with version 0 and 1 of the attributes' stream.
+//! Decodes buffer views compressed with `EXT_meshopt_compression` and `KHR_meshopt_compression` (Khronos glTF
+//! extensions, appendix A: bitstreams; appendix B: filters), with versions 0 and 1 of the attribute stream.
 
-/// How the elements are coded.
+/// Encoding of the elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mode {
     Attributes,
@@ -9,7 +9,7 @@ pub(super) enum Mode {
     Indices,
 }
 
-/// Bytes of one view in turn.
+/// Unread bytes of a view.
 struct Stream<'a> {
     bytes: &'a [u8],
 }
@@ -25,7 +25,7 @@ impl<'a> Stream<'a> {
         self.take(1).map(|b| b[0])
     }
 
-    /// Seven bits a byte, the lowest first.
+    /// Reads an integer of seven bits per byte, the lowest first.
     fn number(&mut self) -> Option<u32> {
         let mut value = 0_u32;
         for shift in (0..35).step_by(7) {
@@ -39,12 +39,12 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// Signed numbers whose lowest bit is the sign.
+/// Decodes a signed number whose lowest bit is the sign.
 fn unfolded(v: u32) -> u32 {
     (v >> 1) ^ (v & 1).wrapping_neg()
 }
 
-/// The bytes of `count` elements of `stride` bytes; `None` if the stream breaks its format.
+/// Decodes `count` elements of `stride` bytes; returns `None` if the stream is invalid.
 pub(super) fn decode(bytes: &[u8], mode: Mode, count: usize, stride: usize) -> Option<Vec<u8>> {
     let numbers = match mode {
         Mode::Attributes => return attributes(bytes, count, stride),
@@ -73,7 +73,7 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     let mut out: Vec<u8> = vec![];
     for done in (0..count).step_by(most) {
         let elements = most.min(count - done);
-        // Each block takes bytes, so that the file's length bounds what is allocated.
+        // Each block consumes bytes, so the file's length bounds the allocation.
         out.resize(out.len() + elements * stride, 0);
         let block = &mut out[done * stride..];
         let controls = match version {
@@ -122,7 +122,7 @@ fn attributes(bytes: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// One byte of each element, by groups of 16 with as many bits as each group's header chooses of `bits`.
+/// Decodes one byte per element, in groups of 16; each group's header selects its number of `bits`.
 fn groups(stream: &mut Stream, elements: usize, bits: [u32; 4]) -> Option<Vec<u8>> {
     let count = elements.div_ceil(16);
     let headers = stream.take(count.div_ceil(4))?;
@@ -137,7 +137,7 @@ fn groups(stream: &mut Stream, elements: usize, bits: [u32; 4]) -> Option<Vec<u8
                 let most = (1_u8 << bits) - 1;
                 for i in 0..16 {
                     let at = i * bits as usize;
-                    // The first is in the highest bits, but single bits begin with the lowest.
+                    // The first value is in the highest bits, except that single bits start at the lowest.
                     let shift = if bits == 1 {
                         i % 8
                     } else {
@@ -191,7 +191,7 @@ impl<T: Copy + Default> Recent<T> {
         self.next = (self.next + 1) % 16;
     }
 
-    /// The one pushed `back` pushes ago, from 1.
+    /// Returns the entry pushed `back` pushes ago, from 1.
     fn get(&self, back: usize) -> T {
         self.entries[(self.next + 32 - back) % 16]
     }
@@ -249,7 +249,7 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
             next = 0;
         }
         let choices = [first, usize::from(pair >> 4), usize::from(pair & 15)];
-        // New vertices take their numbers before others are read.
+        // Number new vertices before reading others.
         let mut corners = [0; 3];
         for (corner, choice) in corners.iter_mut().zip(choices) {
             *corner = match choice {
@@ -278,7 +278,7 @@ fn triangles(bytes: &[u8], count: usize) -> Option<Vec<u32>> {
     Some(out)
 }
 
-/// Undoes a filter on elements of `stride` bytes; `None` if there is no such filter for them.
+/// Reverses a filter on elements of `stride` bytes; returns `None` if no such filter exists for them.
 pub(super) fn unfilter(bytes: &mut [u8], filter: &str, stride: usize) -> Option<()> {
     let int16 = |b: &[u8], i: usize| f32::from(i16::from_le_bytes([b[2 * i], b[2 * i + 1]]));
     match (filter, stride) {
@@ -319,7 +319,7 @@ pub(super) fn unfilter(bytes: &mut [u8], filter: &str, stride: usize) -> Option<
     Some(())
 }
 
-/// A unit vector times `full` of its place on the octahedron, where `one` stands for 1.
+/// Decodes a unit vector in octahedral form, in which `one` represents 1, and multiplies it by `full`.
 fn octahedral([x, y, one]: [f32; 3], full: f32) -> [f32; 3] {
     let z = one - x.abs() - y.abs();
     let fold = z.min(0.0);
@@ -338,7 +338,7 @@ mod tests {
         digits.as_chunks().0.iter().map(pair).collect()
     }
 
-    // Made by the encoder of npm's meshoptimizer 1.3.0, of the numbers that the tests state.
+    // Output of the encoder of npm's meshoptimizer 1.3.0 for the numbers stated in the tests.
     const WORDS: [&str; 2] = [
         "a01f0002060a0e12161a1e22262a2e32363a3e42464a4e52565a5e62666a6e72767affff0000dc82868a8e92969a1480\
         020080c0820000052a066666666666666666666666666666666666666600000000002a0ddddddddddddddddddddddddd\
@@ -378,7 +378,7 @@ mod tests {
     fn indices_are_decoded() {
         let expected = [0, 1, 2, 2, 1, 3, 4, 3, 5, 2, 3, 4, 9, 8, 0, 7, 7, 40, 0, 1, 2];
         let found = triangles(&bytes(TRIANGLES), 21).unwrap();
-        // The encoder may begin a triangle with another of its corners.
+        // The encoder can rotate the corners of a triangle.
         let turned = |t: &[u32]| {
             let first = (0..3).min_by_key(|i| (t[*i], t[(i + 1) % 3])).unwrap();
             [0, 1, 2].map(|i| t[(first + i) % 3])

@@ -1,14 +1,15 @@
-//! The metal that stands for a reflectance: refractive indices for models which give a colour and Schlick's approximation.
+//! Computes the refractive index of a metal with a given reflectance, for models that use a colour and
+//! Schlick's approximation.
 
-/// n and k of what reflects all light but 2e-6 of it.
+/// n and k of a metal that reflects all light except a fraction of 2e-6.
 pub const PERFECT: [f64; 2] = [1e-6, 1.0];
 
 /// Angles of incidence in degrees at which reflectances are compared.
 const ANGLES: [f64; 5] = [0.0, 30.0, 45.0, 60.0, 70.0];
 
-/// Indices n and k of the metal that reflects `r` (0..1) at normal incidence, and at angles up to 70° most nearly
-/// r + (1 - r)(1 - cosθ)⁵ (Schlick 1994): within 2 % for r ≥ 0.34, 1 % for r ≥ 0.5. Of all such metals, n lies between
-/// (1 - r)/(1 + r) and (1 + √r)/(1 - √r) (Gulbrandsen 2014, eq. 2).
+/// Returns n and k of the metal that reflects `r` (0..1) at normal incidence and is closest to r + (1 - r)(1
+/// - cosθ)⁵ (Schlick 1994) at angles up to 70°: within 2 % for r ≥ 0.34, 1 % for r ≥ 0.5. n of all such
+/// metals is between (1 - r)/(1 + r) and (1 + √r)/(1 - √r) (Gulbrandsen 2014, eq. 2).
 #[must_use]
 pub fn metal(r: f64) -> [f64; 2] {
     const STEPS: u32 = 400;
@@ -35,7 +36,7 @@ pub fn metal(r: f64) -> [f64; 2] {
     best.unwrap_or([least, 0.0])
 }
 
-/// Fresnel's reflectance of unpolarized light at a conductor (Born & Wolf 1999, sect. 14.2).
+/// Fresnel reflectance of a conductor for unpolarized light (Born & Wolf 1999, sect. 14.2).
 fn reflectance(cos: f64, n: f64, k: f64) -> f64 {
     let sin2 = 1.0 - cos * cos;
     let t0 = n * n - k * k - sin2;
@@ -74,7 +75,7 @@ mod tests {
                 );
             }
         }
-        // Gold at 550 nm, 60° (the tests of Fresnel's equations pin it to Mitsuba).
+        // Gold at 550 nm, 60°. The tests of Fresnel's equations compare this value with Mitsuba's.
         assert!((reflectance(0.5, 0.4242, 2.4721) - 0.792257).abs() < 1e-5);
     }
 }

@@ -1,13 +1,14 @@
-//! MTL libraries of OBJ files (Wavefront; `Pr`, `Pm` and `norm` of the physically based extension).
+//! Parses MTL libraries of OBJ files (Wavefront; `Pr`, `Pm` and `norm` of the physically based extension).
 //!
-//! What its keys stand for here:
+//! Meaning of the keys:
 //!
-//! - `Kd` is the albedo of the whole surface, `map_Kd` multiplies it and stands alone without it;
-//! - `Ks` makes a dielectric coat with reflectance 0.08 `Ks` at normal incidence, as Blender's importer takes it, as rough
-//!   as `Ns` says; with `illum` 3 to 9 but 6 (ray-traced reflection) and without transparency it is the reflectance of a mirror;
-//! - `illum` 0 and 1 have no highlights;
-//! - `d` (or 1 - `Tr`) is the share of the surface that is there. With `illum` 4, 6, 7 or 9 and an index `Ni` other than 1
-//!   the rest is glass.
+//! - `Kd` is the albedo of the whole surface; `map_Kd` multiplies it, or is the albedo if `Kd` is absent.
+//! - `Ks` makes a dielectric coat with reflectance 0.08 `Ks` at normal incidence, as in Blender's importer,
+//!   with the roughness of `Ns`. With `illum` 3 to 9 except 6 (ray-traced reflection) and without
+//!   transparency, it is the reflectance of a mirror.
+//! - `illum` 0 and 1 have no highlights.
+//! - `d` (or 1 - `Tr`) is the share of the surface that is present. With `illum` 4, 6, 7, 9 or none and an
+//!   index `Ni` other than 1, the rest is glass.
 
 use super::appearance::{Appearance, Coat, Model, Opacity, Picture, Source};
 use super::text;
@@ -15,8 +16,9 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use transport::material::texture::{Filter, Wrap};
 
-/// Names of the libraries that the `mtllib` lines of an OBJ file refer to. A line may name several; names may hold spaces.
-/// Each line is a list of the ways to read it: as one name, and as one name for each word.
+/// Returns the library names of the `mtllib` lines of an OBJ file. A line can contain several names, and
+/// names can contain spaces. Each line is a list of its interpretations: as one name, and as one name per
+/// word.
 #[must_use]
 pub fn libraries(obj: &[u8]) -> Vec<Vec<Vec<String>>> {
     let mut all: Vec<Vec<Vec<String>>> = vec![];
@@ -41,16 +43,16 @@ pub fn libraries(obj: &[u8]) -> Vec<Vec<Vec<String>>> {
     all
 }
 
-/// What a library says of a material, by its keys in lower case.
+/// A material of a library: values by key in lower case.
 struct Entry {
     name: String,
-    /// As they are spelled, and what follows.
+    /// Original spelling of each key, and its value.
     keys: BTreeMap<String, (String, String)>,
     used: RefCell<BTreeSet<String>>,
 }
 
 impl Entry {
-    /// What follows a key, which counts as used from now on.
+    /// Returns the value of a key and marks the key as used.
     fn text(&self, key: &str) -> Option<&str> {
         let (found, (_, value)) = self.keys.get_key_value(&key.to_lowercase())?;
         self.used.borrow_mut().insert(found.clone());
@@ -69,7 +71,7 @@ impl Entry {
         self.numbers(key).first().copied()
     }
 
-    /// Three numbers, or one for all three.
+    /// Returns three numbers, or one number three times.
     fn colour(&self, key: &str) -> Option<[f64; 3]> {
         let colour = match self.numbers(key)[..] {
             [r, g, b, ..] => [r, g, b],
@@ -80,7 +82,7 @@ impl Entry {
     }
 }
 
-/// The materials of a library.
+/// Parses the materials of a library.
 #[must_use]
 pub fn parse(bytes: &[u8]) -> Vec<Appearance> {
     let mut all: Vec<Entry> = vec![];
@@ -113,7 +115,7 @@ fn appearance(m: &Entry) -> Appearance {
     let index = m.number("Ni").filter(|n| *n > 0.0);
     out.ior = index.unwrap_or(1.5).clamp(1.0, 5.0);
     let roughness = m.number("Pr").map(|r| r * r);
-    // Blinn's exponent to Beckmann's α (Walter et al. 2007, sect. 5.1).
+    // Converts Blinn's exponent to Beckmann's α (Walter et al. 2007, sect. 5.1).
     let exponent = m.number("Ns").filter(|ns| *ns >= 0.0);
     let shine = exponent.map(|ns| (2.0 / (ns + 2.0)).sqrt());
     out.alpha = roughness.or(shine).unwrap_or(0.5).clamp(0.001, 1.0);
@@ -152,7 +154,7 @@ fn appearance(m: &Entry) -> Appearance {
         .text("norm")
         .and_then(|name| picture(name, &mut out.unused))
         .map(|p| (p, 1.0));
-    // Black says nothing, and an ambient light is none that travels.
+    // Black has no effect, and ambient light does not take part in light transport.
     let silent = |key: &str| ["ka", "ke", "ks", "tf"].contains(&key) && m.colour(key) == Some([0.0; 3]);
     let white = |key: &str| key == "tf" && m.colour(key) == Some([1.0; 3]);
     let used = m.used.borrow().clone();
@@ -164,7 +166,7 @@ fn appearance(m: &Entry) -> Appearance {
     out
 }
 
-/// What lets light pass: `d`, `Tr` and their images.
+/// Reads the transparency: `d`, `Tr` and their images.
 fn opacity(m: &Entry, illum: Option<i64>, out: &mut Appearance) {
     let (dissolve, transparent) = (m.number("d"), m.number("Tr"));
     let mut there = dissolve
@@ -190,7 +192,7 @@ fn opacity(m: &Entry, illum: Option<i64>, out: &mut Appearance) {
     out.opacity_image = image.map(|p| (p, Opacity::First));
 }
 
-/// An image with options before its name; those but `-o`, `-s` and `-clamp` are not used.
+/// Parses an image name after its options. Options other than `-o`, `-s` and `-clamp` are not used.
 fn picture(text: &str, unused: &mut Vec<String>) -> Option<Picture> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let (mut i, mut wrap, mut move_, mut scale) = (0, Wrap::Repeat, [0.0; 2], [1.0; 2]);
@@ -213,7 +215,7 @@ fn picture(text: &str, unused: &mut Vec<String>) -> Option<Picture> {
             }
             other => {
                 unused.push(other.to_owned());
-                // A word that is no number: of `-imfchan r` and `-type sphere`, but of no others.
+                // Skip the word argument of options such as `-imfchan r` and `-type sphere`.
                 next += usize::from(matches!(
                     other,
                     "-imfchan" | "-type" | "-blendu" | "-blendv" | "-cc"
@@ -258,7 +260,7 @@ mod tests {
             ((lacquer.alpha * 1e6).round(), &lacquer.unused[..]),
             (1e5, &["map_Bump".to_owned()][..])
         );
-        // 0.08 at normal incidence.
+        // Reflectance 0.08 at normal incidence.
         let ior = lacquer.coat.expect("a coat").ior;
         assert!((((ior - 1.0) / (ior + 1.0)).powi(2) - 0.08).abs() < 1e-12);
         assert_eq!((gold.metallic, gold.alpha), (1.0, 0.25));
@@ -266,7 +268,8 @@ mod tests {
         assert!((pane.transmission - 0.9).abs() < 1e-6 && pane.refracts && pane.opacity == 1.0);
     }
 
-    /// A byte order mark, other line ends, other cases and quotes change nothing; several libraries may stand on one line.
+    /// A byte order mark, other line endings, letter case and quotes have no effect. A line can name several
+    /// libraries.
     #[test]
     fn spellings_of_other_programs_are_read() {
         let plain = parse(b"newmtl a\nKd .1 .2 .3\nillum 1\n");
@@ -288,7 +291,7 @@ mod tests {
         );
     }
 
-    /// Every key is used or named as unused.
+    /// Every key is used or listed as unused.
     #[test]
     fn every_key_is_accounted_for() {
         let material = |line: &str| parse(format!("newmtl a\nKd .5 .5 .5\n{line}\n").as_bytes()).remove(0);
@@ -340,7 +343,8 @@ mod tests {
                 ..found.clone()
             } != bare;
             named += usize::from(found.unused.iter().any(|u| u == key));
-            // What changes nothing alone: a shine without a highlight, an index without glass, and no other.
+            // Keys without an effect of their own: a shininess without a highlight, or an index without
+            // glass.
             let silent = ["Ni", "illum", "map_Kd", "norm", "map_d"].contains(&key);
             assert!(
                 used || found.unused.iter().any(|u| u == key) || silent,
@@ -350,7 +354,7 @@ mod tests {
         assert!(named > 20, "{named}");
     }
 
-    /// MeshLab writes Tr 1 for what is opaque; `d` says the same in every program.
+    /// MeshLab writes Tr 1 for opaque materials; `d` has the same meaning in all programs.
     #[test]
     fn transparency_follows_the_illumination_model() {
         let material = |text: &str| parse(format!("newmtl a\n{text}\n").as_bytes()).remove(0);

@@ -1,16 +1,16 @@
-//! What a file holds that is not used, for people.
+//! Notes for the user about contents of a file that are not used.
 
-/// Notes in the order in which they were found, equal ones counted.
+/// Notes in order of occurrence, with counts of equal ones.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Notes(Vec<(String, usize)>);
 
 impl Notes {
-    /// Adds a note; the same one again is only counted.
+    /// Adds a note, or increments its count.
     pub fn add(&mut self, note: impl Into<String>) {
         self.add_times(note, 1);
     }
 
-    /// Adds a note that holds for `times` things; for none of them there is no note.
+    /// Adds a note about `times` items, unless it is 0.
     pub fn add_times(&mut self, note: impl Into<String>, times: usize) {
         let note = note.into();
         match self.0.iter_mut().find(|(known, _)| *known == note) {
@@ -20,7 +20,7 @@ impl Notes {
         }
     }
 
-    /// One sentence for each note.
+    /// Returns one sentence per note.
     pub fn into_sentences(self) -> Vec<String> {
         let sentence = |(note, times): (String, usize)| match times {
             1 => note,

@@ -1,6 +1,7 @@
-//! Wavefront OBJ ("Advanced Visualizer manual", appendix B1, version 3.0).
+//! Reads Wavefront OBJ ("Advanced Visualizer manual", appendix B1, version 3.0).
 //!
-//! Two passes: the first reads the tables of vertices, the second the faces, which may come before the vertices they use.
+//! There are two passes: the first reads the vertex tables, the second the faces, which can precede their
+//! vertices.
 
 use std::collections::BTreeMap;
 
@@ -16,12 +17,12 @@ use transport::geometry::mesh::Mesh;
 const FIX_NUMBER: &str = "every coordinate must be a finite decimal number";
 const FIX_FACE: &str = "a face needs three or more corners like 1, 1/2, 1//3 or 1/2/3, counted from 1";
 
-/// Reads a Wavefront OBJ file. Objects (`o`), groups (`g`) and material changes (`usemtl`) each begin a part. Faces that have
-/// no texture coordinates or no normals become a part of their own. Lines, points, vertex colours, free-form surfaces and
-/// everything else are noted.
+/// Parses a Wavefront OBJ file. Objects (`o`), groups (`g`) and material changes (`usemtl`) each start a
+/// part. Faces without texture coordinates or normals become a separate part. Lines, points, vertex colours,
+/// free-form surfaces and all other statements are noted.
 ///
 /// # Errors
-/// [`ImportError`], with the line number, if a number or an index is bad, and without it if no triangles are left.
+/// [`ImportError`] with the line if a number or an index is invalid, or without it if there are no triangles.
 pub fn parse_obj(bytes: &[u8]) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
@@ -45,7 +46,7 @@ pub fn parse_obj(bytes: &[u8]) -> Result<Model, ImportError> {
     reader.end()
 }
 
-/// Lines with their numbers from 1; a backslash at the end joins a line to the next.
+/// Returns lines with their numbers from 1. A backslash at the end of a line joins it to the next.
 fn logical_lines(text: &str) -> impl Iterator<Item = (usize, std::borrow::Cow<'_, str>)> {
     let mut lines = text::lines(text).enumerate();
     std::iter::from_fn(move || {
@@ -63,13 +64,12 @@ fn logical_lines(text: &str) -> impl Iterator<Item = (usize, std::borrow::Cow<'_
     })
 }
 
-/// Keyword and what follows, without a comment.
+/// Splits a line into keyword and arguments, without its comment.
 fn statement(line: &str) -> (&str, &str) {
     let line = line.split('#').next().unwrap_or("").trim();
     line.split_once(char::is_whitespace).unwrap_or((line, ""))
 }
 
-/// The vertices of a file.
 #[derive(Default)]
 struct Tables {
     positions: Vec<Vec3>,
@@ -129,13 +129,13 @@ impl Tables {
     }
 }
 
-/// Up to `N` numbers, of which there must be `least`, and how many there are. Surplus words are left alone.
+/// Parses up to `N` numbers and returns how many there are, at least `least`. Surplus words are ignored.
 fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], usize), ImportError> {
     let mut out = [0.0; N];
     let mut found = 0;
     for (slot, word) in out.iter_mut().zip(rest.split_whitespace()) {
         *slot = match word.parse::<f32>() {
-            // Behind the needed ones may be colours, which are not used.
+            // Colours, which are not used, can follow the required numbers.
             Ok(x) if x.is_finite() || found >= least => x,
             _ => {
                 let what = format!("{word:?} is not a finite number");
@@ -151,34 +151,33 @@ fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], us
     Ok((out, found))
 }
 
-/// Corner of a face: position, uv and normal, counted from 1; 0 where absent.
+/// Corner of a face: position, uv and normal, counted from 1; 0 if absent.
 type Corner = [u32; 3];
 
-/// No vertex.
 const NONE: u32 = u32::MAX;
 
-/// A part being read: one name and one material.
+/// The part being read: one name and one material.
 #[derive(Default)]
 struct Object {
     name: String,
     material: Option<String>,
-    /// Its vertices, each once.
+    /// Unique vertices.
     vertices: Vec<Corner>,
     /// For each vertex an earlier one at the same position, or [`NONE`].
     earlier: Vec<u32>,
-    /// Polygons of vertices, of all faces one after the other: with texture coordinates and normals, with texture
-    /// coordinates, with normals, with neither.
+    /// Polygons of all faces in sequence: with texture coordinates and normals, with texture coordinates,
+    /// with normals, with neither.
     polygons: [Polygons; 4],
 }
 
 #[derive(Default)]
 struct Polygons {
     corners: Vec<u32>,
-    /// Where each polygon ends in `corners`, and its line.
+    /// End of each polygon in `corners`, and its line.
     ends: Vec<(usize, usize)>,
 }
 
-/// Faces that lack what others of the same file have.
+/// Counts of faces without attributes that other faces of the file have.
 #[derive(Default)]
 struct Lacking {
     faces: usize,
@@ -186,24 +185,23 @@ struct Lacking {
     normals: usize,
     /// Faces without normals in a smoothing group.
     smooth: usize,
-    /// Corners that name texture coordinates and normals that the file lacks.
+    /// Corners that refer to missing texture coordinates and normals.
     missing: [usize; 2],
-    /// Faces of fewer than three corners.
+    /// Faces with fewer than three corners.
     short: usize,
 }
 
 struct Reader<'a> {
     tables: &'a Tables,
     parts: Parts,
-    /// How many `v`, `vt` and `vn` there were so far.
+    /// Number of `v`, `vt` and `vn` statements so far.
     seen: [usize; 3],
     object: Object,
-    /// For each position the newest vertex of the object there, or [`NONE`].
+    /// For each position the latest vertex of the object there, or [`NONE`].
     newest: Vec<u32>,
-    /// Whether a smoothing group is on.
     smooth: bool,
     lacking: Lacking,
-    /// Keywords that are not used: how many lines, and the first.
+    /// Unused keywords: number of lines, and the first line.
     unused: BTreeMap<String, (usize, usize)>,
 }
 
@@ -216,14 +214,14 @@ impl Reader<'_> {
             "v" | "V" => self.seen[0] += 1,
             "vt" | "VT" => self.seen[1] += 1,
             "vn" | "VN" => self.seen[2] += 1,
-            // `fo` is the name of `f` in version 2.11.
+            // Version 2.11 uses `fo` for `f`.
             "f" | "F" | "fo" => self.face(rest, number)?,
             _ => self.state(keyword, rest, number)?,
         }
         Ok(())
     }
 
-    /// What holds for the faces that follow.
+    /// Reads statements that affect the following faces.
     fn state(&mut self, keyword: &str, rest: &str, number: usize) -> Result<(), ImportError> {
         match keyword.to_ascii_lowercase().as_str() {
             "mtllib" => {}
@@ -275,7 +273,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A corner, with relative indices resolved.
+    /// Parses a corner and resolves relative indices.
     fn corner(&mut self, word: &str) -> Result<Corner, ImportError> {
         let bad = || ImportError::malformed(format!("{word:?} is not a face corner in range"), FIX_FACE);
         let tables = self.tables;
@@ -312,7 +310,7 @@ impl Reader<'_> {
         if corner[0] == 0 { Err(bad()) } else { Ok(corner) }
     }
 
-    /// The number of a vertex of the object.
+    /// Returns the index of a vertex in the object.
     fn vertex(&mut self, corner: Corner) -> Result<u32, ImportError> {
         let object = &mut self.object;
         let newest = &mut self.newest[corner[0] as usize - 1];
@@ -370,7 +368,7 @@ impl Reader<'_> {
             }
             start = end;
         }
-        // Vertices of the object's other polygons are left out with those that no triangle uses.
+        // Vertices of the object's other polygons are later dropped as unused.
         let of = |k: usize| vertices.iter().map(move |v| (v[k] as usize).saturating_sub(1));
         let mut mesh = Mesh {
             positions: of(0).map(|i| tables.positions[i]).collect(),

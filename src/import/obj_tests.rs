@@ -1,4 +1,4 @@
-//! Known answers and faults of the OBJ reader.
+//! Tests of the OBJ reader with valid and invalid files.
 
 use super::{MeshPart, Model, parse_obj};
 use glam::{Vec3, vec2, vec3};
@@ -49,7 +49,7 @@ fn corners_with_their_own_normals_and_uvs() {
     assert_eq!(mesh.indices, [[0, 1, 2], [3, 4, 5]]);
 }
 
-/// Areas by the shoelace formula.
+/// Expected areas are from the shoelace formula.
 #[test]
 fn concave_faces_keep_their_area() {
     let u = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv .75 1 0\nv .75 .25 0\nv .25 .25 0\nv .25 1 0\nv 0 1 0\nf 1 2 3 4 5 6 7 8\n";
@@ -89,7 +89,7 @@ fn faces_that_lack_an_attribute_leave_the_others_theirs() {
     assert_eq!(described(&model), [(1, 0, 3), (1, 0, 0), (1, 0, 3)]);
     assert_eq!(model.notes, ["1 of 3 faces have no normals"]);
 
-    // One corner that lacks it is enough: there is nothing to interpolate.
+    // One corner without it is enough, since nothing can be interpolated then.
     let text = format!("{SQUARE}vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3//1\nf 1/1 3/1/1 4/1/1\n");
     let model = parse_obj(text.as_bytes()).unwrap();
     assert_eq!(described(&model), [(1, 3, 0), (1, 0, 3)]);

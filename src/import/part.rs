@@ -1,4 +1,4 @@
-//! A mesh of a file, brought into order.
+//! Cleanup and validation of a file's meshes.
 
 use super::attribute::{self, Corners};
 use super::error::{ImportError, ImportProblem};
@@ -7,25 +7,23 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use transport::geometry::mesh::{Mesh, MeshError};
 
-/// One mesh of a file with what the file says about it.
+/// One mesh of a file with its name and material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshPart {
-    /// The object's name in the file; the file's own name (without extension) where it gives none.
+    /// The object's name in the file, or else the file's own name without extension.
     pub name: String,
     /// The material's name in the file (`usemtl`, glTF material), if any.
     pub material: Option<String>,
-    /// The triangles, in metres, in the file's world space.
+    /// The triangles in the file's world space, in metres.
     pub mesh: Mesh,
-    /// The attribute that was asked for, a value at each corner of each triangle; of none, no values.
+    /// The requested attribute at each triangle corner; empty if none was requested.
     pub corners: Corners,
 }
 
-/// What a mesh file holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
-    /// Its meshes.
     pub parts: Vec<MeshPart>,
-    /// What it holds that is not used, and what was repaired, a sentence each.
+    /// Sentences about contents that are not used and about repairs.
     pub notes: Vec<String>,
 }
 
@@ -38,7 +36,7 @@ impl IntoIterator for Model {
     }
 }
 
-/// What a file holds, while it is read.
+/// The contents of a file while it is read.
 #[derive(Default)]
 pub(super) struct Parts {
     pub list: Vec<MeshPart>,
@@ -46,13 +44,13 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Brings a freshly read mesh into order, checks it and adds it; triangles without area are dropped, then unused
-    /// vertices; normals are made unit length, and those without a direction are replaced. A mesh without area is left out.
+    /// Cleans, checks and adds a mesh. Degenerate triangles and then unused vertices are dropped; normals are
+    /// normalized, and those of zero length are replaced. A mesh without area is omitted.
     pub fn add(&mut self, name: String, material: Option<String>, mesh: Mesh) -> Result<(), ImportError> {
         self.add_with(name, material, mesh, Corners::default())
     }
 
-    /// [`Self::add`] of a mesh with an attribute.
+    /// [`Self::add`] for a mesh with an attribute.
     pub fn add_with(
         &mut self,
         name: String,
@@ -93,7 +91,7 @@ impl Parts {
         Ok(())
     }
 
-    /// What was read, if there are triangles; `otherwise` says what the file should have had.
+    /// Returns the model if there are triangles; `otherwise` is the fix in the error message.
     pub fn end(self, otherwise: &'static str) -> Result<Model, ImportError> {
         let notes = self.notes.into_sentences();
         if self.list.is_empty() {
@@ -108,8 +106,8 @@ impl Parts {
     }
 }
 
-/// Makes normals unit length. Vertices whose normal has no direction get that of their triangles, weighted by area. Tables that
-/// are broken are left for [`Mesh::validate`].
+/// Normalizes normals. Vertices whose normal has zero length get the area-weighted mean of adjacent face
+/// normals. Invalid tables are left for [`Mesh::validate`].
 pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
     if !mesh.normals.iter().all(|n| n.is_finite()) {
         return;
@@ -123,7 +121,7 @@ pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     let mut used = vec![false; mesh.positions.len()];
     for t in &mesh.indices {
-        // Out of range is for the check below.
+        // Indices out of range are checked later.
         let [Some(a), Some(b), Some(c)] = t.map(|i| mesh.positions.get(i as usize).map(|p| p.as_dvec3()))
         else {
             continue;
@@ -153,7 +151,7 @@ pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
     }
 }
 
-/// True if every coordinate is finite and within `limit` (metres) of 0.
+/// Returns whether every coordinate is finite and within `limit` (metres) of 0.
 #[must_use]
 pub fn lies_within(mesh: &Mesh, limit: f64) -> bool {
     let sane = |p: &Vec3| p.is_finite() && f64::from(p.abs().max_element()) < limit;

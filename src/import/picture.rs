@@ -1,7 +1,7 @@
-//! Image files → texels, and drawn images → files. The one reader of images that scenes name.
+//! Decodes image files to texels and encodes images to files. All images that scenes name are read here.
 //!
-//! Formats: PNG, JPEG, GIF, BMP, TGA and PNM (whole numbers, sRGB-encoded), OpenEXR, Radiance HDR and PFM (real numbers,
-//! linear).
+//! Formats: PNG, JPEG, GIF, BMP, TGA and PNM (integers, sRGB-encoded), OpenEXR, Radiance HDR and PFM
+//! (floating point, linear).
 
 mod openexr;
 mod pfm;
@@ -17,22 +17,21 @@ use image::{DynamicImage, ImageError, ImageFormat};
 use optics::spectrum::{Spectral, Wavelengths};
 use std::io::Cursor;
 
-/// What the three channels of an image mean.
+/// Interpretation of the three channels of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Channels {
-    /// Red, green and blue, sRGB-encoded where the file holds whole numbers, as they are where it holds real ones.
+    /// Red, green and blue: sRGB-encoded if the file has integers, linear if it has floating-point values.
     Colours,
-    /// Red, green and blue as they are.
+    /// Linear red, green and blue.
     LinearColours,
-    /// Numbers.
     Numbers,
     /// The luminance of colours, for numbers.
     Luminance,
-    /// The same of linear colours.
+    /// The luminance of linear colours, for numbers.
     LinearLuminance,
 }
 
-/// A value of a picture, decoded from sRGB (IEC 61966-2-1) if it is `encoded`.
+/// Returns a linear value, decoded from sRGB (IEC 61966-2-1) if it is `encoded`.
 #[must_use]
 pub fn linear(value: f32, encoded: bool) -> f32 {
     if !encoded {
@@ -44,11 +43,11 @@ pub fn linear(value: f32, encoded: bool) -> f32 {
     }
 }
 
-/// Decodes an image file by its first bytes; `name` tells TGA files, which have no signature. `layer` chooses one of an
-/// OpenEXR file.
+/// Decodes an image file by its first bytes. `name` identifies TGA files, which have no signature. `layer`
+/// selects a layer of an OpenEXR file.
 ///
 /// # Errors
-/// [`PictureError`] if the format is not supported, the file is damaged, or it does not say which of its channels are meant.
+/// [`PictureError`] if the format is not supported, the file is damaged, or its image channels are ambiguous.
 pub fn decode(name: &str, bytes: &[u8], layer: Option<&str>) -> Result<Pixels, PictureError> {
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         return openexr::decode(bytes, layer);
@@ -72,7 +71,6 @@ pub fn decode(name: &str, bytes: &[u8], layer: Option<&str>) -> Result<Pixels, P
     whole_numbers(name, bytes)
 }
 
-/// The formats of the `image` crate.
 fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     const FORMATS: &str = "use a PNG, JPEG, OpenEXR, Radiance HDR, PFM, BMP, TGA, PNM or GIF file";
     let is_tga = || {
@@ -100,7 +98,7 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     let damaged = |e: ImageError| PictureError::damaged(&name, e);
     let mut notes = vec![];
     let image = image::load_from_memory_with_format(bytes, format).map_err(damaged)?;
-    // As in Mitsuba, glTF and web browsers, colours of PNG are sRGB's; many programs write a wrong gAMA chunk.
+    // As in Mitsuba, glTF and web browsers, PNG colours are sRGB: many programs write a wrong gAMA chunk.
     if format == ImageFormat::Png
         && let Some(gamma) = png_gamma(bytes)
         && (gamma - 1.0 / 2.2).abs() > 0.02
@@ -130,7 +128,7 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
     })
 }
 
-/// Returns the exponent that a PNG file states, unless it states sRGB too. `png` 0.18 does not return it.
+/// Returns the exponent in a PNG file, unless it declares sRGB too. `png` 0.18 does not return it.
 fn png_gamma(bytes: &[u8]) -> Option<f64> {
     let mut rest = bytes.get(8..)?;
     let mut gamma = None;
@@ -148,7 +146,8 @@ fn png_gamma(bytes: &[u8]) -> Option<f64> {
     }
 }
 
-/// Appends the texels of an image, top row first: colours as red, green or blue for each wavelength, numbers as they are.
+/// Appends the texels of an image, top row first: colours as red, green or blue per wavelength, numbers
+/// unchanged.
 pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out: &mut Vec<[f32; 4]>) {
     let encoded = image.encoded && !matches!(channels, Channels::LinearColours | Channels::LinearLuminance);
     out.extend(image.values.iter().map(|p| {
@@ -164,7 +163,7 @@ pub fn texels(image: &Pixels, channels: Channels, wavelengths: &Wavelengths, out
     }));
 }
 
-/// Red, green or blue for each wavelength: above 590 nm, from 500 to 590 nm, and below.
+/// Returns red, green or blue per wavelength: above 590 nm, from 500 to 590 nm, and below.
 #[must_use]
 pub fn texel(wavelengths: &Wavelengths, rgb: [f32; 3]) -> [f32; 4] {
     let channel = |nm: f64| match nm {
@@ -175,9 +174,9 @@ pub fn texel(wavelengths: &Wavelengths, rgb: [f32; 3]) -> [f32; 4] {
     wavelengths.map(|nm| rgb[channel(nm)]).to_array()
 }
 
-/// Luminance of a colour in sRGB's primaries (Rec. ITU-R BT.709).
+/// Returns the luminance of a colour with sRGB primaries (Rec. ITU-R BT.709).
 fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    // A grey pixel keeps its value to the last bit.
+    // Grey values must not change by rounding.
     if r == g && g == b {
         r
     } else {
@@ -185,14 +184,14 @@ fn luminance([r, g, b]: [f32; 3]) -> f32 {
     }
 }
 
-/// Brightness of every pixel, as it is encoded, top row first.
+/// Returns the encoded brightness of every pixel, top row first.
 #[must_use]
 pub fn weights(image: &Pixels) -> Vec<f32> {
     let brightness = |p: &[f32; 3]| luminance(image.to_rgb.map_or(*p, |m| primaries::times(&m, *p)));
     image.values.iter().map(brightness).collect()
 }
 
-/// Multiplies texels by a factor for each wavelength; false if one is not a radiance (0..1e30) then.
+/// Multiplies texels by a factor per wavelength; returns false if a result is not a valid radiance (0..1e30).
 #[must_use]
 pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
     let by = by.to_array();
@@ -204,10 +203,10 @@ pub fn scale(texels: &mut [[f32; 4]], by: Spectral) -> bool {
     })
 }
 
-/// Encodes a picture as a file.
+/// Encodes an image as a file.
 ///
 /// # Errors
-/// [`ImageError`] if the format cannot hold it.
+/// [`ImageError`] if the format does not support the image.
 pub fn encoded(image: &DynamicImage, format: ImageFormat) -> Result<Vec<u8>, ImageError> {
     let mut bytes = Cursor::new(vec![]);
     image.write_to(&mut bytes, format)?;

@@ -1,13 +1,13 @@
-//! Places of many copies: text, or NumPy's `.npy`.
+//! Parses the transforms of many copies: text, or NumPy's `.npy`.
 
 use glam::{DAffine3, DMat3, DVec3};
 use npyz::{DType, NpyFile, Order, TypeChar};
 
-/// The maps that a file lists, by what it holds: an array of n × 3 × 4 or n × 4 × 4 numbers if it begins as a `.npy` file does
-/// ([`is_array`]), else a matrix a line.
+/// Returns the transforms that a file lists. The content decides the format: a `.npy` array of n × 3 × 4 or n
+/// × 4 × 4 numbers ([`is_array`]), otherwise one matrix per line.
 ///
 /// # Errors
-/// What is wrong, and where in the file, to be put behind its name.
+/// The error and its location in the file, to be appended to the file's name.
 pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     if is_array(bytes) {
         array(bytes)
@@ -16,13 +16,13 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     }
 }
 
-/// True of what begins as a `.npy` file does.
+/// Returns whether bytes begin like a `.npy` file.
 #[must_use]
 pub fn is_array(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x93NUMPY")
 }
 
-/// The map of the first three rows of a matrix, whose fourth must say nothing.
+/// Returns the map of the first three rows of a matrix. The fourth row must be 0 0 0 1.
 fn affine(rows: &[f64]) -> Result<DAffine3, String> {
     if let Some(v) = rows.iter().find(|v| !v.is_finite()) {
         return Err(format!("{v} is not a number"));
@@ -65,7 +65,7 @@ fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
         [n, rows @ (3 | 4), 4] => (n as usize, rows as usize),
         _ => return Err(format!(": its shape is {shape:?}")),
     };
-    // Before anything is set aside for what a damaged head promises.
+    // Check before allocating memory for what a damaged header declares.
     if shape
         .iter()
         .try_fold(1_u64, |n, k| n.checked_mul(*k))

@@ -1,4 +1,5 @@
-//! PLY polygon files, ASCII and binary of either byte order (G. Turk, "The PLY polygon file format", 1994).
+//! Reads PLY polygon files, ASCII and binary of either byte order (G. Turk, "The PLY polygon file format",
+//! 1994).
 
 use std::collections::HashMap;
 
@@ -14,7 +15,7 @@ use transport::geometry::mesh::Mesh;
 
 const FIX: &str = "export the mesh again, with vertices x, y, z and faces vertex_indices";
 
-/// Names of the properties of vertices: positions, normals, texture coordinates.
+/// Names of vertex properties: positions, normals, texture coordinates.
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const NORMALS: [[&str; 3]; 2] = [["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
 const UVS: [[&str; 2]; 4] = [
@@ -24,24 +25,27 @@ const UVS: [[&str; 2]; 4] = [
     ["tex_u", "tex_v"],
 ];
 
-/// The names of the lists of corners.
+/// Names of the lists of vertex indices.
 const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
-/// Reads a PLY file as one mesh without a material and with an empty name. Uses the vertex properties x, y, z, where present
-/// the normals nx, ny, nz and the texture coordinates (u, v), (s, t), (texture_u, texture_v) or (tex_u, tex_v); of faces the
-/// lists `vertex_indices` or `vertex_index` and `texcoord`; and `tristrips`. Numbers may have any type. Faces without texture
-/// coordinates among others that have them become a part of their own. Everything else is noted.
+/// Parses a PLY file as one mesh without a material and with an empty name.
+///
+/// Uses the vertex properties x, y, z and, if present, the normals nx, ny, nz and the texture coordinates (u,
+/// v), (s, t), (texture_u, texture_v) or (tex_u, tex_v). Of faces it uses the lists `vertex_indices` or
+/// `vertex_index` and `texcoord`. It also reads `tristrips`. Numbers can have any type. Faces without texture
+/// coordinates become a separate part if others have them. Everything else is noted.
 ///
 /// # Errors
-/// [`ImportError`], in ASCII files with the line, if the header or the data is broken or no triangles are left.
+/// [`ImportError`] (with the line in ASCII files) if the header or the data is invalid or there are no
+/// triangles.
 pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
     read(bytes, None)
 }
 
-/// Reads a PLY file as [`parse_ply`] does, without texture coordinates of faces, and with an attribute (see [`super::attribute`]).
+/// [`parse_ply`] with an attribute (see [`super::attribute`]) and without texture coordinates of faces.
 ///
 /// # Errors
-/// As [`parse_ply`], and if the file does not have the attribute.
+/// As [`parse_ply`], or if the file does not have the attribute.
 pub fn parse_ply_attribute(bytes: &[u8], name: &str) -> Result<Model, ImportError> {
     let Some(wanted) = Wanted::new(name) else {
         let what = format!("there is no attribute {name:?}");
@@ -88,7 +92,7 @@ fn read(bytes: &[u8], wanted: Option<Wanted>) -> Result<Model, ImportError> {
     parts.end(FIX)
 }
 
-/// Checks that vertices have positions and faces corners.
+/// Checks that vertices have positions and that faces have vertex indices.
 fn check_header(header: &Header) -> Result<(), ImportError> {
     for element in &header.elements {
         let has = |name: &str, is_list| {
@@ -113,7 +117,7 @@ fn check_header(header: &Header) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// An error in a row, with its line in ASCII files.
+/// Returns an error in a row, with its line in ASCII files.
 fn located(what: String, header: &Header, body: &Body, bytes: &[u8]) -> ImportError {
     let error = ImportError::malformed(what, FIX);
     match header.format {
@@ -125,28 +129,26 @@ fn located(what: String, header: &Header, body: &Body, bytes: &[u8]) -> ImportEr
     }
 }
 
-/// Polygons one after the other.
 #[derive(Default)]
 struct Polygons {
     corners: Vec<u32>,
-    /// Texture coordinates of the corners, where the polygons have their own.
+    /// Texture coordinates of the corners, if the polygons have their own.
     uvs: Vec<Vec2>,
-    /// Where each polygon ends.
+    /// End of each polygon in `corners`.
     ends: Vec<usize>,
 }
 
 #[derive(Default)]
 struct File<'a> {
     wanted: Option<Wanted<'a>>,
-    /// Of each vertex or each face, where the attribute is.
+    /// Attribute value of each vertex or face.
     attribute: Vec<[f32; 3]>,
-    /// Its columns are three.
     coloured: bool,
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
     triangles: Vec<[u32; 3]>,
-    /// Polygons without texture coordinates of their own, and with them.
+    /// Polygons without their own texture coordinates, and with them.
     plain: Polygons,
     textured: Polygons,
 }
@@ -208,7 +210,7 @@ impl File<'_> {
         }
         if let Some((columns, full)) = own {
             self.coloured = columns[0] != columns[1];
-            // Of one column the table fills the first place alone.
+            // With one column, the table fills only the first entry.
             let value = |r: &[f32; 11]| {
                 if self.coloured {
                     [r[8], r[9], r[10]]
@@ -294,7 +296,7 @@ impl File<'_> {
         Ok(())
     }
 
-    /// Strips of triangles; a negative index begins a new one.
+    /// Reads triangle strips; a negative index starts a new one.
     fn strips(&mut self, element: &Element, body: &mut Body, parts: &mut Parts) -> Result<(), String> {
         let is = |p: &ply_header::Property| INDICES.contains(&p.name.as_str()) && p.list.is_some();
         let found = element.properties.iter().position(is);
@@ -360,7 +362,7 @@ impl File<'_> {
         }
     }
 
-    /// Makes meshes of what was read; indices are in range.
+    /// Builds meshes from the data read; indices are in range.
     fn assemble(mut self, parts: &mut Parts) -> Result<(), ImportError> {
         let bare = self.triangles.len() + self.plain.ends.len();
         let textured = self.textured.ends.len();
@@ -417,7 +419,8 @@ impl File<'_> {
         Ok(())
     }
 
-    /// The polygons with texture coordinates of their own: a vertex for each pair of position and texture coordinates.
+    /// Returns the polygons with their own texture coordinates: one vertex per pair of position and texture
+    /// coordinates.
     fn textured_mesh(&self, parts: &mut Parts) -> Result<Mesh, ImportError> {
         let Polygons { corners, uvs, ends } = &self.textured;
         let mut mesh = Mesh::default();
@@ -452,7 +455,7 @@ impl File<'_> {
     }
 }
 
-/// Cuts polygons into triangles, with the number of the polygon of each.
+/// Triangulates polygons and appends the polygon index of each triangle to `of`.
 fn cut_all(
     polygons: &Polygons,
     position: impl Fn(u32) -> Vec3,
@@ -474,7 +477,7 @@ fn cut_all(
     Ok(())
 }
 
-/// Notes the properties of an element that are not used.
+/// Notes the unused properties of an element.
 fn note_unused(element: &Element, is_used: impl Fn(usize) -> bool, parts: &mut Parts) {
     let properties = element.properties.iter().enumerate();
     let names: Vec<&str> = properties

@@ -1,20 +1,20 @@
-//! The rows of a PLY file, number by number.
+//! Reads the rows of a PLY file.
 
 use super::ply_header::{Element, Format, Kind};
 use rayon::prelude::*;
 
-/// Rows that are worth a task of their own.
+/// Minimum number of rows per parallel task.
 const SHARE: usize = 1 << 14;
 
-/// Bytes of a triangle in binary files: a count of one byte, and three indices of four.
+/// Size of a triangle in binary files: a count of one byte, and three indices of four bytes.
 const TRIANGLE: usize = 13;
 
-/// What follows the header, as far as it is not yet read.
+/// The data after the header, with a read position.
 pub(super) struct Body<'a> {
     pub format: Format,
     bytes: &'a [u8],
     at: usize,
-    /// Rows whose lines hold more than the header announces.
+    /// Number of rows whose lines contain more than the header declares.
     pub surplus: usize,
 }
 
@@ -28,7 +28,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Text that is read already.
+    /// Creates a body whose text has been read.
     pub fn through(bytes: &'a [u8]) -> Self {
         Self {
             format: Format::Ascii,
@@ -38,14 +38,14 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// How many lines were read, in ASCII files.
+    /// Returns the number of lines read in an ASCII file.
     pub fn lines(&self) -> usize {
         let read = &self.bytes[..self.at];
         let is_end = |w: &[u8]| w[0] == b'\n' || (w[0] == b'\r' && w.get(1) != Some(&b'\n'));
         (0..read.len()).filter(|&i| is_end(&read[i..])).count()
     }
 
-    /// Bytes that no row holds, but for spaces in ASCII files.
+    /// Returns the number of unread bytes, without surrounding spaces in ASCII files.
     pub fn rest(&self) -> usize {
         let rest = &self.bytes[self.at..];
         match self.format {
@@ -54,7 +54,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Ends a row: in ASCII files what else is on its line is skipped. True if there was something.
+    /// Ends a row. In ASCII files the rest of the line is skipped; returns whether there was any.
     pub fn end_row(&mut self) -> bool {
         if self.format != Format::Ascii {
             return false;
@@ -85,7 +85,7 @@ impl<'a> Body<'a> {
         bytes.ok_or_else(|| "the file ends too early".into())
     }
 
-    /// A number, rounded to single precision.
+    /// Reads a number, rounded to single precision.
     pub fn float(&mut self, kind: Kind) -> Result<f32, String> {
         if self.format == Format::Ascii {
             let word = self.word()?;
@@ -99,7 +99,6 @@ impl<'a> Body<'a> {
         Ok(float(self.take(kind.size())?, kind, big))
     }
 
-    /// A whole number.
     pub fn integer(&mut self, kind: Kind) -> Result<i64, String> {
         let value = if self.format == Format::Ascii {
             let word = self.word()?;
@@ -120,7 +119,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Appends as many indices of vertices.
+    /// Reads `count` vertex indices and appends them.
     pub fn corners(&mut self, kind: Kind, count: usize, out: &mut Vec<u32>) -> Result<(), String> {
         if self.format == Format::Ascii || !matches!(kind, Kind::I32 | Kind::U32) {
             for _ in 0..count {
@@ -143,13 +142,12 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
-    /// The length of a list.
     pub fn count(&mut self, kind: Kind) -> Result<usize, String> {
         let count = self.integer(kind)?;
         usize::try_from(count).map_err(|_| format!("a list has the length {count}"))
     }
 
-    /// Skips the numbers of a list, or a single one.
+    /// Skips a list or a single number.
     pub fn skip(&mut self, kind: Kind, list: Option<Kind>) -> Result<(), String> {
         let count = list.map_or(Ok(1), |kind| self.count(kind))?;
         match self.format {
@@ -158,7 +156,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// The wanted columns of an element of single numbers; one for each row where a column is missing.
+    /// Reads the given columns of an element of single numbers. Missing columns are 0.
     pub fn table<const N: usize>(
         &mut self,
         element: &Element,
@@ -199,8 +197,8 @@ impl<'a> Body<'a> {
             .collect())
     }
 
-    /// Binary faces that are all triangles, of one list of a byte's count and indices of four bytes; `None` leaves them to be
-    /// read one by one.
+    /// Reads binary faces that are all triangles: one list with a count of one byte and indices of four
+    /// bytes. Returns `None` if the faces must be read one by one.
     pub fn triangles(&mut self, element: &Element) -> Option<Vec<[u32; 3]>> {
         let [list] = &element.properties[..] else {
             return None;
@@ -238,16 +236,15 @@ impl<'a> Body<'a> {
     }
 }
 
-/// A vertex that a face uses.
+/// Converts the index of a face's vertex.
 pub(super) fn index(corner: i64) -> Result<u32, String> {
     u32::try_from(corner).map_err(|_| format!("a face uses vertex {corner}"))
 }
 
-/// A number of as many bytes as its type has.
 #[inline]
 fn float(bytes: &[u8], kind: Kind, big: bool) -> f32 {
     match kind {
-        // Of the bits as they are.
+        // Keep the exact bits.
         Kind::F32 => f32::from_bits(bits(bytes, big) as u32),
         _ => double(bytes, kind, big) as f32,
     }

@@ -1,9 +1,8 @@
-//! The header of a PLY file: its elements with their properties.
+//! Parses the header of a PLY file: its elements with their properties.
 
 use super::error::ImportError;
 use super::notes::Notes;
 
-/// How the rows are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
     Ascii,
@@ -11,7 +10,6 @@ pub(super) enum Format {
     BigEndian,
 }
 
-/// Type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     I8,
@@ -39,7 +37,6 @@ impl Kind {
         })
     }
 
-    /// Bytes of a number.
     pub fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -54,7 +51,7 @@ impl Kind {
 pub(super) struct Property {
     pub name: String,
     pub kind: Kind,
-    /// Type of the count before a list; `None` of a single number.
+    /// Type of the count before a list, or `None` for a single number.
     pub list: Option<Kind>,
 }
 
@@ -69,16 +66,16 @@ pub(super) struct Element {
 pub(super) struct Header {
     pub format: Format,
     pub elements: Vec<Element>,
-    /// Where the first row begins.
     pub body: usize,
 }
 
 const FIX: &str = "export the mesh again as PLY 1.0";
 
-/// Reads a header. Names of textures in comments are noted.
+/// Parses a header. Texture names in comments are noted.
 pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportError> {
     let mut at = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
-    // The first line's end is that of all: in binary files the first row may begin with a byte like it.
+    // The first line ending applies to all lines: in binary files the first row can begin with a byte equal
+    // to one.
     let magic = bytes[at..].get(..3).filter(|m| m == b"ply");
     let line_end: &[u8] = match (magic, bytes.get(at + 3..)) {
         (Some(_), Some([b'\r', b'\n', ..])) => b"\r\n",
@@ -160,7 +157,7 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
     unreachable!("every line shortens what is left of the header");
 }
 
-/// Refuses counts that the file is too short to hold, before any table of that size is made.
+/// Refuses counts that exceed the file's length, before memory is allocated for them.
 fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(), ImportError> {
     let mut least = 0_usize;
     for (i, element) in elements.iter().enumerate() {
@@ -188,7 +185,7 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
             return Err(ImportError::malformed(what, FIX));
         }
         least = least.saturating_add(row.saturating_mul(*count));
-        // The last number needs no space behind it.
+        // The last number needs no space after it.
         if least > length + 1 {
             let what = format!(
                 "the header announces {count} rows of {name:?}, more than fit in the file's {length} bytes after it"

@@ -1,4 +1,4 @@
-//! Known answers and faults of the PLY reader.
+//! Tests of the PLY reader with valid and invalid files.
 
 use super::parse_ply;
 use glam::{Vec3, vec2, vec3};
@@ -9,7 +9,7 @@ const ASCII: &str = "ply\nformat ascii 1.0\ncomment a square, a line after it\ne
     element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n\
     0 0 0 0 0 255\n1 0 0 1 0 255\n1 1 0 1 1 255\n0 1 0 0 1 255\n4 0 1 2 3 7\n0 1";
 
-/// A pyramid of one square and four triangles: doubles for positions, float normals, a list to skip.
+/// A pyramid of one square and four triangles: positions as doubles, normals as floats, a list to skip.
 fn binary(big: bool) -> Vec<u8> {
     let mut b = format!(
         "ply\nformat binary_{}_endian 1.0\nelement skipped 1\nproperty list ushort short data\n\
@@ -84,7 +84,7 @@ fn both_byte_orders() {
     assert_eq!(little.uvs[1], vec2(1.0, -1.0));
 }
 
-/// Binary files of either byte order, with polygons and with triangles alone, give the mesh of the same numbers in ASCII, bit
+/// Binary files of either byte order, with polygons or with triangles only, give the same mesh as ASCII, bit
 /// for bit.
 #[test]
 fn binary_as_ascii() {
@@ -169,7 +169,7 @@ fn binary_as_ascii() {
             let mut long = b.clone();
             long.push(0);
             assert!(parse_ply(&long).unwrap().notes[1].contains("1 bytes after"));
-            // The last corner is no vertex, or below zero.
+            // The last corner is not a vertex, or negative.
             let last = b.len() - 4;
             b[last..].fill(0xff);
             let word = if list.ends_with("uint") {
@@ -191,12 +191,12 @@ fn faces_have_texture_coordinates_of_their_own() {
     let text = format!("{SQUARE}4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 1 4 2 6 0.5 0 1 0 1 1\n");
     let model = parse_ply(text.as_bytes()).unwrap();
     let mesh = &model.parts[0].mesh;
-    // Vertex 1 has two texture coordinates, vertex 2 the same in both faces.
+    // Vertex 1 has two texture coordinates, vertex 2 has the same in both faces.
     assert_eq!((mesh.positions.len(), mesh.indices.len()), (6, 3));
     assert_eq!(mesh.indices[2], [4, 5, 2]);
     assert_eq!((mesh.uvs[1], mesh.uvs[4]), (vec2(1.0, 0.0), vec2(0.5, 0.0)));
     assert!(model.notes.is_empty(), "{:?}", model.notes);
-    // A face without them is a part of its own.
+    // A face without texture coordinates is a separate part.
     let text = format!("{SQUARE}4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 1 4 2 0\n");
     let model = parse_ply(text.as_bytes()).unwrap();
     let uvs: Vec<usize> = model.parts.iter().map(|p| p.mesh.uvs.len()).collect();
@@ -221,7 +221,7 @@ fn concave_faces_keep_their_area() {
     assert!((area - 0.625).abs() < 1e-6, "{area}");
 }
 
-/// The strip of the specification's conventions: every other triangle is turned, and -1 begins a new strip.
+/// The strip of the specification: every second triangle is reversed, and -1 starts a new strip.
 #[test]
 fn strips_are_triangles() {
     let text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
@@ -247,7 +247,7 @@ fn line_ends_byte_order_marks_and_spaces_change_nothing() {
     ] {
         assert_eq!(parse_ply(text.as_bytes()).unwrap(), expected, "{text}");
     }
-    // A header of one byte at its line ends, and a first row that begins with the other.
+    // A header with one byte as line ending, and a first row that begins with the other.
     let mut b =
         b"ply\rformat binary_little_endian 1.0\relement vertex 3\rproperty uchar x\rproperty uchar y\r\
         property uchar z\relement face 1\rproperty list uchar uchar vertex_indices\rend_header\r"

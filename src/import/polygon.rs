@@ -1,32 +1,31 @@
-//! Polygons → triangles.
+//! Triangulates polygons.
 //!
-//! A polygon that every diagonal from its first corner lies within is cut into a fan, any other one by ear clipping (Meisters
-//! 1975). Collinear corners stay corners of triangles: a neighbouring polygon may share them, and the surface stays closed.
+//! A polygon that contains all diagonals from its first corner becomes a fan; others use ear clipping
+//! (Meisters 1975). Collinear corners remain corners of triangles, because an adjacent polygon can share them
+//! and the surface must stay closed.
 
 use super::error::ImportError;
 use glam::{DVec2, DVec3, Vec3};
 
-/// The most corners of a polygon that is no fan: ear clipping takes time of their square.
+/// Maximum number of corners of a polygon that is not a fan: ear clipping takes quadratic time.
 const MOST_CORNERS: usize = 1 << 14;
 
-/// An area below this, relative to the square of the polygon's extent, is rounding.
+/// Area relative to the square of the polygon's extent below which it is considered rounding error.
 const FLAT: f64 = 1e-12;
 
-/// What became of a polygon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cut {
-    /// The triangles cover it exactly.
+    /// The triangles cover the polygon exactly.
     Whole,
-    /// Its outline crosses itself, or its corners lie far from a plane: the triangles cover it as well as they can.
+    /// The outline crosses itself, or the corners are far from a plane: the triangles cover the polygon
+    /// approximately.
     Crossing,
-    /// It is no fan, and too large.
+    /// The polygon is not a fan and too large.
     TooLarge,
 }
 
-/// The note for [`Cut::Crossing`].
 pub(super) const CROSSING: &str = "a polygon's outline crosses itself: its triangles cover it only roughly";
 
-/// The error for [`Cut::TooLarge`].
 pub(super) fn too_large(corners: usize) -> ImportError {
     ImportError::unsupported(
         format!("a concave polygon has {corners} corners"),
@@ -34,7 +33,7 @@ pub(super) fn too_large(corners: usize) -> ImportError {
     )
 }
 
-/// Cuts a polygon of the vertices `corners`, at least three, and appends triangles of the same winding.
+/// Triangulates a polygon with at least three `corners` and appends triangles of the same winding.
 pub(super) fn cut(corners: &[u32], position: impl Fn(u32) -> Vec3, out: &mut Vec<[u32; 3]>) -> Cut {
     if let &[a, b, c] = corners {
         out.push([a, b, c]);
@@ -73,12 +72,12 @@ pub(super) fn cut(corners: &[u32], position: impl Fn(u32) -> Vec3, out: &mut Vec
     if whole { Cut::Whole } else { Cut::Crossing }
 }
 
-/// Twice the area of a triangle, above zero if it runs counter-clockwise.
+/// Returns twice the area of a triangle, positive if it is counter-clockwise.
 fn area(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b - a).perp_dot(c - a)
 }
 
-/// The ears of a polygon that runs counter-clockwise; `whole` becomes false if its outline crosses itself.
+/// Returns the ears of a counter-clockwise polygon. Sets `whole` to false if its outline crosses itself.
 fn clip(points: &[DVec2], least: f64, whole: &mut bool) -> Vec<[usize; 3]> {
     let mut ring: Vec<usize> = (0..points.len()).collect();
     let mut ears = vec![];
@@ -102,19 +101,20 @@ fn clip(points: &[DVec2], least: f64, whole: &mut bool) -> Vec<[usize; 3]> {
         };
         let found = (at..at + n).find(|i| bulges(i) && is_empty(i));
         let Some(i) = found.or_else(|| (at..at + n).find(bulges)) else {
-            // What is left has no area, unless the outline runs clockwise there.
+            // The rest has no area, unless its outline is clockwise there.
             *whole &= !(0..n).any(|i| {
                 let [a, b, c] = ear(i).map(|k| points[k]);
                 area(a, b, c) < -least
             });
-            // Seen edge-on it may have an area all the same, where the corners do not lie in a plane.
+            // If the corners are not in a plane, the rest can have an area even though its projection has
+            // none.
             ears.extend(ring[1..].windows(2).map(|w| [ring[0], w[0], w[1]]));
             break;
         };
         *whole &= found.is_some();
         ears.push(ear(i));
         ring.remove(i % n);
-        // The next ear is looked for beyond the neighbour: ears one beside the other would be slivers.
+        // Search for the next ear beyond the neighbour: adjacent ears would be slivers.
         at = (i % n + 1) % ring.len();
     }
     ears
@@ -133,13 +133,12 @@ mod tests {
             .sum()
     }
 
-    /// Sum of the unsigned areas.
     fn covered(points: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
         triangles.iter().map(|t| area_of(points, &[*t]).length()).sum()
     }
 
-    /// Area by the shoelace formula of simple polygons, whatever the first corner, the winding and the plane: signed and unsigned
-    /// areas of the triangles agree with it, so that they neither overlap nor reach outside.
+    /// For simple polygons, with any first corner, winding and plane, signed and unsigned areas of the
+    /// triangles equal the shoelace formula. The triangles therefore neither overlap nor extend outside.
     #[test]
     fn triangles_cover_a_concave_polygon_exactly() {
         let outlines: [(&[[f32; 2]], f64); 6] = [
@@ -176,7 +175,7 @@ mod tests {
                 ],
                 1.0,
             ),
-            // Square with a square hole, joined to the outline by an edge there and back.
+            // Square with a square hole, connected to the outline by an edge in both directions.
             (
                 &[
                     [0., 0.],
@@ -241,7 +240,8 @@ mod tests {
         }
     }
 
-    /// Every edge of the outline is an edge of exactly one triangle: a neighbour's triangles meet it corner to corner.
+    /// Every edge of the outline is an edge of exactly one triangle, so that triangles of a neighbour share
+    /// its corners.
     #[test]
     fn collinear_corners_stay_corners() {
         let points = [
@@ -281,7 +281,7 @@ mod tests {
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
     }
 
-    /// A square whose outline goes up to an apex above one edge: of n corners there are n - 2 triangles.
+    /// A square whose outline includes an apex above one edge: n corners give n - 2 triangles.
     #[test]
     fn corners_off_the_plane_leave_no_hole() {
         let points = [
@@ -309,7 +309,7 @@ mod tests {
     #[test]
     fn crossing_and_flat_polygons_are_told_apart() {
         let mut triangles = vec![];
-        // Bow ties, the second one of no area in sum.
+        // Bow ties; the second has a signed area of zero.
         for y in [4., 3.] {
             let bow = [[0., 0.], [2., 0.], [0., 1.], [2., y]].map(|[x, y]| vec3(x, y, 0.0));
             triangles.clear();

@@ -1,7 +1,9 @@
-//! The surface on which a grid of distances is zero, as Mitsuba 3's `sdfgrid` interpolates it, as a triangle mesh.
+//! Computes a triangle mesh of the surface on which a distance grid is zero, with the interpolation of
+//! Mitsuba 3's `sdfgrid`.
 //!
-//! Between points the distance is trilinear. Cells in which it changes its sign are divided until the triangles lie near
-//! enough, and each part is cut into six tetrahedra (Kuhn 1960), so that neighbours agree on their common faces.
+//! Between points the distance is trilinear. Cells in which it changes sign are subdivided until the
+//! triangles are close enough. Each part is split into six tetrahedra (Kuhn 1960), so that adjacent cells
+//! agree on their common faces.
 
 use super::error::ImportError;
 use super::vol::Vol;
@@ -9,38 +11,37 @@ use glam::{DVec3, Vec2};
 use std::collections::HashMap;
 use transport::geometry::mesh::Mesh;
 
-/// How normals are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Normals {
-    /// The gradient of each cell: normals jump between cells.
+    /// The gradient of each cell: normals are discontinuous between cells.
     Analytic,
-    /// Gradients of eight cells, weighted (Hansson-Söderlund, Evans, Akenine-Möller, JCGT 11(3), 2022).
+    /// Weighted gradients of eight cells (Hansson-Söderlund, Evans, Akenine-Möller, JCGT 11(3), 2022).
     Smooth,
 }
 
-/// The surface of a grid.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Triangles in the cube [0, 1]³ that face where distances grow. Texture coordinates are those of one place, as Mitsuba's.
+    /// Triangles in the cube [0, 1]³ that face toward increasing distance. Texture coordinates are constant,
+    /// as in Mitsuba.
     pub mesh: Mesh,
-    /// Greatest distance between a triangle's centre and the trilinear surface, to first order; sides of a cell.
+    /// Largest distance between a triangle's centre and the trilinear surface, to first order, in cell sizes.
     pub deviation: f64,
 }
 
-/// Texture coordinates everywhere: Mitsuba's are 0, where the squares of a checkerboard meet; those within its square are meant.
+/// Constant texture coordinate. Mitsuba's is 0, where squares of a checkerboard meet; this one is inside of
+/// Mitsuba's square.
 const UV: Vec2 = Vec2::splat(1e-6);
-/// Greatest number of triangles.
 const MOST: usize = 4_000_000;
-/// Deviation that is small enough, in sides of a cell, and greatest number of parts of a cell's side.
+/// Sufficient deviation in cell sizes, and maximum number of subdivisions per axis.
 const NEAR: f64 = 0.02;
 const PARTS: usize = 4;
 const FIX: &str = "give one distance at each of at least 2 x 2 x 2 points, some below 0";
 
-/// Makes a mesh of the surface.
+/// Computes a mesh of the surface.
 ///
 /// # Errors
-/// [`ImportError`] if the grid has several numbers a point, fewer than two points along an axis, no change of sign, or more
-/// than 4 million triangles.
+/// [`ImportError`] if the grid has several numbers per point, fewer than two points along an axis, no change
+/// of sign, or more than 4 million triangles.
 pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
     let [x, y, z] = vol.size;
     if vol.channels != 1 || vol.size.iter().any(|n| *n < 2) {
@@ -85,7 +86,8 @@ struct Grid<'a> {
 }
 
 impl Grid<'_> {
-    /// The distance at a place, in sides of a cell from the first point. Beyond the grid it is that at its edge.
+    /// Returns the distance at a position, in cell sizes from the first point. Positions outside the grid are
+    /// clamped to its edge.
     fn at(&self, p: DVec3) -> f64 {
         let (mut low, mut part) = ([0; 3], [0.0; 3]);
         for i in 0..3 {
@@ -106,12 +108,12 @@ impl Grid<'_> {
         sum
     }
 
-    /// Sides of the cube [0, 1]³ in sides of a cell.
+    /// Returns the number of cells per axis of the cube [0, 1]³.
     fn cells(&self) -> DVec3 {
         DVec3::from_array(self.size.map(|n| (n - 1) as f64))
     }
 
-    /// Gradient in the cube's coordinates where cells of number `cell` have it at `p`.
+    /// Returns the gradient in the cube's coordinates at `p`, from the cells with index `cell`.
     fn gradient(&self, p: DVec3, cell: DVec3) -> DVec3 {
         let slope = |i: usize| {
             let [mut a, mut b] = [p, p];
@@ -128,7 +130,7 @@ impl Grid<'_> {
         for corner in 0..8 {
             let (mut w, mut cell) = (1.0, high);
             for i in 0..3 {
-                // Below the first cell, the first one has all the weight.
+                // Below the first cell, that cell has all the weight.
                 let alone = high[i] < 0.5;
                 let up = corner >> i & 1 == 1;
                 w *= match (up, alone) {
@@ -146,7 +148,7 @@ impl Grid<'_> {
         sum
     }
 
-    /// `None` if there are too many triangles.
+    /// Returns the surface, or `None` if it has too many triangles.
     fn surface(&self, parts: usize, normals: Normals) -> Option<Surface> {
         let mut out = Surface {
             mesh: Mesh::default(),
@@ -177,7 +179,6 @@ impl Grid<'_> {
         Some(out)
     }
 
-    /// Adds the triangles of a cell.
     fn cell(
         &self,
         cell: [usize; 3],
@@ -186,7 +187,7 @@ impl Grid<'_> {
         known: &mut HashMap<[[usize; 3]; 2], u32>,
         out: &mut Surface,
     ) {
-        /// Orders in which a tetrahedron goes along the axes.
+        /// Axis orders of the six tetrahedra.
         const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
         let first = DVec3::from_array(cell.map(|i| i as f64));
         let place = |at: [usize; 3]| DVec3::from_array(at.map(|i| i as f64 / parts as f64));
@@ -309,7 +310,7 @@ mod tests {
         }
     }
 
-    /// A plane within one cell, out to the grid's edges.
+    /// A plane within one cell, up to the grid's edges.
     #[test]
     fn a_plane_reaches_the_edges_of_its_grid() {
         let found = surface(&vol([2, 2, 2], |p| p.z - 0.25), Normals::Smooth).unwrap();
@@ -318,7 +319,7 @@ mod tests {
         assert!(found.mesh.normals.iter().all(|n| n.z > 0.9999));
     }
 
-    /// Corners of alternating signs: z = xy/(…) has no flat parts; divided cells follow it.
+    /// Corners of alternating signs: z = xy/(…) has no flat parts. Subdivided cells follow it.
     #[test]
     fn a_saddle_in_one_cell_is_divided() {
         let saddle = vol([2, 2, 2], |p| (p.x - 0.5) * (p.y - 0.5) + 0.5 * (p.z - 0.5));

@@ -1,4 +1,4 @@
-//! Mitsuba's `serialized` meshes, versions 3, 4 and 5 (its documentation, "Serialized mesh loader").
+//! Reads Mitsuba's `serialized` meshes, versions 3, 4 and 5 (its documentation, "Serialized mesh loader").
 
 use std::io::Read;
 
@@ -14,7 +14,7 @@ const FIX: &str = "export the mesh again, or convert it to PLY";
 /// First two bytes of every mesh in a file.
 const MAGIC: u16 = 0x041c;
 
-/// Bits of the flags, of versions 3 and 4, and of version 5.
+/// Flag bits, of versions 3 and 4, and of version 5.
 const NORMALS: u32 = 0x1;
 const UVS: u32 = 0x2;
 const COLOURS: u32 = 0x8;
@@ -23,13 +23,14 @@ const TANGENTS_5: u32 = 0x2;
 const UVS_5: u32 = 0x4;
 const FACE_NORMALS_5: u32 = 0x10;
 
-/// Numbers of a vertex in version 5.
+/// Numbers per vertex in version 5.
 const RECORD_5: usize = 8;
 
-/// Reads the mesh of a number, from 0, of a `serialized` file. Colours and further attributes are noted.
+/// Parses the mesh with index `number`, from 0, of a `serialized` file. Colours and other attributes are
+/// noted.
 ///
 /// # Errors
-/// [`ImportError`] if the file is broken, has no mesh of that number, or the mesh has no triangles.
+/// [`ImportError`] if the file is invalid, has no mesh of that index, or the mesh has no triangles.
 pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError> {
     if bytes.is_empty() {
         return Err(ImportProblem::EmptyFile.into());
@@ -64,7 +65,7 @@ pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError>
     parts.end(FIX)
 }
 
-/// Where a mesh begins, by the dictionary at the end of the file.
+/// Returns the offset of a mesh from the dictionary at the end of the file.
 fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> {
     let cut = || ImportError::malformed("the list of meshes at the file's end is cut off", FIX);
     let (rest, count) = bytes.split_last_chunk::<4>().ok_or_else(cut)?;
@@ -84,11 +85,10 @@ fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> 
         .ok_or_else(|| ImportError::malformed(format!("mesh {number} begins behind the file's end"), FIX))
 }
 
-/// The unpacked bytes of a mesh.
 struct Stream<'a>(ZlibDecoder<&'a [u8]>);
 
 impl Stream<'_> {
-    /// As many bytes; memory grows with what is there, not with what is asked for.
+    /// Reads `count` bytes. Memory grows with the available data, not with the requested size.
     fn bytes(&mut self, count: u64) -> Result<Vec<u8>, ImportError> {
         let mut out = vec![];
         let read = (&mut self.0).take(count).read_to_end(&mut out);
@@ -141,7 +141,6 @@ impl Stream<'_> {
             .collect())
     }
 
-    /// A text of this many bytes.
     fn text(&mut self, count: u32) -> Result<String, ImportError> {
         Ok(String::from_utf8_lossy(&self.bytes(count.into())?).into_owned())
     }
@@ -214,7 +213,7 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
             .notes
             .add("the BSDF indices of its faces are not used: the mesh has one material");
     }
-    // Vertices that are one surface point, or share a normal: of use where positions are edited.
+    // Vertices that share a surface point or a normal, which matter only for editing positions.
     for list in [points, groups] {
         if list > 0 {
             stream.indices(vertices)?;
@@ -271,7 +270,7 @@ mod tests {
         out
     }
 
-    /// A triangle at a height, of version 3 or 4.
+    /// Returns a triangle at a height, in version 3 or 4.
     fn triangle(version: u16, flags: u32, height: f64) -> Vec<u8> {
         let mut b = flags.to_le_bytes().to_vec();
         if version == 4 {
@@ -379,13 +378,13 @@ mod tests {
         fails(&whole[..whole.len() / 2], 0, "mesh");
         fails(&whole[..3], 1, "does not begin");
         fails(&packed(4, &[0; 3]), 0, "ends too early");
-        // More vertices than the stream holds.
+        // More vertices than the stream contains.
         let mut b = 0x1000_u32.to_le_bytes().to_vec();
         b.push(0);
         b.extend(u64::MAX.to_le_bytes());
         b.extend(u64::MAX.to_le_bytes());
         fails(&packed(4, &b), 0, "ends too early");
-        // Without the checksum at its end a mesh is still whole.
+        // A mesh without its final checksum is accepted.
         let model = parse_serialized(&whole, 0).unwrap();
         for cut in 0..whole.len() {
             let cut = parse_serialized(&whole[..cut], 0);

@@ -1,8 +1,8 @@
-//! Text of files, whatever its encoding and its line ends.
+//! Decodes text files of any encoding and line ending.
 
 use std::borrow::Cow;
 
-/// The text of a file: UTF-8, UTF-16 with a byte order mark, or else Latin-1. The byte order mark is left out.
+/// Decodes UTF-8, UTF-16 with a byte order mark, or otherwise Latin-1. The byte order mark is removed.
 pub(super) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     let utf16 = |rest: &[u8], word: fn([u8; 2]) -> u16| {
         let words: Vec<u16> = rest.as_chunks().0.iter().map(|&b| word(b)).collect();
@@ -21,7 +21,7 @@ pub(super) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// Lines that end with LF, CR or both.
+/// Splits text into lines that end with LF, CR or both.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = &str> {
     let mut rest = Some(text).filter(|t| !t.is_empty());
     std::iter::from_fn(move || {

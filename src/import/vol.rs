@@ -1,28 +1,26 @@
-//! Mitsuba's grids of numbers (`.vol`, version 3, 32-bit floats).
+//! Parses Mitsuba's volume grids (`.vol`, version 3, 32-bit floats).
 
 use super::error::{ImportError, ImportProblem};
 
 const FIX: &str = "write the grid again, as Mitsuba's VolumeGrid does";
-/// Bytes before the numbers.
 const HEAD: usize = 48;
 
-/// A grid of numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vol {
-    /// Points along x, y and z.
+    /// Number of points along x, y and z.
     pub size: [usize; 3],
-    /// Numbers at each point.
     pub channels: usize,
-    /// The box that it fills: least and greatest x, y, z.
+    /// Bounding box: lowest and highest x, y, z.
     pub bbox: [[f32; 3]; 2],
-    /// All numbers, finite: channels run fastest, then x, y and z.
+    /// All values, finite; the channel index varies fastest, then x, y and z.
     pub values: Vec<f32>,
 }
 
-/// Reads a grid.
+/// Parses a grid.
 ///
 /// # Errors
-/// [`ImportError`] if the file is another one, or cut off, has no points, or a number that is not finite.
+/// [`ImportError`] if the file has another format, is truncated, or has no points or a value that is not
+/// finite.
 pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
     let refuse = |what: String| Err(ImportError::malformed(what, FIX));
     if bytes.is_empty() {

@@ -1,8 +1,8 @@
-//! Meshes as binary little-endian PLY files (G. Turk, "The PLY polygon file format", 1994).
+//! Writes meshes as binary little-endian PLY files (G. Turk, "The PLY polygon file format", 1994).
 
 use transport::geometry::mesh::Mesh;
 
-/// Positions, and normals and texture coordinates where the mesh has them, with f32 as they are.
+/// Returns a PLY file with positions and, if present, normals and texture coordinates as unmodified f32.
 #[must_use]
 pub fn write(mesh: &Mesh) -> Vec<u8> {
     let mut head = format!(

@@ -7,15 +7,15 @@ use object_store::{Error, GetOptions, GetRange, ObjectStore};
 use store::objects::Ask;
 use store::refusal::Refusal;
 
-/// Largest object that is read: no file of a store is larger.
+/// Maximum size of an object to read; no file of a store is larger.
 const LARGEST: u64 = 4 << 30;
 
-/// The range of a request, as the servers of a scheme take it.
+/// Converts a request to a range that the servers of a scheme support.
 fn range(ask: &Ask, scheme: &str) -> Option<GetRange> {
     match ask {
         Ask::Whole => None,
         Ask::Bytes(range) => Some(GetRange::Bounded(range.clone())),
-        // Azure has no ranges that count from the end.
+        // Azure has no suffix ranges.
         Ask::End(length, Some(size)) if scheme == "az" => {
             Some(GetRange::Bounded(size.saturating_sub(*length)..*size))
         }
@@ -34,7 +34,7 @@ impl Objects {
                     let (store, range) = (store.clone(), range(&ask, &scheme));
                     async move {
                         match fetch(&*store, &key, range).await {
-                            // Plain web servers may know files alone.
+                            // Plain web servers may not support ranges.
                             Err(Error::NotSupported { .. }) if ask != Ask::Whole => {
                                 let whole = fetch(&*store, &key, None).await?;
                                 Ok(whole.map(|(bytes, size)| (ask.of(&bytes), size)))
@@ -63,7 +63,7 @@ async fn fetch(
             range: range.clone(),
             ..GetOptions::default()
         };
-        // The client has asked again itself, but where a connection was closed the moment that it was used.
+        // The client itself retries, except when a reused connection was closed.
         let found = match up_to(2, || store.get_opts(key, options())).await {
             Ok(found) => found,
             Err(e @ Error::NotFound { .. }) if !chain(&e).contains("NoSuchBucket") => return Ok(None),

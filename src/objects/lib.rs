@@ -1,7 +1,9 @@
-//! Clients of object stores: Amazon S3 and compatible servers, Google Cloud Storage, Azure Blob Storage, and web servers to read from.
+//! Clients of object stores: Amazon S3 and compatible servers, Google Cloud Storage, Azure Blob Storage, and
+//! web servers (read-only).
 //!
-//! Calls block; requests run on a runtime of two threads, those of one call concurrently. Requests that fail for a temporary reason
-//! (5xx, a closed connection) are repeated. Credentials, endpoint and region come from the environment variables of each cloud.
+//! Calls block; requests run on a runtime of two threads, those of one call concurrently. Requests that fail
+//! temporarily (5xx, a closed connection) are repeated. Credentials, endpoint and region come from the
+//! environment variables of each cloud.
 
 mod get;
 mod put;
@@ -24,13 +26,14 @@ use store::objects::{Ask, Condition, ObjectClient, Put, Version};
 use store::refusal::Refusal;
 use tokio::runtime::{Builder, Runtime};
 
-/// Requests that are under way at once.
+/// Maximum number of concurrent requests.
 const AT_ONCE: usize = 32;
-/// How often a body that breaks off is asked for again where the server does not say what version it was of.
+/// Number of attempts to read a truncated body if the server does not return its version.
 const ATTEMPTS: usize = 6;
-/// How long a request waits before it is made again first.
+/// Pause before the first retry.
 const PAUSE: Duration = Duration::from_millis(if cfg!(test) { 1 } else { 50 });
-/// How long requests are made again at most: what failed for longer has been made again by the client, which waits longer and longer.
+/// Maximum total time of retries. The client itself has already retried longer failures, with increasing
+/// pauses.
 const PATIENCE: Duration = Duration::from_secs(10);
 static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
     Builder::new_multi_thread()
@@ -40,7 +43,7 @@ static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
         .build()
 });
 
-/// Waits for what runs on the runtime. (Not `block_on`, which may not be called from another runtime's threads.)
+/// Waits for a future on the runtime. (`block_on` must not be called from threads of another runtime.)
 fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> Result<T, Refusal> {
     let runtime = RUNTIME
         .as_ref()
@@ -61,7 +64,7 @@ struct Objects {
     below: Key,
 }
 
-/// Without what the store is asked with: credentials.
+/// Omits the store, which contains credentials.
 impl fmt::Debug for Objects {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Objects({}://.. {})", self.scheme, self.below)
@@ -141,7 +144,8 @@ impl Objects {
     }
 }
 
-/// Makes these clients known to this process, for every path with a scheme (`s3://`, `gs://`, `az://`, `http://`, `https://`).
+/// Registers these clients in this process, for every path with a scheme (`s3://`, `gs://`, `az://`,
+/// `http://`, `https://`).
 pub fn install() {
     store::objects::install(|scheme, address| Ok(Arc::new(Objects::open(scheme, address)?)));
 }
@@ -186,7 +190,7 @@ impl ObjectClient for Objects {
     }
 }
 
-/// The provider of cryptography of HTTPS, unless the program has chosen one.
+/// Installs the cryptography provider of HTTPS, unless the program has chosen one.
 fn provider() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -206,7 +210,7 @@ fn retry() -> RetryConfig {
     }
 }
 
-/// Makes a request again, which may be made twice, where its answer was lost or broke off: the client itself does not do so with
+/// Repeats an idempotent request whose response was lost or truncated; the client itself does not repeat
 /// requests that change something.
 async fn again<T, F: Future<Output = Result<T, Error>>>(ask: impl FnMut() -> F) -> Result<T, Error> {
     up_to(ATTEMPTS, ask).await
@@ -229,7 +233,7 @@ async fn up_to<T, F: Future<Output = Result<T, Error>>>(
     ask().await
 }
 
-/// An error with all its causes.
+/// Formats an error with all its causes.
 fn chain(error: &Error) -> String {
     let mut text = error.to_string();
     let mut next = std::error::Error::source(error);
@@ -243,7 +247,7 @@ fn chain(error: &Error) -> String {
     text
 }
 
-/// Variables of the environment by which a scheme is given credentials; where none are needed; where the server is.
+/// Environment variables for the credentials of a scheme, for anonymous access, and for the server's URL.
 fn variables(scheme: &str) -> [&'static str; 3] {
     match scheme {
         "gs" => [
@@ -264,7 +268,7 @@ fn variables(scheme: &str) -> [&'static str; 3] {
     }
 }
 
-/// What an error means, in words.
+/// Converts an error to a refusal.
 fn refusal(scheme: &str, error: &Error) -> Refusal {
     let text = chain(error);
     let says = |words: &[&str]| words.iter().any(|word| text.contains(word));

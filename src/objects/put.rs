@@ -1,4 +1,4 @@
-//! Writes and removes objects. An object appears whole or not at all.
+//! Writes and removes objects. Each object is written atomically.
 
 use super::{AT_ONCE, Key, Objects, again, wait};
 use bytes::Bytes;
@@ -37,7 +37,8 @@ impl Objects {
 
     pub(crate) fn write_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal> {
         let (store, key) = (self.store.clone(), self.key(key));
-        // What is to be replaced may be gone; where there was to be nothing, it is the bucket that is not there.
+        // A replaced object may be missing; for a new object, a missing path means that the bucket does not
+        // exist.
         let (replaces, mode) = match condition {
             Condition::Absent => (false, PutMode::Create),
             Condition::Is(Version { e_tag, version }) => {

@@ -1,4 +1,4 @@
-//! Object stores in memory: reading, repeated requests, refusals.
+//! Tests with object stores in memory: reads, repeated requests, refusals.
 
 pub(crate) mod faulty;
 
@@ -10,13 +10,12 @@ use std::sync::Mutex;
 
 static STORES: LazyLock<Mutex<HashMap<String, Arc<InMemory>>>> = LazyLock::new(Mutex::default);
 
-/// The object store in memory that addresses `memory://NAME/..` of tests lie in.
+/// Returns the in-memory object store of test addresses `memory://NAME/..`.
 pub(crate) fn memory(name: &str) -> Arc<InMemory> {
     let mut stores = STORES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     stores.entry(name.to_owned()).or_default().clone()
 }
 
-/// Puts one object.
 pub(crate) fn put(store: &Arc<InMemory>, key: &str, bytes: Vec<u8>) {
     let (store, key) = (store.clone(), Key::from(key));
     wait(async move { store.put(&key, bytes.into()).await })
@@ -41,7 +40,7 @@ fn objects_are_read_and_listed_below_their_address() {
     assert_eq!(found, expected.map(|text| text.map(Bytes::from)));
 }
 
-/// Within another runtime's threads as well.
+/// Also works on threads of another runtime.
 #[test]
 fn another_runtime_is_not_in_the_way() {
     put(&memory("within"), "a", vec![1]);
@@ -123,7 +122,7 @@ fn below(address: &str) -> Objects {
     Objects::open(scheme, Path::new(address)).expect("an address")
 }
 
-/// Requests that are not heard, and answers that are lost: all kinds of requests, at all places in the pattern of failures.
+/// Lost requests and lost responses: all kinds of requests, at all positions of the failure pattern.
 #[test]
 fn what_fails_is_asked_again() {
     let objects = below("flaky://asked/s.zarr");
@@ -144,7 +143,7 @@ fn what_fails_is_asked_again() {
         assert_eq!(whole(&objects, &keys), vec![Some(bytes(n)); keys.len()]);
         let (found, old) = objects.get_version("a/0").expect("reads").expect("is there");
         assert_eq!(found, bytes(n));
-        // The answer may be lost: then something is there, which is this.
+        // The response may be lost: then the object exists, and equals this one.
         let put = objects
             .put_if("a/0", bytes(99), Condition::Is(old.clone()))
             .expect("puts");

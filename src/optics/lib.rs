@@ -1,8 +1,6 @@
-//! Polarization optics, lens distortion, and the mathematics of sampling. Reads no files and no scenes.
+//! Polarization optics, lens distortion, and the mathematics of sampling. Performs no file access.
 //!
 //! `CONVENTIONS.md` defines the conventions of Stokes vectors, Mueller matrices and their frames.
-
-#![warn(missing_docs)]
 
 pub mod distortion;
 

@@ -1,14 +1,14 @@
-//! Wavelengths travel together: up to four of them ride in the lanes of one SIMD register.
+//! Spectral values: up to four wavelengths in the lanes of one SIMD register.
 //!
-//! Every spectral quantity (albedo, Mueller element, irradiance) is a [`Spectral`] with lane `i` belonging to
+//! Every spectral quantity (albedo, Mueller element, irradiance) is a [`Spectral`]. Lane `i` belongs to
 //! wavelength `i` of the scene's [`Wavelengths`]. Unused lanes are zero.
 
 use serde::{Deserialize, Serialize};
 
-/// One value per wavelength lane; lanes past the scene's wavelength count are zero.
+/// One value per wavelength lane; lanes beyond the scene's wavelength count are zero.
 pub type Spectral = wide::f32x4;
 
-/// The most wavelengths one render can carry.
+/// Maximum number of wavelengths of a render.
 pub const MAX_WAVELENGTHS: usize = 4;
 
 /// The vacuum wavelengths of a render, in nanometres, 1 to 4 of them.
@@ -16,31 +16,30 @@ pub const MAX_WAVELENGTHS: usize = 4;
 pub struct Wavelengths(Vec<f64>);
 
 impl Default for Wavelengths {
-    /// 450, 550 and 660 nm.
+    /// Returns 450, 550 and 660 nm.
     fn default() -> Self {
         Self(vec![450.0, 550.0, 660.0])
     }
 }
 
-/// Why a wavelength list was refused.
+/// Reasons why a wavelength list is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WavelengthError {
     /// The list is empty or longer than [`MAX_WAVELENGTHS`].
     #[error("{0} wavelengths given; a render carries 1 to 4 at once")]
     Count(usize),
-    /// A value is not a plausible optical wavelength in nanometres.
     #[error("wavelength {0} is outside 100..100000 nm")]
     Range(f64),
-    /// Two wavelengths are equal or out of order.
     #[error("wavelengths must rise strictly: {0} nm is followed by {1} nm")]
     Order(f64, f64),
 }
 
 impl Wavelengths {
-    /// Checks and takes a list of vacuum wavelengths in nanometres.
+    /// Creates a list of vacuum wavelengths in nanometres after checking it.
     ///
     /// # Errors
-    /// [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the order does not rise.
+    /// [`WavelengthError`] if the count is not 1 to 4, a value is out of range, or the order is not
+    /// ascending.
     pub fn new(nm: Vec<f64>) -> Result<Self, WavelengthError> {
         if nm.is_empty() || nm.len() > MAX_WAVELENGTHS {
             return Err(WavelengthError::Count(nm.len()));
@@ -54,21 +53,21 @@ impl Wavelengths {
         Ok(Self(nm))
     }
 
-    /// How many wavelengths the render carries (1 to 4).
+    /// Returns the number of wavelengths (1 to 4).
     #[inline]
     #[must_use]
     pub fn count(&self) -> usize {
         self.0.len()
     }
 
-    /// The wavelengths in nanometres, rising.
+    /// Returns the wavelengths in nanometres, ascending.
     #[inline]
     #[must_use]
     pub fn nm(&self) -> &[f64] {
         &self.0
     }
 
-    /// A register with `f(nm)` in each used lane and zero in the rest.
+    /// Returns `f(nm)` in each used lane and zero in the others.
     pub fn map(&self, f: impl Fn(f64) -> f32) -> Spectral {
         let mut lanes = [0.0; MAX_WAVELENGTHS];
         for (lane, &nm) in lanes.iter_mut().zip(&self.0) {
@@ -77,7 +76,7 @@ impl Wavelengths {
         Spectral::new(lanes)
     }
 
-    /// One in every used lane, zero in the rest.
+    /// Returns one in every used lane, zero in the others.
     #[inline]
     #[must_use]
     pub fn ones(&self) -> Spectral {
@@ -85,7 +84,6 @@ impl Wavelengths {
     }
 }
 
-/// The largest lane of a register.
 #[inline]
 #[must_use]
 pub fn max_lane(s: Spectral) -> f32 {

@@ -2,8 +2,6 @@
 //! measured data set, tables of analytic materials, and evaluation in stated frames and in power. Uses the
 //! materials and media of `transport` and `scene`.
 
-#![warn(missing_docs)]
-
 pub mod data_set;
 pub mod evaluate;
 pub mod phase;

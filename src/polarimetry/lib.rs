@@ -1,7 +1,5 @@
-//! What a rig measures and what is made of it: schemes of polarizing elements, their one forward model, detectors,
-//! reconstruction of Mueller matrices, learned schemes, and decompositions. Knows tensors, no scenes.
-
-#![warn(missing_docs)]
+//! Capture and reconstruction: capture schemes and their forward model, detectors, reconstruction of Mueller
+//! matrices, learned schemes and decompositions. The crate uses tensors, but no scenes.
 
 pub mod capture;
 pub mod decompose;

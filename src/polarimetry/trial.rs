@@ -1,7 +1,8 @@
-//! Trials of capture schemes: known Mueller matrices are captured, reconstructed, and compared with what they were.
+//! Trials of capture schemes: capture known Mueller matrices, reconstruct them and compare the results with
+//! the truth.
 //!
-//! Reconstruction is by least squares where a scheme has rank 16; below that by the prior if there is one, and else by the
-//! matrix of least norm among those that explain the captures. All errors are over the mean T00 of the truth.
+//! A scheme of rank 16 uses least squares. Below rank 16 the prior is used, or without one the minimum-norm
+//! solution. All errors are relative to the mean T00 of the truth.
 
 use crate::capture::design_matrix::{DesignMatrix, RankError};
 use crate::capture::detector::error::DetectorError;
@@ -14,21 +15,21 @@ use crate::reconstruct::pixels::Options;
 use crate::reconstruct::second_moment::Moment;
 use nalgebra::DMatrix;
 
-/// Pixels count as bright above this share of the mean T00: errors of normalized elements are those of bright pixels.
+/// A pixel is bright above this fraction of the mean T00; errors of normalized elements use bright pixels
+/// only.
 const BRIGHT: f64 = 0.1;
 
-/// Why there is no trial.
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
-    /// No error is relative to nothing.
+    /// The mean T00 is not positive, so relative errors are undefined.
     #[error("the mean T00 of the matrices is not positive, so no error is relative to it")]
     Dark,
-    /// A prior weighs what it expects against a noise that is not known.
+    /// A prior needs the noise level, which is unknown.
     #[error(
         "a prior weighs what is expected against the noise, which a [spad] does not state; give a standard deviation or a [cmos]"
     )]
     NoiseUnknown,
-    /// The least norm is of one design matrix, and every pixel has its own.
+    /// The minimum-norm solution needs one design matrix for all pixels.
     #[error(
         "its rank is below 16 and every pixel has a ray of its own: give a prior, more captures, or rays along the axis"
     )]
@@ -36,7 +37,7 @@ pub enum TrialError {
     /// `repeat` is 0.
     #[error("nothing was tried")]
     NoTries,
-    /// The simulation was refused.
+    /// The simulation rejected its settings or data.
     #[error(transparent)]
     Detector(#[from] DetectorError),
     /// The captures do not determine a matrix.
@@ -44,34 +45,32 @@ pub enum TrialError {
     Rank(#[from] RankError),
 }
 
-/// What schemes are tried on.
 #[derive(Clone, Copy, Debug)]
 pub struct Trial<'a> {
-    /// The truth.
+    /// The ground truth.
     pub image: &'a MuellerImage,
-    /// What comes between light and numbers.
+    /// The detector model.
     pub noise: &'a Noise,
     /// Second moment of matrices with T00 = 1, for schemes below rank 16.
     pub prior: Option<&'a Moment>,
-    /// How often every scheme is tried, with seeds that follow one another.
+    /// Number of tries per scheme, with consecutive seeds.
     pub repeat: u32,
     /// Seed of the first try.
     pub seed: u64,
 }
 
-/// How matrices were estimated.
+/// The estimator of the matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EstimateKind {
-    /// Least squares, of rank 16.
+    /// Least squares, for rank 16.
     LeastSquares,
-    /// With the second moment of what is expected.
+    /// With the second moment of a prior.
     Prior,
-    /// The matrix of least norm that explains the captures.
     MinimumNorm,
 }
 
 impl EstimateKind {
-    /// For tables.
+    /// Returns the name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -82,56 +81,51 @@ impl EstimateKind {
     }
 }
 
-/// How a scheme did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SchemeResult {
-    /// Name of the scheme.
     pub name: String,
-    /// Its captures.
     pub captures: usize,
-    /// Rank of the design matrix, the least of all wavelengths.
+    /// Rank of the design matrix, the smallest of all wavelengths.
     pub rank: usize,
-    /// Its condition number, the largest of all wavelengths; infinite below rank 16.
+    /// Condition number, the largest of all wavelengths; infinite below rank 16.
     pub condition: f64,
-    /// How matrices were estimated.
     pub estimate: EstimateKind,
-    /// RMSE over mean T00 by the closed form σ √(tr (AᵀA)⁻¹ / 16), of normal noise and rank 16.
+    /// RMSE over mean T00 by the closed form σ √(tr (AᵀA)⁻¹ / 16), for normal noise and rank 16.
     pub predicted: Option<f64>,
-    /// Root mean square error of all elements over the mean T00, mean of all tries.
+    /// Root mean square error of all elements over the mean T00, averaged over all tries.
     pub rmse: f64,
-    /// Standard error of `rmse`; NaN from one try.
+    /// Standard error of `rmse`; NaN for a single try.
     pub rmse_error: f64,
-    /// Mean absolute error of the 15 elements over T00, of bright pixels.
+    /// Mean absolute error of the 15 elements over T00, for bright pixels.
     pub normalized: f64,
-    /// Share of pixels that are not determined.
+    /// Fraction of pixels that are not determined.
     pub lost: f64,
-    /// Errors of the first try, pixel by pixel.
+    /// Errors of the first try, per pixel.
     pub errors: ErrorImage,
 }
 
-/// √(Σ ΔTij²) over the mean T00 at every place, root mean square over wavelengths and what else there is.
+/// √(Σ ΔTij²) over the mean T00 at every pixel, as root mean square over wavelengths and further captures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorImage {
-    /// Columns.
     pub width: usize,
-    /// Rows from the top, `width` columns each; NaN where a matrix is lost.
+    /// Rows from the top, `width` columns each; NaN where a matrix is not determined.
     pub values: Vec<f32>,
 }
 
-/// Errors of found matrices against the truth.
+/// Errors of reconstructed matrices relative to the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Mean T00 of the truth where it is known.
+    /// Mean T00 of the truth where it is finite.
     pub mean: f64,
-    /// Root mean square error of all 16 elements over `mean`, of matrices that were found.
+    /// Root mean square error of all 16 elements over `mean`, for finite results.
     pub rmse: f64,
-    /// Mean absolute error of the 15 elements over T00, of pixels brighter than a tenth of `mean`.
+    /// Mean absolute error of the 15 elements over T00, for pixels brighter than a tenth of `mean`.
     pub normalized: f64,
-    /// Share of known pixels that were not found (not finite).
+    /// Fraction of known pixels whose result is not finite.
     pub lost: f64,
 }
 
-/// The brightness that errors are over: the mean T00 of an image.
+/// Returns the brightness that errors are relative to: the mean T00 of an image.
 ///
 /// # Errors
 /// [`TrialError::Dark`] if it is not positive.
@@ -145,14 +139,14 @@ pub fn brightness(image: &MuellerImage) -> Result<f64, TrialError> {
 }
 
 impl Trial<'_> {
-    /// Tries a scheme.
+    /// Runs the trial for a scheme.
     ///
     /// # Errors
     /// [`TrialError`].
     pub fn run(&self, scheme: &Scheme) -> Result<SchemeResult, TrialError> {
         brightness(self.image)?;
         let image = self.image;
-        // Of the axis, where every pixel has a ray of its own.
+        // Designs along the axis, even if every pixel has its own ray.
         let oblique = image.view != Directions::Axial;
         let axis = Directions::Axial.rays(image.layout, &image.wavelengths_nm());
         let designs: Vec<DesignMatrix> = axis.iter().map(|ray| DesignMatrix::new(scheme, ray)).collect();
@@ -202,7 +196,7 @@ impl Trial<'_> {
         })
     }
 
-    /// What a reconstruction makes of captures, 16 elements a pixel.
+    /// Returns the reconstruction of captures, 16 elements per pixel.
     fn estimated(
         &self,
         scheme: &Scheme,
@@ -238,7 +232,7 @@ impl Trial<'_> {
     }
 }
 
-/// σ √(tr (AᵀA)⁻¹ / 16) over the mean T00, root mean square over the wavelengths.
+/// Returns σ √(tr (AᵀA)⁻¹ / 16) over the mean T00, as root mean square over the wavelengths.
 fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> {
     let Noise::Gaussian { sigma } = noise else {
         return None;
@@ -250,8 +244,8 @@ fn predicted(designs: &[DesignMatrix], noise: &Noise, mean: f64) -> Option<f64> 
     Some(sigma * (variance / designs.len() as f64 / 16.0).sqrt() / mean)
 }
 
-/// The matrices of least norm that explain the captures, 16 elements a pixel; `designs` are those of the wavelengths, which
-/// pixels go round.
+/// Returns the minimum-norm solutions of captures, 16 elements per pixel. `designs` are those of the
+/// wavelengths, which alternate over the pixels.
 #[must_use]
 pub fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f64> {
     let weights: Vec<DMatrix<f64>> = designs.iter().map(DesignMatrix::minimum_norm).collect();
@@ -264,7 +258,7 @@ pub fn least_norm(designs: &[DesignMatrix], captured: &Captured) -> Vec<f64> {
     (0..pixels).flat_map(one).collect()
 }
 
-/// Pairs of true and found matrices, of pixels whose truth is known.
+/// Returns pairs of true and reconstructed matrices, for pixels with a finite truth.
 fn pairs<'a>(truth: &'a [f64], found: &'a [f32]) -> impl Iterator<Item = (&'a [f64], &'a [f32])> {
     let all = truth.chunks_exact(16).zip(found.chunks_exact(16));
     all.filter(|(t, _)| t.iter().all(|v| v.is_finite()))
@@ -278,7 +272,7 @@ fn squared(t: &[f64], m: &[f32]) -> f64 {
     t.iter().zip(m).map(|(t, m)| (f64::from(*m) - t).powi(2)).sum()
 }
 
-/// Compares matrices, 16 elements a pixel each, row-major. Pixels whose truth is not finite do not count.
+/// Compares row-major matrices of 16 elements per pixel. Pixels with a non-finite truth are ignored.
 #[must_use]
 pub fn compare(truth: &[f64], found: &[f32]) -> Errors {
     let (n, sum) = pairs(truth, found).fold((0.0, 0.0), |(n, sum), (t, _)| (n + 1.0, sum + t[0]));
@@ -302,7 +296,8 @@ pub fn compare(truth: &[f64], found: &[f32]) -> Errors {
     }
 }
 
-/// Errors of found matrices place by place, over a brightness `mean`; pixels in the order of `layout`.
+/// Returns the errors of reconstructed matrices per pixel, relative to a brightness `mean`; pixels in the
+/// order of `layout`.
 #[must_use]
 pub fn error_image(truth: &[f64], found: &[f32], layout: Layout, mean: f64) -> ErrorImage {
     let inner = layout.times * layout.lanes;
@@ -328,8 +323,9 @@ mod tests {
         MuellerImage::of_array((0..16 * pixels).map(of).collect(), vec![1, pixels], &[]).expect("an image")
     }
 
-    /// Without noise a scheme of rank 16 gives back the truth; with it, the error that the closed form predicts, within 5
-    /// standard errors: of 400 pixels with 16 errors that are correlated, a relative spread of 1/√400 at most.
+    /// Without noise, a scheme of rank 16 recovers the truth. With noise, the error agrees with the closed
+    /// form within 5 standard errors: for 400 pixels with 16 correlated errors, the relative spread is at
+    /// most 1/√400.
     #[test]
     fn errors_are_as_predicted() {
         let image = image(400);
@@ -355,7 +351,8 @@ mod tests {
         assert!(few.rmse > noisy.rmse && few.predicted.is_none());
     }
 
-    /// Two pixels by hand: one off by 0.1 in one element of 16, one lost; a third whose truth is not known.
+    /// Two pixels by hand: one with an error of 0.1 in one of 16 elements, one not determined; the truth of a
+    /// third is unknown.
     #[test]
     fn errors_are_those_of_what_was_found() {
         let mut truth = vec![0.0; 48];

@@ -1,4 +1,4 @@
-//! Time: that of the wall, and one that passes as fast as it is asked to, in which a night takes a minute.
+//! Clocks: the machine's clock and a simulated clock that advances only by waiting.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -6,31 +6,31 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// A clock. All parts of a rig share one.
 #[derive(Clone, Debug)]
 pub enum Clock {
-    /// The machine's.
+    /// The machine's clock, with the instant of its creation.
     Real(Instant),
-    /// A clock that stands still but for who waits.
+    /// A clock that advances only by [`Clock::sleep`].
     Simulated(Arc<Mutex<Simulated>>),
 }
 
-/// A simulated clock's state.
+/// State of a simulated clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Simulated {
     now: Duration,
-    /// What the wall's clock is ahead of the run's, seconds; jumps where somebody sets it.
+    /// Wall time minus run time, in seconds. [`Clock::jump`] changes it.
     wall_offset_s: f64,
 }
 
-/// When simulated nights begin: 2026-01-01 00:00 UTC, seconds since 1970.
+/// Wall time at which a simulated clock starts: 2026-01-01 00:00 UTC, in seconds since 1970.
 const SIMULATED_EPOCH_S: f64 = 1_767_225_600.0;
 
 impl Clock {
-    /// The machine's clock, from now on.
+    /// Creates a clock that starts now and follows the machine's clock.
     #[must_use]
     pub fn real() -> Self {
         Self::Real(Instant::now())
     }
 
-    /// A clock at zero that only waiting moves.
+    /// Creates a simulated clock at zero.
     #[must_use]
     pub fn simulated() -> Self {
         Self::Simulated(Arc::new(Mutex::new(Simulated {
@@ -39,7 +39,7 @@ impl Clock {
         })))
     }
 
-    /// Time since the clock was made; it never goes backward.
+    /// Returns the time since the clock was created. It is monotonic.
     #[must_use]
     pub fn now(&self) -> Duration {
         match self {
@@ -48,7 +48,7 @@ impl Clock {
         }
     }
 
-    /// Seconds since 1970 by the wall's clock, which can jump.
+    /// Returns the wall time in seconds since 1970. It can jump.
     #[must_use]
     pub fn wall_s(&self) -> f64 {
         match self {
@@ -62,7 +62,7 @@ impl Clock {
         }
     }
 
-    /// Waits.
+    /// Waits in real time, or advances the simulated time.
     pub fn sleep(&self, time: Duration) {
         match self {
             Self::Real(_) => std::thread::sleep(time),
@@ -73,26 +73,25 @@ impl Clock {
         }
     }
 
-    /// Waits until [`Self::now`] says so.
+    /// Waits until [`Self::now`] reaches `then`.
     pub fn sleep_until(&self, then: Duration) {
         self.sleep(then.saturating_sub(self.now()));
     }
 
-    /// Somebody sets the wall's clock; only of a simulated one.
+    /// Moves the wall time of a simulated clock, as if its user had set it. Has no effect on a real clock.
     pub fn jump(&self, seconds: f64) {
         if let Self::Simulated(state) = self {
             locked(state).wall_offset_s += seconds;
         }
     }
 
-    /// Whether a night takes a minute.
     #[must_use]
     pub fn is_simulated(&self) -> bool {
         matches!(self, Self::Simulated(_))
     }
 }
 
-/// A lock whose holder cannot leave it half done.
+/// Locks a mutex and ignores poisoning: no holder leaves its data inconsistent.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,7 +1,7 @@
-//! One suite of checks for every instrument, simulated or real: whether it keeps to what its trait says.
+//! Conformance suite: the checks that every instrument, simulated or real, must pass to satisfy its trait.
 //!
-//! `sunstone rig check --move` runs it on a rig; the tests of every driver run it against their emulator. A check is a name and
-//! what went wrong, if anything; instruments move and shine while they are checked.
+//! `sunstone rig check --move` runs the suite on a rig. The tests of every driver run it against their
+//! emulator. Each check has a name and an optional fault. Instruments move and emit light during the checks.
 
 pub mod analog_output;
 pub mod photon_counter;
@@ -12,16 +12,15 @@ use crate::instrument::{
 };
 use std::time::Duration;
 
-/// A check: what an instrument shall do, and what it did instead.
+/// The result of one check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Check {
-    /// What it shall do.
+    /// Required behavior.
     pub name: &'static str,
-    /// What it did instead.
+    /// Observed deviation, if the check failed.
     pub fault: Option<String>,
 }
 
-/// Checks of one instrument.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report(pub Vec<Check>);
 
@@ -33,13 +32,13 @@ impl Report {
         });
     }
 
-    /// What it did not do.
+    /// Returns the failed checks.
     pub fn faults(&self) -> impl Iterator<Item = &Check> {
         self.0.iter().filter(|c| c.fault.is_some())
     }
 }
 
-/// Long enough for anything that is checked.
+/// A deadline that exceeds the duration of every checked operation.
 const LONG: Duration = Duration::from_secs(120);
 const SHORT: Duration = Duration::from_secs(5);
 
@@ -51,7 +50,7 @@ fn good<T>(result: Result<T, Failure>) -> Result<T, String> {
     result.map_err(|e| e.to_string())
 }
 
-/// That a call fails, and how.
+/// Checks that a call fails with the given fault.
 fn fails<T>(result: Result<T, Failure>, fault: Fault) -> Result<(), String> {
     match result {
         Err(e) if e.fault == fault && !e.what.trim().is_empty() => Ok(()),
@@ -87,7 +86,7 @@ fn common(i: &mut dyn Instrument, report: &mut Report) {
     );
 }
 
-/// A rotation stage.
+/// Checks a rotation stage.
 pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
     let mut report = Report::default();
     common(stage, &mut report);
@@ -164,7 +163,7 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
     report
 }
 
-/// A pattern projector.
+/// Checks a pattern projector.
 pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
     let mut report = Report::default();
     common(projector, &mut report);
@@ -212,7 +211,7 @@ pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
     report
 }
 
-/// An area camera.
+/// Checks an area camera.
 pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     let mut report = Report::default();
     common(camera, &mut report);
@@ -321,7 +320,7 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     report
 }
 
-/// A galvo scanner.
+/// Checks a galvo scanner.
 pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
     let mut report = Report::default();
     common(galvo, &mut report);
@@ -357,7 +356,7 @@ pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
     report
 }
 
-/// A pulsed laser.
+/// Checks a pulsed laser.
 pub fn pulsed_laser(laser: &mut dyn PulsedLaser) -> Report {
     let mut report = Report::default();
     common(laser, &mut report);

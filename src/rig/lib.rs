@@ -1,13 +1,12 @@
-//! Laboratory automation: instrument traits, drivers of real instruments, simulated instruments whose sensors play rendered tensors,
-//! sessions that resume after a crash, and calibration. Uses tensors and polarimetry, never the renderer.
+//! Laboratory automation: instrument traits, drivers, simulated instruments, sessions and calibration.
+//!
+//! Sensors of simulated instruments play rendered tensors. Sessions resume after a crash. This crate uses
+//! tensors and polarimetry, but never the renderer.
 
-#![warn(missing_docs)]
+pub use {calibrate, instrument, ptu};
 
-pub mod calibrate;
 pub mod clock;
 pub mod conformance;
 pub mod driver;
-pub mod instrument;
-pub mod ptu;
 pub mod session;
 pub mod simulated;

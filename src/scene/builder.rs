@@ -1,4 +1,4 @@
-//! Scenes built in code: the same values, and the same way to tables, as those of a scene file.
+//! Scenes built in code, with the same values and the same construction as scene files.
 
 use crate::build::assemble;
 use crate::build::context::Context;
@@ -17,13 +17,13 @@ use syntax::slice::SliceFile;
 use transport::geometry::mesh::Mesh;
 use transport::scene::{Integrator, Scene};
 
-/// What the places of errors begin with, where there is no file.
+/// Prefix of error locations, in place of a file name.
 const IN_CODE: &str = "scene in code";
 
 /// Builds a [`Scene`] in code.
 ///
-/// What is given becomes the value of a scene file, which is then built as one: the checks and the defaults are those
-/// of files, and a scene built in code is the same as one built from the file that says so.
+/// Each call sets a value of a [`SceneFile`], which is then built like a scene file. Checks and defaults are
+/// therefore the same, and so is the scene.
 ///
 /// ```
 /// use sunstone_scene::{Camera, Material, Object, Projector, SceneBuilder, Slice};
@@ -59,10 +59,10 @@ const IN_CODE: &str = "scene in code";
 pub struct SceneBuilder {
     file: SceneFile,
     has_camera: bool,
-    /// Files that are only in memory, by the names under which the scene knows them.
+    /// Files that exist in memory only, by the names that the scene uses.
     memory: BTreeMap<String, Vec<u8>>,
     folder: PathBuf,
-    /// The first thing that cannot be built.
+    /// The first error, reported by [`Self::build`].
     fault: Option<InputError>,
 }
 
@@ -73,7 +73,7 @@ impl Default for SceneBuilder {
 }
 
 impl From<SceneFile> for SceneBuilder {
-    /// Begins with all that a scene file says.
+    /// Starts from the contents of a scene file.
     fn from(file: SceneFile) -> Self {
         Self {
             file,
@@ -86,7 +86,7 @@ impl From<SceneFile> for SceneBuilder {
 }
 
 impl SceneBuilder {
-    /// An empty scene, which needs a camera and a light at least.
+    /// Creates an empty scene, which needs at least a camera and a light.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -95,21 +95,20 @@ impl SceneBuilder {
         }
     }
 
-    /// Short name, for titles.
+    /// Sets the short name, used in titles.
     #[must_use]
     pub fn name(mut self, name: impl Into<String>) -> Self {
         self.file.name = Some(name.into());
         self
     }
 
-    /// Vacuum wavelengths in nanometres, 1 to 4, rising.
+    /// Sets one to four vacuum wavelengths in nanometres, increasing.
     #[must_use]
     pub fn wavelengths_nm(mut self, nm: impl Into<Vec<f64>>) -> Self {
         self.file.wavelengths_nm = nm.into().into();
         self
     }
 
-    /// The camera.
     #[must_use]
     pub fn camera(mut self, camera: PinholeFile) -> Self {
         self.file.camera = camera.into();
@@ -117,21 +116,20 @@ impl SceneBuilder {
         self
     }
 
-    /// The projector; a camera that is given as one shines with the irradiance 1 W/(m² nm) at 1 m on its axis.
+    /// Sets the projector. A camera given as one has an irradiance of 1 W/(m² nm) at 1 m on its axis.
     #[must_use]
     pub fn projector(mut self, projector: impl Into<ProjectorFile>) -> Self {
         self.file.projector = Some(projector.into().into());
         self
     }
 
-    /// Adds a further emitter.
     #[must_use]
     pub fn emitter(mut self, emitter: EmitterFile) -> Self {
         self.file.emitters.push(emitter.into());
         self
     }
 
-    /// Adds a material under a name of its own.
+    /// Adds a material under a unique name.
     #[must_use]
     pub fn material(mut self, name: impl Into<String>, material: MaterialFile) -> Self {
         let name = name.into();
@@ -146,7 +144,7 @@ impl SceneBuilder {
         self
     }
 
-    /// Adds a medium under a name of its own.
+    /// Adds a medium under a unique name.
     #[must_use]
     pub fn medium(mut self, name: impl Into<String>, medium: MediumFile) -> Self {
         let name = name.into();
@@ -156,7 +154,7 @@ impl SceneBuilder {
         self
     }
 
-    /// Adds a mesh (metres) under a name of its own, which [`ObjectFile::mesh`] takes for that of a file.
+    /// Adds a mesh (metres) under a unique name, which [`ObjectFile::mesh`] accepts as a file name.
     #[must_use]
     pub fn mesh(mut self, name: impl Into<String>, mesh: &Mesh) -> Self {
         let name = name.into();
@@ -176,8 +174,8 @@ impl SceneBuilder {
         self.file_in_memory(name, write_ply::write(mesh))
     }
 
-    /// Adds a file (an image, a mesh) that is only in memory, under the name that materials, objects and slices have for
-    /// it. Tables of measured materials stay on disk.
+    /// Adds a file (an image, a mesh) that exists in memory only, under the name by which materials, objects
+    /// and slices refer to it. Tables of measured materials must be on disk.
     #[must_use]
     pub fn file_in_memory(mut self, name: impl Into<String>, bytes: Vec<u8>) -> Self {
         let name = name.into();
@@ -187,27 +185,26 @@ impl SceneBuilder {
         self
     }
 
-    /// The files that are only in memory, by their names.
+    /// Returns the files that exist in memory only, by name.
     #[must_use]
     pub fn files_in_memory(&self) -> &BTreeMap<String, Vec<u8>> {
         &self.memory
     }
 
-    /// Where the relative paths of files begin; if nothing is said, in the current folder.
+    /// Sets the folder of relative paths. Default: the current folder.
     #[must_use]
     pub fn folder(mut self, folder: impl Into<PathBuf>) -> Self {
         self.folder = folder.into();
         self
     }
 
-    /// Adds an object.
     #[must_use]
     pub fn object(mut self, object: ObjectFile) -> Self {
         self.file.objects.push(object.into());
         self
     }
 
-    /// Adds a group of objects under a name of its own, which is seen where instances put it.
+    /// Adds a group of objects under a unique name. It is visible only through its instances.
     #[must_use]
     pub fn group(mut self, name: impl Into<String>, group: GroupFile) -> Self {
         let name = name.into();
@@ -217,72 +214,69 @@ impl SceneBuilder {
         self
     }
 
-    /// Adds copies of a group.
+    /// Adds one or more copies of a group.
     #[must_use]
     pub fn instance(mut self, instance: InstanceFile) -> Self {
         self.file.instances.push(instance.into());
         self
     }
 
-    /// Adds a slice.
     #[must_use]
     pub fn slice(mut self, slice: SliceFile) -> Self {
         self.file.slices.push(slice.into());
         self
     }
 
-    /// How to render, all of it.
+    /// Replaces all render settings.
     #[must_use]
     pub fn render(mut self, render: RenderFile) -> Self {
         self.file.render = render;
         self
     }
 
-    /// Samples per camera pixel.
     #[must_use]
     pub fn spp(mut self, spp: u32) -> Self {
         self.file.render.spp = spp.into();
         self
     }
 
-    /// Longest path: 2 is direct light alone, n allows n - 1 surface interactions.
+    /// Sets the maximum path length: 2 is direct light only; n allows n - 1 surface interactions.
     #[must_use]
     pub fn max_depth(mut self, max_depth: u32) -> Self {
         self.file.render.max_depth = max_depth.into();
         self
     }
 
-    /// Which paths are traced.
     #[must_use]
     pub fn integrator(mut self, integrator: Integrator) -> Self {
         self.file.render.integrator = integrator;
         self
     }
 
-    /// Key of the random streams.
+    /// Sets the seed of the random streams.
     #[must_use]
     pub fn seed(mut self, seed: u64) -> Self {
         self.file.render.seed = seed;
         self
     }
 
-    /// Edge of a tile in camera pixels.
+    /// Sets the edge length of a tile in camera pixels.
     #[must_use]
     pub fn tile(mut self, tile: u32) -> Self {
         self.file.render.tile = tile.into();
         self
     }
 
-    /// The value of the scene file that says what was given so far.
+    /// Returns the scene file that corresponds to the calls so far.
     #[must_use]
     pub fn scene_file(&self) -> &SceneFile {
         &self.file
     }
 
-    /// The scene.
+    /// Builds the scene.
     ///
     /// # Errors
-    /// [`InputError`] as for a scene file; where that names line and column, its `file` names what was given:
+    /// [`InputError`] as for a scene file. Instead of line and column, its `file` names the argument:
     /// `scene in code: objects[0].material`.
     pub fn build(self) -> Result<Scene, InputError> {
         if let Some(fault) = self.fault {
@@ -302,7 +296,7 @@ impl SceneBuilder {
                 "keep seeds below 2^63",
             )
         })?;
-        // The value is read back from its text, so that everything in it has a place there for errors to name.
+        // Serialize and parse the value, so that all its parts have locations that errors can name.
         let path = Path::new(IN_CODE);
         let built = SceneFile::read(path, &text).and_then(|file| {
             let mut ctx = Context::new(path, &text, &file.wavelengths_nm)?
@@ -334,7 +328,7 @@ impl SceneBuilder {
     }
 }
 
-/// An error about what was given at a place.
+/// Returns an error located at an argument.
 fn fault(place: &str, message: String, fix: &str) -> InputError {
     InputError {
         file: format!("{IN_CODE}: {place}").into(),
@@ -345,7 +339,8 @@ fn fault(place: &str, message: String, fix: &str) -> InputError {
     }
 }
 
-/// The keys that lead to a byte of a scene's text, as in `objects[1].shape.ply.file`; entries of lists count from 0.
+/// Returns the key path of a byte of a scene's text, such as `objects[1].shape.ply.file`. List indices start
+/// at 0.
 fn place(text: &str, at: usize) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     let (mut table, mut key) = ("", "");

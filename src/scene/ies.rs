@@ -1,26 +1,27 @@
-//! Luminaires' measured profiles: IES LM-63 files of photometric type C.
+//! Parser for IES LM-63 files of photometric type C: measured intensity profiles of luminaires.
 //!
-//! Vertical angle 0 is the luminaire's own downward axis; horizontal angles turn about it. A file covers half of the vertical
-//! angles or all, and of the horizontal ones what its symmetry leaves: 0 alone, 0..90, 0..180, 90..270 or 0..360.
+//! Vertical angle 0 is the luminaire's downward axis; horizontal angles rotate about it. A file covers half
+//! of the vertical angles or all. Its horizontal angles depend on its symmetry: 0 only, 0..90, 0..180,
+//! 90..270 or 0..360.
 
-/// A profile as its file has it, over its greatest value.
+/// An intensity profile, divided by its maximum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ies {
-    /// Degrees, rising within 0..180.
+    /// Vertical angles in degrees, increasing within 0..180.
     pub vertical: Vec<f32>,
-    /// Degrees, rising from 0 to 0, 90, 180 or 360.
+    /// Horizontal angles in degrees, increasing from 0 to 0, 90, 180 or 360.
     pub horizontal: Vec<f32>,
-    /// Values 0..1, one row of vertical angles for each horizontal one.
+    /// Values 0..1: one row over vertical angles per horizontal angle.
     pub values: Vec<f32>,
 }
 
-/// More angles than any luminaire is measured at.
+/// Maximum number of angles; no luminaire is measured at more.
 const MOST: usize = 4096;
 
-/// Reads a file.
+/// Parses an IES file.
 ///
 /// # Errors
-/// Why it is none, with the line.
+/// A message with the line number.
 pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     let text = String::from_utf8_lossy(bytes);
     let mut lines = text.lines().enumerate();
@@ -105,7 +106,7 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     })
 }
 
-/// Horizontal angles that begin at 0.
+/// Converts horizontal angles of 90..270 to 0..360; other ranges start at 0 already.
 fn whole(ies: Ies) -> Result<Ies, String> {
     let (first, last) = (ies.horizontal[0], ies.horizontal[ies.horizontal.len() - 1]);
     if first == 0.0 && [0.0, 90.0, 180.0, 360.0].contains(&last) {
@@ -116,7 +117,7 @@ fn whole(ies: Ies) -> Result<Ies, String> {
             "horizontal angles run from {first} to {last}: they must be 0 alone, or run 0..90, 0..180, 90..270 or 0..360"
         ));
     }
-    // Mirrored about the plane of 90 and 270 degrees.
+    // Mirror about the plane of 90 and 270 degrees.
     let row = |i: usize| ies.values[i * ies.vertical.len()..][..ies.vertical.len()].to_vec();
     let mut rows: Vec<(f32, Vec<f32>)> = vec![];
     for (i, angle) in ies.horizontal.iter().enumerate() {
@@ -142,10 +143,10 @@ fn whole(ies: Ies) -> Result<Ies, String> {
     })
 }
 
-/// The numbers of a file, with their lines.
+/// The numbers of a file, with their line numbers.
 struct Numbers<'a> {
     words: std::vec::IntoIter<(usize, &'a str)>,
-    /// Line of the last one.
+    /// Line of the last number read.
     last: usize,
 }
 
@@ -176,7 +177,7 @@ impl Numbers<'_> {
         (0..count).map(|_| self.next(what)).collect()
     }
 
-    /// Rising angles.
+    /// Reads increasing angles.
     fn angles(&mut self, count: usize, what: &str, most: f32) -> Result<Vec<f32>, String> {
         let list = self.list(count, what)?;
         let rising = list.windows(2).all(|w| w[0] < w[1]);

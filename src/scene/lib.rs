@@ -1,9 +1,7 @@
-//! Scene files, the meshes and images that they name, and the flat tables that they become.
+//! Scene files and the meshes and images that they name, converted to the flat tables of the renderer.
 //!
-//! `syntax` (values of a file, or of a [`SceneBuilder`]) → `build` (meaning, errors with places) →
+//! `syntax` (values of a file or of a [`SceneBuilder`]) → `build` (semantic checks, errors with locations) →
 //! [`transport::scene::Scene`].
-
-#![warn(missing_docs)]
 
 mod build;
 mod builder;
@@ -21,7 +19,7 @@ pub use builder::SceneBuilder;
 pub type Camera = syntax::device::PinholeFile;
 /// The projector of a [`SceneBuilder`].
 pub type Projector = syntax::device::ProjectorFile;
-/// A further emitter of a [`SceneBuilder`].
+/// An emitter of a [`SceneBuilder`].
 pub type Emitter = syntax::device::EmitterFile;
 /// A material of a [`SceneBuilder`].
 pub type Material = syntax::material::MaterialFile;
@@ -29,9 +27,9 @@ pub type Material = syntax::material::MaterialFile;
 pub type Medium = syntax::medium::MediumFile;
 /// An object of a [`SceneBuilder`].
 pub type Object = syntax::shape::ObjectFile;
-/// A group of objects of a [`SceneBuilder`], in memory once however many copies there are.
+/// A group of objects of a [`SceneBuilder`], stored in memory once for any number of instances.
 pub type Group = syntax::instance::GroupFile;
-/// Copies of a group of a [`SceneBuilder`].
+/// One or more copies of a group of a [`SceneBuilder`].
 pub type Instance = syntax::instance::InstanceFile;
 /// A slice of a [`SceneBuilder`].
 pub type Slice = syntax::slice::SliceFile;

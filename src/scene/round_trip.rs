@@ -1,4 +1,4 @@
-//! What is written is read again as the same: shipped scenes, and whatever values there may be.
+//! Round-trip tests: shipped scenes and random values are equal after writing and reading.
 
 use base::locate::Located;
 use optics::sampling::microfacet::{Distribution, Masking};
@@ -21,7 +21,6 @@ use transport::material::polarizer::Passes;
 use transport::material::texture::{Filter, Wrap};
 use transport::scene::{Integrator, Scene};
 
-/// Scene files below a folder.
 fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).expect("a folder") {
         let path = entry.expect("an entry").path();
@@ -36,7 +35,6 @@ fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Everything in a scene that has a text.
 fn tables(s: &Scene) -> String {
     let materials = (&s.materials.list, &s.materials.textures.images, &s.boundaries);
     let light = (&s.points, &s.environment, &s.lights);
@@ -62,7 +60,7 @@ fn shipped_scenes_come_back() {
         let second: SceneFile = toml::from_str(&written).unwrap_or_else(|e| panic!("{e}\n{written}"));
         assert_eq!(first, second, "{written}");
         assert_eq!(written, second.to_toml().expect("a text"));
-        // Some name files that are made elsewhere.
+        // Some scenes need generated files.
         if let Ok(a) = crate::from_text(path, &text) {
             let b = crate::from_text(path, &written).unwrap_or_else(|e| panic!("{e}\n{written}"));
             assert_eq!(tables(&a), tables(&b), "{}", path.display());
@@ -79,7 +77,7 @@ fn a_short_scene_is_short() {
     assert_eq!(scene.to_toml().expect("a text"), text);
 }
 
-/// Decides what a value is: numbers that proptest shrinks; when they are used up, the simplest.
+/// Decisions from numbers that proptest can shrink. When they are used up, the simplest choice is made.
 struct Choices<'a>(std::slice::Iter<'a, u64>);
 
 impl Choices<'_> {

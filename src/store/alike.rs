@@ -1,4 +1,4 @@
-//! One store, or renders of one scene with different seeds, opened to be read together.
+//! Opens one store, or renders of one scene with different seeds, for reading together.
 
 use crate::denoised;
 use crate::merge::{self, Input, MergeError};
@@ -6,16 +6,16 @@ use crate::zarr::{AccessError, SampleGrid, TensorStore};
 use serde_json::{Map, Value};
 use std::path::PathBuf;
 
-/// Stores that keep the same slices of the same scene.
+/// Stores with the same slices of the same scene.
 pub struct Alike {
     inputs: Vec<Input>,
 }
 
 impl Alike {
-    /// Opens them. Nothing but slices is asked of a single one.
+    /// Opens the stores. A single store needs slices only, not the attributes for merging.
     ///
     /// # Errors
-    /// Those of [`merge::merge`]'s inputs; [`MergeError::Denoised`].
+    /// Those of [`merge::merge`] for its inputs; [`MergeError::Denoised`].
     pub fn open(paths: &[PathBuf]) -> Result<Self, MergeError> {
         if let [only] = paths {
             let store = TensorStore::open(only)?;
@@ -31,12 +31,11 @@ impl Alike {
         Ok(Self { inputs })
     }
 
-    /// The stores.
     pub fn stores(&self) -> impl Iterator<Item = &TensorStore> {
         self.inputs.iter().map(|input| &input.store)
     }
 
-    /// Weights of the stores in the mean of all their samples; they add up to 1.
+    /// Returns the weights of the stores in the mean of all their samples; their sum is 1.
     #[must_use]
     pub fn shares(&self) -> Vec<f32> {
         let samples = |input: &Input| input.samples_per_pixel.filter(|n| *n > 0.0);
@@ -46,7 +45,7 @@ impl Alike {
         all.iter().map(|n| (n / sum) as f32).collect()
     }
 
-    /// Attributes of a store with the samples of all.
+    /// Returns the attributes of a store with the samples of all stores.
     #[must_use]
     pub fn attributes(&self) -> Map<String, Value> {
         match &self.inputs[..] {
@@ -55,13 +54,13 @@ impl Alike {
         }
     }
 
-    /// The sample counts that all keep.
+    /// Returns the grid of the sample counts that all stores have.
     #[must_use]
     pub fn grid(&self) -> Option<SampleGrid> {
         merge::common_grid(&self.inputs)
     }
 
-    /// Writes the numbers of samples of all, where `out` keeps them.
+    /// Writes the sample counts of all stores, if `out` keeps them.
     ///
     /// # Errors
     /// [`AccessError`].

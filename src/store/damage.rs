@@ -1,4 +1,4 @@
-//! Test: whatever happens to the files of a store, what reads it answers or says why, within bounds of time and memory.
+//! Tests that every reader of a damaged store succeeds or reports an error, within bounds of time and memory.
 
 use crate::exr::{ExrOptions, export};
 use crate::merge::merge;
@@ -17,7 +17,7 @@ use tensor::field::Field;
 use tensor::region;
 use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSelect};
 
-/// Remembers the largest piece of memory that any test of this crate asked for.
+/// Records the largest allocation of any test of this crate.
 struct Watched;
 
 static LARGEST: AtomicUsize = AtomicUsize::new(0);
@@ -39,9 +39,9 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// The most that one piece of memory may take: the coordinates of the longest axis that is believed.
+/// Maximum size of one allocation, in bytes: the coordinates of the longest valid axis.
 const MEMORY: usize = 1 << 27;
-/// The longest that one damaged store may take.
+/// Maximum time for one damaged store.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn folder() -> tempfile::TempDir {
@@ -50,7 +50,7 @@ fn folder() -> tempfile::TempDir {
         .unwrap()
 }
 
-/// A store of all kinds of axes, sample counts included.
+/// Creates a store with all kinds of axes and with sample counts.
 fn make(path: &Path, seed: u64) {
     let extents = Extents {
         camera: [6, 5],
@@ -148,20 +148,20 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// What happens to a store. Numbers in 0..1 choose a file, or a place in it, by its share.
+/// A change to a store. Numbers in 0..1 select a file, or a position in it, as a fraction.
 #[derive(Clone, Debug)]
 enum Damage {
-    /// A value of a description becomes another.
+    /// Replaces a value of a description.
     Value(f64, f64, usize),
-    /// A value of a description goes.
+    /// Removes a value of a description.
     Drop(f64, f64),
-    /// Coordinates become others: a soundly coded file.
+    /// Replaces coordinates, in a validly coded file.
     Coordinates(f64, Vec<(f64, f64)>),
-    /// A file is cut short, gets another byte, or goes.
+    /// Truncates a file, replaces a byte, or deletes a file.
     Cut(f64, f64),
     Byte(f64, f64, u8),
     Delete(f64),
-    /// One file becomes another.
+    /// Replaces one file by another.
     Over(f64, f64),
 }
 
@@ -195,7 +195,7 @@ fn values() -> [Value; 24] {
     ]
 }
 
-/// Coordinates by their sorting share: what is there, or something else.
+/// Returns a coordinate: the original one, or an invalid one.
 fn coordinate(kind: f64, own: f64) -> f64 {
     match (kind * 16.0) as u32 {
         0 => f64::NAN,
@@ -223,7 +223,7 @@ fn damage() -> impl Strategy<Value = Damage> {
     ]
 }
 
-/// All places in a description but those of its copies.
+/// Lists all JSON pointers of a description, except those in consolidated copies.
 fn pointers(value: &Value, at: &str, out: &mut Vec<String>) {
     let mut child = |key: &str, v: &Value| {
         let path = format!("{at}/{}", key.replace('~', "~0").replace('/', "~1"));
@@ -285,7 +285,7 @@ impl Damage {
                     .map(|slice| AxisKind::ALL.map(|k| (slice, k)))
                     .concat();
                 let (slice, kind) = pick(&axes, *axis);
-                // In a random order, with a random few changed.
+                // In random order, with some random replacements.
                 let mut order: Vec<(f64, usize)> = list.iter().enumerate().map(|(i, l)| (l.1, i)).collect();
                 order.sort_by(|a, b| a.0.total_cmp(&b.0));
                 let bytes: Vec<u8> = order
@@ -322,7 +322,7 @@ impl Damage {
     }
 }
 
-/// Everything that reads a store; how many answers and errors there were.
+/// Runs all readers of a store; returns the number of successes and errors.
 fn read_all(folder: &Path, damaged: &Path, sound: &Path) -> [usize; 2] {
     let mut counts = [0, 0];
     let mut note = |fault: Option<String>| {
@@ -440,7 +440,8 @@ fn damaged_stores_answer_or_say_why() {
         let damaged = folder.path().join("damaged");
         copy(if in_shards { &sharded } else { &a }, &damaged);
         list.iter().for_each(|d| d.do_to(&damaged));
-        // Of two, one whose manifest was made after the damage, so that it is met at last where it matters.
+        // Half of the cases get a new manifest after the damage, so that the readers beyond the manifest
+        // check see it.
         if list.len() % 2 == 0 {
             crate::zarr::reseal(&damaged);
         }

@@ -1,30 +1,27 @@
-//! The mark of denoised stores: their values are pictures of what a render might say, not what it says.
+//! The mark of denoised stores, whose values are images for figures and not estimates of radiance.
 //!
-//! Whatever takes a store for truth, or goes on with its samples, refuses it.
+//! Everything that uses a store as ground truth, or adds samples to it, refuses denoised stores.
 
 use crate::zarr::TensorStore;
 use std::path::PathBuf;
 
-/// Root attribute that says how a store was denoised and of what.
+/// Root attribute with the method and the sources of a denoised store.
 pub const ATTRIBUTE: &str = "denoised";
 
-/// A denoised store where a render is wanted.
+/// A denoised store was given where a render is required.
 #[derive(Debug, thiserror::Error)]
 #[error("{path} is denoised: for figures, and no measurement; give the render that it was made of{of}")]
 pub struct Denoised {
-    /// The store.
     pub path: PathBuf,
-    /// What it was made of, in words.
+    /// The sources of the store, as text.
     of: String,
 }
 
-/// Whether a store is denoised.
 #[must_use]
 pub fn is_denoised(store: &TensorStore) -> bool {
     store.attributes().contains_key(ATTRIBUTE)
 }
 
-/// Refuses a store that is denoised.
 ///
 /// # Errors
 /// [`Denoised`].

@@ -1,4 +1,4 @@
-//! Which error bars of a stored slice cannot be trusted yet: see [`tensor::doubt`].
+//! Unreliable error estimates of a stored slice: see [`tensor::doubt`].
 
 use crate::zarr::{AccessError, StoredSlice};
 use serde_json::Value;
@@ -8,16 +8,17 @@ use tensor::axes::Axis;
 use tensor::doubt::{Doubt, doubtful};
 use tensor::field::Field;
 
-/// How many pixels of a slice are in doubt; `None` where the slice does not keep the errors of totals, or not by pixels.
+/// Returns the number of pixels with unreliable error estimates. `None` if the slice has no errors of totals,
+/// or none per pixel.
 ///
 /// # Errors
-/// If these cannot be read.
+/// If the errors of totals cannot be read.
 pub fn of(slice: &StoredSlice) -> Result<Option<Doubt>, AccessError> {
     within(slice, None)
 }
 
-/// The box of errors of totals, as first index and shape, that tells of the pixels in a box of rows and columns: they and their
-/// neighbours. `None` as of [`of`].
+/// Returns the region of the errors of totals that is needed for a box of pixels: these pixels and their
+/// neighbours, as first index and shape. `None` as for [`of`].
 ///
 /// # Errors
 /// As [`of`].
@@ -39,7 +40,7 @@ pub fn around(
     Ok(Some([start, read.iter().map(|r| r.end - r.start).collect()]))
 }
 
-/// [`of`] the pixels in a box of rows and columns.
+/// Does the same as [`of`] for the pixels in a box of rows and columns.
 ///
 /// # Errors
 /// As [`of`].

@@ -1,10 +1,11 @@
-//! Slices as OpenEXR images.
+//! Writes slices as OpenEXR images.
 //!
-//! `stokes.S0.R … stokes.S3.B` hold the Stokes vector for unpolarized light in, that is column 0 of the Mueller matrix;
-//! plain `R`, `G`, `B` repeat S0. `mueller.M00.R … mueller.M33.B` hold the whole matrix where asked for. Of three
-//! wavelengths the longest is R and the shortest B; any other number is named by nanometres (`stokes.S0.450nm`). Every
-//! channel is f32. Frames are those of the stored tensor: projector frame in, camera frame out. Mitsuba's `stokes`
-//! integrator has another frame in each pixel (see CONVENTIONS.md), so the names are not its `S0.R … S3.B`.
+//! `stokes.S0.R … stokes.S3.B` are the Stokes vector under unpolarized light, that is, column 0 of the
+//! Mueller matrix. `R`, `G`, `B` repeat S0. `mueller.M00.R … mueller.M33.B` are the complete matrix, if
+//! requested. With three wavelengths, R is the longest and B the shortest. Other numbers of wavelengths are
+//! named in nanometres (`stokes.S0.450nm`). All channels are f32. Frames are those of the stored tensor:
+//! projector frame in, camera frame out. Mitsuba's `stokes` integrator uses another frame in each pixel (see
+//! CONVENTIONS.md), so the channels do not have its names `S0.R … S3.B`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -18,45 +19,36 @@ use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 use tensor::region;
 
-/// An image could not be exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExrError {
-    /// The tensor is no image.
+    /// The tensor is not an image.
     #[error("`{name}` {reason}")]
     NoImage {
-        /// Name of the tensor.
         name: String,
-        /// What is missing and how to fix it.
+        /// The fault and the fix.
         reason: String,
     },
-    /// The slice cannot be probed.
     #[error(transparent)]
     Probe(#[from] ProbeError),
-    /// The file cannot be written.
     #[error("cannot write {path}: {cause}; check that the directory is writable and the disk has room")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The refusal.
-        cause: String,
-    },
+    Write { path: PathBuf, cause: String },
 }
 
-/// What to export of a slice.
+/// The part of a slice to export.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ExrOptions {
-    /// Parts of axes to export; all other axes but the image's, Stokes and wavelength are summed.
+    /// Parts of axes to export. All other axes except the image axes, Stokes and wavelength are summed.
     pub select: Vec<Selection>,
-    /// Axes to expand into channels of their own instead of summing them.
+    /// Axes to expand into separate channels instead of summing them.
     pub expand: Vec<AxisKind>,
-    /// Write all 16 elements (`mueller.M00` …) too.
+    /// Also write all 16 elements (`mueller.M00` …).
     pub mueller: bool,
 }
 
 /// Exports a slice as one OpenEXR file at `path` (replaced if it exists).
 ///
 /// # Errors
-/// If the selection does not fit the slice, no image is left, or anything cannot be read or written.
+/// If the selection does not fit the slice, the result has no image axes, or reading or writing fails.
 pub fn export(slice: &StoredSlice, options: &ExrOptions, path: &Path) -> Result<(), ExrError> {
     use AxisKind::{Bounces, Component, T, U, V};
     let sum = [V, U, T, Bounces, Component]
@@ -71,11 +63,11 @@ pub fn export(slice: &StoredSlice, options: &ExrOptions, path: &Path) -> Result<
     write_exr(&probe.run(slice)?.mean, options.mueller, path)
 }
 
-/// Writes a tensor over y, x and any of stokes_out, stokes_in and wavelength. Further axes are expanded: the
-/// channels of each of their entries get a prefix such as `t1250ps.` or `component1.`.
+/// Writes a tensor over y, x and any of stokes_out, stokes_in and wavelength. Other axes are expanded: the
+/// channels of each entry get a prefix such as `t1250ps.` or `component1.`.
 ///
 /// # Errors
-/// If the tensor has no axes y and x, has stokes_in without stokes_out, or the file system refuses.
+/// If the tensor has no axes y and x, has stokes_in without stokes_out, or the file cannot be written.
 pub fn write_exr(tensor: &Tensor, mueller: bool, path: &Path) -> Result<(), ExrError> {
     let fault = |reason: &str| ExrError::NoImage {
         name: tensor.name.clone(),
@@ -112,7 +104,7 @@ pub fn write_exr(tensor: &Tensor, mueller: bool, path: &Path) -> Result<(), ExrE
 
 type Indices = Vec<(AxisKind, usize)>;
 
-/// Names of all channels and the indices of the plane that each shows.
+/// Returns the names of all channels with the tensor indices of their planes.
 fn channels(tensor: &Tensor, mueller: bool) -> Vec<(String, Indices)> {
     let known = [
         AxisKind::Y,
@@ -161,7 +153,7 @@ fn channels(tensor: &Tensor, mueller: bool) -> Vec<(String, Indices)> {
     all
 }
 
-/// The name of every wavelength; one empty name if there is no such axis.
+/// Returns the name of every wavelength, or one empty name if there is no such axis.
 fn colours(tensor: &Tensor) -> Vec<String> {
     let Some(axis) = tensor.find(AxisKind::Wavelength) else {
         return vec![String::new()];
@@ -177,7 +169,7 @@ fn colours(tensor: &Tensor) -> Vec<String> {
         .collect()
 }
 
-/// The image at the given indices of all other axes, row-major.
+/// Returns the image at the given indices of all other axes, row-major.
 fn plane(tensor: &Tensor, indices: &Indices) -> Vec<f32> {
     let mut image = Vec::with_capacity(tensor.extent(AxisKind::Y) * tensor.extent(AxisKind::X));
     for y in 0..tensor.extent(AxisKind::Y) {
@@ -252,7 +244,7 @@ mod tests {
         write_exr(&t, true, &path).unwrap();
         let channels = read_back(&path);
         assert_eq!(channels.len(), 3 + 12 + 48);
-        // These are in the frames of Mitsuba's sensor, which ours are not.
+        // Such names would mean the frames of Mitsuba's sensor, which differ from ours.
         assert!(!channels.keys().any(|name| name.starts_with(['S', 'M'])));
         for (w, colour) in ["R", "B", "G"].into_iter().enumerate() {
             for (out, inn) in (0..4).flat_map(|o| (0..4).map(move |i| (o, i))) {

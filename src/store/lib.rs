@@ -1,6 +1,4 @@
-//! Slices on disk: Zarr v3 stores, probe, merge, shards, and NumPy and OpenEXR files.
-
-#![warn(missing_docs)]
+//! Storage of slices: Zarr v3 stores, probe, merge, shards, and NumPy and OpenEXR files.
 
 pub mod alike;
 pub mod denoised;

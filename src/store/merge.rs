@@ -1,21 +1,23 @@
-//! Joining renders of one scene with different seeds, as if their samples had been drawn in one go.
+//! Merges renders of one scene with different seeds, as if all samples had been drawn in one render.
 //!
-//! Where an element belongs to one camera pixel (`pixels_per_element` = 1), its N samples have mean m and standard
-//! error e, so their sum of squared deviations is M = e²·N(N−1). The pooled values follow exactly (Chan, Golub &
-//! LeVeque 1979, equivalent to pooling Σx and Σx²): m = Σ Nᵢmᵢ / ΣNᵢ,
-//! M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e² = M / (N(N−1)) with N = ΣNᵢ.
+//! If an element belongs to one camera pixel (`pixels_per_element` = 1), its N samples have mean m and
+//! standard error e, so their sum of squared deviations is M = e²·N(N−1). The pooled values are exact (Chan,
+//! Golub & LeVeque 1979, equivalent to pooling Σx and Σx²): m = Σ Nᵢmᵢ / ΣNᵢ, M = Σ Mᵢ + Σ Nᵢ(mᵢ − m)², e² =
+//! M / (N(N−1)) with N = ΣNᵢ.
 //!
-//! Samples that are stratified together are one: N is then the number of such groups (`replicates_per_pixel`).
+//! Samples that are stratified together count as one: N is then the number of such groups
+//! (`replicates_per_pixel`).
 //!
-//! Errors of totals (`total_std_error`) are pooled likewise, by the totals of the means; they are dropped where an input, of an earlier
-//! version, has none.
+//! Errors of totals (`total_std_error`) are pooled in the same way, by the totals of the means. They are
+//! omitted if an input of an earlier version has none.
 //!
-//! Sums are in f64; what remains is the rounding of the stored f32 values.
+//! Sums are in f64; the remaining error is the rounding of the stored f32 values.
 //!
-//! Where an element averages several pixels, its samples are not alike and only their means are known:
-//! m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
+//! If an element averages several pixels, its samples are not identically distributed and only their means
+//! are known: m = Σ Nᵢmᵢ / ΣNᵢ, e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)².
 //!
-//! Parts of one render ([`tensor::part`]) have no samples in common to pool: they are joined, to the bytes of the whole.
+//! Parts of one render ([`tensor::part`]) share no samples, so they are joined instead; the result equals the
+//! whole render byte for byte.
 
 pub(crate) mod at_once;
 mod error;
@@ -42,12 +44,12 @@ use tensor::field::Field;
 use tensor::region;
 use tensor::target::ATTRIBUTE;
 
-/// One store to merge, with what is known of its samples.
+/// A store to merge, with the number of its samples.
 pub(crate) struct Input {
     pub(crate) store: TensorStore,
     attributes: Map<String, Value>,
     pub(crate) samples_per_pixel: Option<f64>,
-    /// Samples that are stratified together, and one random variable.
+    /// Number of samples that are stratified together and form one random variable.
     group: f64,
 }
 
@@ -69,32 +71,35 @@ impl Input {
 /// First and last pixel of every entry of an axis.
 type Ranges = Vec<(u32, u32)>;
 
-/// One slice of one store to merge.
+/// One slice of one input.
 struct Part<'a> {
     slice: StoredSlice,
     input: &'a Input,
-    /// Pixels of the entries of the axes y and x, where sample counts per pixel tell how many samples an element has.
+    /// Pixels of the entries of the axes y and x, if sample counts per pixel determine the samples of an
+    /// element.
     pixels: Option<[Ranges; 2]>,
 }
 
-/// One slice of all stores.
+/// One slice of all inputs.
 pub(crate) struct Parts<'a> {
     parts: Vec<Part<'a>>,
-    /// Whether elements are of one camera pixel each.
+    /// Whether each element belongs to one camera pixel.
     alike: bool,
 }
 
-/// Joins the stores `inputs` into a new store `out` (an existing one is overwritten only with `replace`).
+/// Merges the stores `inputs` into a new store `out`; an existing store is replaced only with `replace`.
 ///
-/// Numbers of samples come from the array `samples` where a store has it, else from the root attribute
-/// `samples_per_pixel`. Of the root attributes, `seeds` are concatenated, `samples_per_pixel`, `discarded_samples`
-/// and `wall_time_s` added up, `merged_from` lists the inputs, and the rest is that of the first input.
+/// Sample counts come from the array `samples` of a store, or else from its root attribute
+/// `samples_per_pixel`. Of the root attributes, `seeds` are concatenated; `samples_per_pixel`,
+/// `discarded_samples` and `wall_time_s` are summed; `merged_from` lists the inputs; all others are those of
+/// the first input.
 ///
-/// Where the inputs are parts of one render, `out` is that render, byte for byte, but for `wall_time_s`, the sum of theirs.
+/// If the inputs are the parts of one render, `out` equals that render byte for byte, except for
+/// `wall_time_s`, which is the sum.
 ///
 /// # Errors
-/// If the inputs are not renders of one scene (`scene_sha256`) with the same slices and different `seeds`, nor all parts of one
-/// render, or anything cannot be read or written.
+/// If the inputs are neither renders of one scene (`scene_sha256`) with the same slices and different `seeds`
+/// nor all parts of one render, or if reading or writing fails.
 pub fn merge(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), MergeError> {
     let is_out = |input: &&PathBuf| whole_file::is_same(input, out) || *input == out;
     if let Some(input) = inputs.iter().find(is_out) {
@@ -125,12 +130,12 @@ fn merge_all(inputs: &[PathBuf], out: &Path, options: Options) -> Result<(), Mer
     pool_into(out, &pooled, options.replace, options.partial)
 }
 
-/// What is pooled, and what is said of it.
+/// The inputs and the attributes of the output.
 struct Pooled<'a> {
     inputs: &'a [Input],
     slices: &'a [Parts<'a>],
     attributes: &'a Map<String, Value>,
-    /// All that the values depend on.
+    /// Identifies everything that the values depend on.
     origin: &'a str,
 }
 
@@ -168,16 +173,16 @@ fn pool_into(out: &Path, pooled: &Pooled, replace: bool, partial: bool) -> Resul
     .map(drop)
 }
 
-/// How to merge.
+/// Options of [`merge()`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Replace a store at the output.
+    /// Replace an existing store.
     pub replace: bool,
-    /// Take unfinished renders for what there is of them; what none of them has is NaN.
+    /// Accept unfinished renders; values that none of them has are NaN.
     pub partial: bool,
 }
 
-/// All that the merged values depend on: the stores and what they hold.
+/// Returns a text that identifies everything that the merged values depend on: the stores and their contents.
 fn origin(inputs: &[Input], options: Options) -> String {
     let version = env!("CARGO_PKG_VERSION");
     let mut origin = format!("merge by {version}, partial: {}\n", options.partial);
@@ -188,7 +193,7 @@ fn origin(inputs: &[Input], options: Options) -> String {
     origin
 }
 
-/// The sample counts that all keep.
+/// Returns the grid of the sample counts that all inputs have.
 pub(crate) fn common_grid(inputs: &[Input]) -> Option<SampleGrid> {
     let mut shapes = inputs.iter().map(|i| i.store.samples_shape());
     let (shape, chunk) = shapes.next()??;
@@ -199,7 +204,7 @@ pub(crate) fn common_grid(inputs: &[Input]) -> Option<SampleGrid> {
     })
 }
 
-/// Adds up sample counts per pixel, where the merged store keeps them.
+/// Sums the sample counts per pixel, if the merged store keeps them.
 pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<(), AccessError> {
     let Some((shape, chunk)) = merged.samples_shape() else {
         return Ok(());
@@ -218,7 +223,7 @@ pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<()
     })
 }
 
-/// Opens a slice in all stores, and checks that its parts belong together.
+/// Opens a slice in all stores, and checks that the slices match.
 pub(crate) fn parts<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
     let first = inputs[0].store.slice(name)?;
     let size = pixels_per_element(&first)?;
@@ -253,7 +258,7 @@ fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
         })
 }
 
-/// See [`Part::pixels`].
+/// Returns [`Part::pixels`].
 fn pixels(input: &Input, slice: &StoredSlice, alike: bool) -> Result<Option<[Ranges; 2]>, MergeError> {
     let layout = slice.layout();
     let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
@@ -281,7 +286,7 @@ fn pixels(input: &Input, slice: &StoredSlice, alike: bool) -> Result<Option<[Ran
         } else {
             axes::boxes(coords).map_err(fault)?
         };
-        // Boxes rise, so the last one tells of all.
+        // The boxes are sorted, so checking the last one is enough.
         match all.last() {
             Some((_, last)) if u64::from(*last) >= shape[axis] => Err(fault(coords[coords.len() - 1])),
             _ => Ok(all),
@@ -390,7 +395,7 @@ pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
         .map(|i| i.store.path().display().to_string())
         .collect();
     attributes.insert("merged_from".into(), json!(from));
-    // What one render was asked for is not said of several.
+    // The target of one render does not apply to several.
     attributes.remove(ATTRIBUTE);
     attributes
 }
@@ -408,7 +413,8 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(),
         chunks
             .par_iter()
             .try_for_each(|(start, shape)| -> Result<(), MergeError> {
-                // A merge that was killed goes on: what has its files is whole. Errors are written last.
+                // A chunk with both files is complete, because errors are written last: an interrupted merge
+                // resumes here.
                 if merged.is_stored(mean, start)? && merged.is_stored(error, start)? {
                     return Ok(());
                 }
@@ -435,7 +441,7 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(),
     Ok(())
 }
 
-/// Writes the errors of the totals of all samples, where the merged slice keeps them.
+/// Writes the errors of the totals of all samples, if the merged slice keeps them.
 fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
     let field = Field::TotalStdError;
     if !merged.has(field) {
@@ -469,8 +475,8 @@ fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<()
     })
 }
 
-/// Number of samples of every camera element (y, x) of a region, row-major; one number if the slice has no camera
-/// axes or the counts are the same everywhere.
+/// Returns the number of samples of every camera element (y, x) of a region, row-major; a single number if
+/// the slice has no camera axes or the counts are equal everywhere.
 fn element_counts(part: &Part, start: &[u64], shape: &[u64]) -> Result<Vec<f64>, MergeError> {
     let Some([rows, columns]) = &part.pixels else {
         return Ok(vec![part.input.samples_per_pixel.unwrap_or(0.0)]);

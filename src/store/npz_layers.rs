@@ -1,6 +1,7 @@
-//! Ground truth as one `.npz`: an array a layer, the names of objects and materials, and the wavelengths.
+//! Writes ground-truth layers as one `.npz`: one array per layer, the names of objects and materials, and the
+//! wavelengths.
 //!
-//! NumPy reads all of it without pickles: names are arrays of Unicode text (`numpy.load(f)["object_names"][3]`).
+//! NumPy reads it without pickle: names are arrays of Unicode text (`numpy.load(f)["object_names"][3]`).
 
 use super::numpy::write;
 use base::whole_file;
@@ -10,14 +11,14 @@ use tensor::layers::{LayerSet, LayerValues};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Writes texts as `.npy`'s bytes: version 1.0 of the format, little-endian UCS-4 of one width (numpy.lib.format).
+/// Writes texts in `.npy` format, version 1.0: little-endian UCS-4 of one width (numpy.lib.format).
 fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
     let width = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0).max(1);
     let mut header = format!(
         "{{'descr': '<U{width}', 'fortran_order': False, 'shape': ({},), }}",
         texts.len()
     );
-    // The numbers begin at a multiple of 64 bytes; ten come before the header.
+    // The data begins at a multiple of 64 bytes; ten bytes precede the header.
     while (10 + header.len() + 1) % 64 != 0 {
         header.push(' ');
     }
@@ -34,10 +35,10 @@ fn write_texts(out: &mut impl Write, texts: &[String]) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes layers; the file appears whole or not at all.
+/// Writes layers to a file, atomically.
 ///
 /// # Errors
-/// If the file system refuses.
+/// If the file cannot be written.
 pub fn write_npz(path: &Path, set: &LayerSet) -> io::Result<()> {
     whole_file::write_with(path, |file| {
         let mut zip = ZipWriter::new(file);

@@ -1,4 +1,4 @@
-//! NumPy's files: arrays of numbers that other programs bring and take.
+//! Reads and writes NumPy arrays.
 
 mod bytes;
 
@@ -16,73 +16,57 @@ use zip::{CompressionMethod, ZipWriter};
 /// Values of an array, row-major (the last axis is fastest).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// Of 4 bytes.
     Single(Vec<f32>),
-    /// Of 8 bytes.
     Double(Vec<f64>),
 }
 
-/// An array with its shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NumpyArray {
-    /// Length of every axis.
     pub shape: Vec<usize>,
-    /// Its elements.
     pub values: Values,
 }
 
-/// Why an array could not be read.
 #[derive(Debug, Error)]
 pub enum NumpyError {
-    /// The file cannot be read, or is no array.
+    /// The file cannot be read, or is not an array.
     #[error("{}: {cause}; give a .npy file as numpy.save writes it", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why not.
-        cause: io::Error,
-    },
-    /// Its elements are no real numbers.
+    Read { path: PathBuf, cause: io::Error },
+    /// The elements are not real numbers.
     #[error("{}: its elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
     Elements {
-        /// The file.
         path: PathBuf,
-        /// What they are.
+        /// The type that was found.
         found: String,
     },
-    /// Its elements are in column-major order, and there is not the memory to put them in row-major order.
+    /// The elements are in column-major order, and there is not enough memory to reorder them.
     #[error("{}: its elements are in column-major order and too many to be put in order; save numpy.ascontiguousarray(array)", path.display())]
-    Order {
-        /// The file.
-        path: PathBuf,
-    },
-    /// It is cut short.
+    Order { path: PathBuf },
+    /// The file is truncated.
     #[error("{}: it ends before the array of shape {shape:?} does; save it anew", path.display())]
     Short {
-        /// The file.
         path: PathBuf,
-        /// The shape that its header claims.
+        /// Shape from the header.
         shape: Vec<usize>,
     },
 }
 
-/// An opened `.npy` file of real numbers, of which parts are read.
+/// An open `.npy` file of real numbers, from which parts are read.
 ///
-/// Floats of 8 bytes and integers of 4 are read as `f64`, all else fits `f32`. Numbers in column-major order, as of a
-/// transpose that was saved, are held in memory.
+/// 8-byte floats and integers of at least 4 bytes are read as `f64`, all others as `f32`. Arrays in
+/// column-major order, such as a saved transpose, are kept in memory.
 #[derive(Debug)]
 pub struct NumpyReader {
     path: PathBuf,
     bytes: Bytes,
-    /// Length of every axis; the last is fastest.
+    /// Length of every axis; the last varies fastest.
     pub shape: Vec<usize>,
     element: Element,
     big_endian: bool,
-    /// Where the numbers begin, bytes.
+    /// Byte offset of the elements.
     start: u64,
 }
 
-/// Types of numbers that are read.
+/// Supported element types.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Element {
     Float4,
@@ -102,10 +86,10 @@ impl Element {
 }
 
 impl NumpyReader {
-    /// Opens a file and checks that it holds what its header says.
+    /// Opens a file and checks its header and size.
     ///
     /// # Errors
-    /// If it is no such file, or cut short.
+    /// If it is not such a file, or is truncated.
     pub fn open(path: &Path) -> Result<Self, NumpyError> {
         let failed = |cause| NumpyError::Read {
             path: path.to_owned(),
@@ -113,7 +97,7 @@ impl NumpyReader {
         };
         let file = base::input::open(path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
-        // The numbers are read in pieces of any place, for which a buffer would read too much.
+        // Elements are read in pieces at arbitrary positions, for which a buffer would read too much.
         let mut buffered = BufReader::new(file);
         let header = NpyHeader::from_reader(&mut buffered).map_err(failed)?;
         let start = buffered.stream_position().map_err(failed)?;
@@ -133,7 +117,7 @@ impl NumpyReader {
             (TypeChar::Int, n @ (1 | 2 | 4)) => Element::Signed(n as usize),
             _ => return Err(elements(format!("of type '{plain}'"))),
         };
-        // Before anything is allocated for a length that a damaged file claims.
+        // Check the size before allocating, because the header of a damaged file may claim any length.
         let count = shape.iter().try_fold(1_u64, |n, len| n.checked_mul(*len as u64));
         let length = count
             .and_then(|n| n.checked_mul(element.size() as u64))
@@ -176,19 +160,17 @@ impl NumpyReader {
         })
     }
 
-    /// Number of elements.
     #[must_use]
     pub fn len(&self) -> usize {
         self.shape.iter().product()
     }
 
-    /// True if there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// True if the numbers need `f64`.
+    /// Returns whether the elements need `f64`.
     #[must_use]
     pub fn is_double(&self) -> bool {
         matches!(
@@ -197,10 +179,10 @@ impl NumpyReader {
         )
     }
 
-    /// Reads numbers from element `first` on, as many as there is room for. Several threads may do so at once.
+    /// Reads `out.len()` elements from element `first`. Safe for concurrent use.
     ///
     /// # Errors
-    /// If the file system refuses, or the file ends.
+    /// If the file cannot be read, or is too short.
     pub fn read<T: Number>(&self, first: usize, out: &mut [T]) -> Result<(), NumpyError> {
         self.try_read(first, out).map_err(|cause| {
             if cause.kind() == io::ErrorKind::UnexpectedEof {
@@ -234,7 +216,7 @@ impl NumpyReader {
             let bytes = &mut buffer[..part.len() * size];
             self.bytes.read_at(at + ((i * size) << 14) as u64, bytes)?;
             for (value, bytes) in part.iter_mut().zip(bytes.chunks_exact(size)) {
-                // Little-endian, in the low bytes of a word.
+                // Little-endian, in the low bytes of the word.
                 let mut word = [0_u8; 8];
                 word[..size].copy_from_slice(bytes);
                 if self.big_endian {
@@ -256,11 +238,11 @@ impl NumpyReader {
 }
 
 impl NumpyArray {
-    /// Reads a `.npy` file of real numbers: floats of 4 or 8 bytes as they are, integers of up to 2 bytes as `f32`, larger ones as
-    /// `f64`.
+    /// Reads a `.npy` file of real numbers: floats of 4 or 8 bytes unchanged, integers of up to 2 bytes as
+    /// `f32`, larger ones as `f64`.
     ///
     /// # Errors
-    /// If it is no such file, or cut short.
+    /// If it is not such a file, or is truncated.
     pub fn read(path: &Path) -> Result<Self, NumpyError> {
         let reader = NumpyReader::open(path)?;
         let count = reader.len();
@@ -279,7 +261,6 @@ impl NumpyArray {
         })
     }
 
-    /// Writes `.npy`'s bytes.
     fn write(&self, writer: &mut impl Write) -> io::Result<()> {
         match &self.values {
             Values::Single(values) => write(writer, &self.shape, values.iter().copied()),
@@ -288,59 +269,59 @@ impl NumpyArray {
     }
 }
 
-/// Writes values as `.npy`'s bytes, row-major.
+/// Writes values in `.npy` format, row-major.
 ///
 /// # Errors
-/// If the writer refuses, or there are not as many values as the shape says.
+/// If the writer fails, or the number of values does not match the shape.
 pub fn write<T: npyz::AutoSerialize>(
     writer: impl Write,
     shape: &[usize],
     values: impl IntoIterator<Item = T>,
 ) -> io::Result<()> {
     let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
-    // Elements are written one by one.
+    // The iterator yields elements one by one, so they are buffered.
     let mut buffered = BufWriter::with_capacity(1 << 20, writer);
     let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
     let mut npy = options.writer(&mut buffered).begin_nd()?;
     npy.extend(values)?;
     npy.finish()?;
-    // A buffer that is dropped keeps a full disk to itself.
+    // Dropping the buffer would ignore write errors.
     buffered.flush()
 }
 
-/// Writes the header of an array of shape `shape`, whose numbers follow in row-major order by [`append`].
+/// Writes the header of an array; its elements follow in row-major order with [`append`].
 ///
 /// # Errors
-/// If the writer refuses.
+/// If the writer fails.
 pub fn begin<T: npyz::AutoSerialize>(writer: &mut impl Write, shape: &[usize]) -> io::Result<()> {
     let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
     let options = npyz::WriteOptions::<T>::new().default_dtype().shape(&shape);
-    // Dropped unfinished: npyz writes the header at once, and numbers one by one, which would be most of the time here.
+    // Dropped unfinished: npyz has written the header, but writes elements one by one, which is slow.
     options.writer(writer).begin_nd().map(drop)
 }
 
-/// Appends numbers to an array that [`begin`] began.
+/// Appends elements to an array from [`begin`].
 ///
 /// # Errors
-/// If the writer refuses.
+/// If the writer fails.
 pub fn append<T: bytemuck::Pod>(writer: &mut impl Write, values: &[T]) -> io::Result<()> {
     writer.write_all(bytemuck::cast_slice(values))
 }
 
-/// Writes numbers from element `first` on into an array whose numbers begin at byte `start` of its file. Several threads may do
-/// so at once.
+/// Writes elements from element `first` into an array whose elements begin at byte `start` of the file. Safe
+/// for concurrent use.
 ///
 /// # Errors
-/// If the file system refuses.
+/// If the file cannot be written.
 pub fn write_at<T: bytemuck::Pod>(file: &File, start: u64, first: usize, values: &[T]) -> io::Result<()> {
     let at = start + first as u64 * size_of::<T>() as u64;
     positioned::write_all_at(file, bytemuck::cast_slice(values), at)
 }
 
-/// Writes an array as `.npy`; the file appears whole or not at all.
+/// Writes an array as `.npy`, atomically.
 ///
 /// # Errors
-/// If the file system refuses.
+/// If the file cannot be written.
 pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
     path: &Path,
     shape: &[usize],
@@ -352,10 +333,10 @@ pub fn save<T: npyz::AutoSerialize + bytemuck::Pod>(
     })
 }
 
-/// Writes named arrays as an uncompressed `.npz`, as numpy.savez does; the file appears whole or not at all.
+/// Writes named arrays as an uncompressed `.npz` like numpy.savez, atomically.
 ///
 /// # Errors
-/// If the file system refuses.
+/// If the file cannot be written.
 pub fn write_npz(path: &Path, arrays: &[(String, NumpyArray)]) -> io::Result<()> {
     whole_file::write_with(path, |file| {
         let mut zip = ZipWriter::new(file);

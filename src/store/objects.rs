@@ -1,7 +1,8 @@
-//! Object stores as this crate uses them: [`ObjectClient`] is what a client implements, [`install`] makes one known.
+//! The interface to object stores: clients implement [`ObjectClient`], and [`install`] registers one.
 //!
-//! The clients of S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`, because they need more crates
-//! than all other reading and writing together. Without a client, every address is refused.
+//! The clients for S3, Google Cloud Storage, Azure and web servers are in the crate `sunstone-objects`,
+//! because they have more dependencies than all other input and output together. Without a client, every
+//! address is refused.
 
 #[cfg(test)]
 pub(crate) mod fake;
@@ -23,7 +24,7 @@ pub enum Ask {
     Whole,
     /// The bytes of a range.
     Bytes(Range<u64>),
-    /// The last bytes, by their number; and the size of the object where it is known.
+    /// The given number of last bytes, and the size of the object if it is known.
     End(u64, Option<u64>),
 }
 
@@ -64,13 +65,16 @@ pub enum Condition {
 pub enum Put {
     /// The object was written and has this version.
     Done(Version),
-    /// The condition does not hold. The object may still be the one that was put, by a request whose answer was lost.
+    /// The condition does not hold. The object may still be the one that was put, by a request whose response
+    /// was lost.
     Other,
 }
 
-/// The client of an object store, for the objects below one address. Keys are relative to the address. Calls block.
+/// The client of an object store, for the objects below one address. Keys are relative to the address. Calls
+/// block.
 pub trait ObjectClient: Send + Sync + fmt::Debug {
-    /// Reads parts of objects, in the order of the requests: the bytes, and the size of the object. `None` where there is no object.
+    /// Reads parts of objects, in the order of the requests; returns the bytes and the size of each object.
+    /// `None` if there is no object.
     ///
     /// # Errors
     ///
@@ -91,7 +95,7 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// If the store is read-only.
     fn may_be_written(&self) -> Result<(), Refusal>;
 
-    /// Writes objects, and replaces those that exist. Each is written whole or not at all.
+    /// Writes objects, and replaces existing ones. Each is written atomically.
     ///
     /// # Errors
     ///
@@ -105,7 +109,7 @@ pub trait ObjectClient: Send + Sync + fmt::Debug {
     /// If the store refuses or cannot be reached.
     fn put_if(&self, key: &str, bytes: Bytes, condition: Condition) -> Result<Put, Refusal>;
 
-    /// Reads an object with its version; `None` where there is no object.
+    /// Reads an object with its version; `None` if there is no object.
     ///
     /// # Errors
     ///
@@ -125,7 +129,7 @@ pub type Open = fn(&str, &Path) -> Result<Arc<dyn ObjectClient>, Refusal>;
 
 static OPEN: OnceLock<Open> = OnceLock::new();
 
-/// Makes the client of object stores known to this process. Later calls have no effect.
+/// Registers the client of object stores for this process. Later calls have no effect.
 pub fn install(open: Open) {
     let _ = OPEN.set(open);
 }
@@ -150,12 +154,12 @@ impl Objects {
         open(scheme, address).map(Self)
     }
 
-    /// Reads an object whole.
+    /// Reads a whole object.
     pub(crate) fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
         Ok(self.get_many(&[key.to_owned()])?.pop().flatten())
     }
 
-    /// Reads objects whole, in their order.
+    /// Reads whole objects, in their order.
     pub(crate) fn get_many(&self, keys: &[String]) -> Result<Vec<Option<Bytes>>, Refusal> {
         let asks = keys.iter().map(|key| (key.clone(), Ask::Whole)).collect();
         let found = self.0.ask(asks)?;
@@ -167,12 +171,12 @@ impl Objects {
         self.0.put_many(vec![(key.to_owned(), bytes)])
     }
 
-    /// Writes an object where none exists.
+    /// Writes an object if none exists.
     pub(crate) fn put_new(&self, key: &str, bytes: Bytes) -> Result<Put, Refusal> {
         self.0.put_if(key, bytes, Condition::Absent)
     }
 
-    /// Writes an object in the place of one version of it.
+    /// Replaces one version of an object.
     pub(crate) fn put_over(&self, key: &str, bytes: Bytes, old: Version) -> Result<Put, Refusal> {
         self.0.put_if(key, bytes, Condition::Is(old))
     }

@@ -1,7 +1,8 @@
-//! Where a store lies: in a folder, or below an address of an object store (`s3://`, `gs://`, `az://`, `http(s)://`).
+//! The location of a store: a folder, or an address of an object store (`s3://`, `gs://`, `az://`,
+//! `http(s)://`).
 //!
-//! A path that begins with a scheme is an address; everything else is a folder. What an object store refuses is told by
-//! [`Refusal`].
+//! A path that begins with a scheme is an address; every other path is a folder. Errors of object stores are
+//! a [`Refusal`].
 
 use crate::refusal::Refusal;
 use bytes::Bytes;
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub(crate) use crate::objects::Ask;
 pub(crate) use crate::objects::Objects;
 
-/// The scheme of an address as of a web page or a bucket, at least two letters before `://`; `None` for a path.
+/// Returns the scheme of an address, at least two characters before `://`; `None` for a path.
 #[must_use]
 pub fn scheme(path: &Path) -> Option<&str> {
     let (scheme, _) = path.to_str()?.split_once("://")?;
@@ -19,13 +20,13 @@ pub fn scheme(path: &Path) -> Option<&str> {
     (scheme.len() > 1 && scheme.chars().all(plain)).then_some(scheme)
 }
 
-/// Whether a path is an address, and no file or folder of this machine.
+/// Returns whether a path is an address rather than a local path.
 #[must_use]
 pub fn is_address(path: &Path) -> bool {
     scheme(path).is_some()
 }
 
-/// A place of a store.
+/// The location of a store.
 #[derive(Debug)]
 pub(crate) enum Place {
     Folder(PathBuf),
@@ -33,7 +34,7 @@ pub(crate) enum Place {
 }
 
 impl Place {
-    /// The place that a path or an address names; nothing is asked yet.
+    /// Returns the place of a path or an address, without access to it.
     pub(crate) fn of(path: &Path) -> Result<Self, Refusal> {
         match scheme(path) {
             None => Ok(Self::Folder(path.to_owned())),
@@ -41,7 +42,7 @@ impl Place {
         }
     }
 
-    /// Reads a file of this machine whole; `None` where there is none.
+    /// Reads a local file; `None` if it does not exist.
     pub(crate) fn read_file(path: &Path) -> io::Result<Option<Bytes>> {
         match base::input::read(path) {
             Ok(bytes) => Ok(Some(bytes.into())),

@@ -1,19 +1,16 @@
-//! What object stores refuse: travels as the inner error of an [`io::Error`] through what knows files alone.
+//! Errors of object stores, which pass through file-only code as the inner error of an [`io::Error`].
 
 use std::io;
 
-/// What an object store refused, or why it could not be asked, and the fix.
+/// An error of an object store or of the connection to it, with a fix.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}; {fix}")]
 pub struct Refusal {
-    /// What was refused.
     pub what: String,
-    /// How to fix it.
     pub fix: String,
 }
 
 impl Refusal {
-    /// Returns a refusal.
     pub fn new(what: impl Into<String>, fix: impl Into<String>) -> Self {
         Self {
             what: what.into(),
@@ -21,7 +18,7 @@ impl Refusal {
         }
     }
 
-    /// The refusal that an error of reading carries, if it is one.
+    /// Returns the refusal that an I/O error contains, if any.
     pub(crate) fn in_io(error: &io::Error) -> Option<&Self> {
         error.get_ref()?.downcast_ref()
     }

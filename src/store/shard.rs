@@ -1,7 +1,8 @@
-//! Stores in shards: the same values in few large files, of which a pixel's profile is a small part.
+//! Copies stores into shards: the same values in few large files, from which a pixel's profile is read as a
+//! small range.
 //!
-//! A render writes a file a chunk, as tiles are done. A finished store is copied into shards: of object stores few large objects
-//! are wanted, and of each some bytes are read ([`crate::zarr`]).
+//! A render writes one file per chunk as tiles are finished. A finished store is copied into shards, because
+//! object stores work best with few large objects and reads of byte ranges ([`crate::zarr`]).
 
 use crate::merge::at_once;
 use crate::zarr::{AccessError, CreateError, Limits, OpenError, TensorStore};
@@ -9,48 +10,30 @@ use base::whole_file;
 use std::path::{Path, PathBuf};
 use tensor::part::Part;
 
-/// A store could not be copied into shards.
 #[derive(Debug, thiserror::Error)]
 pub enum ShardError {
-    /// The output is the input.
+    /// The output is also the input.
     #[error("{path} is to be read and written at once: choose another `-o`")]
-    Itself {
-        /// The store.
-        path: PathBuf,
-    },
-    /// A part of a render.
+    Itself { path: PathBuf },
+    /// The input is a part of a render.
     #[error("{path} is {part} of a render: join all parts first (`sunstone merge PART.. -o WHOLE`)")]
-    Part {
-        /// The store.
-        path: PathBuf,
-        /// Which part.
-        part: Part,
-    },
-    /// It is in shards already.
+    Part { path: PathBuf, part: Part },
+    /// The input is already in shards.
     #[error("{path} is in shards already: copy it as it is")]
-    Already {
-        /// The store.
-        path: PathBuf,
-    },
-    /// There are no slices in it.
+    Already { path: PathBuf },
+    /// The input has no slices.
     #[error("{path} has no slices, so it is not put into shards: give a store made by `sunstone render`")]
-    Nothing {
-        /// The store.
-        path: PathBuf,
-    },
-    /// The input cannot be opened.
+    Nothing { path: PathBuf },
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The output cannot be created.
     #[error(transparent)]
     Create(#[from] CreateError),
-    /// Values cannot be read or written.
     #[error(transparent)]
     Access(#[from] AccessError),
 }
 
 impl ShardError {
-    /// Whether the system refused to write, not the store to be read.
+    /// Returns whether a system error is the cause, rather than the input.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {
@@ -61,13 +44,14 @@ impl ShardError {
     }
 }
 
-/// Copies a finished store into a new one, `out`, in shards (an existing store is overwritten only with `replace`).
+/// Copies a finished store into a new sharded store `out`; an existing store is replaced only with `replace`.
 ///
-/// Values and attributes are the same, to the bit. Killed at any moment, it leaves no store that reads as one, and the same call goes on
-/// where it was. It takes the memory of four shards, twice: some 400 MB at most.
+/// Values and attributes are bit-identical. An interrupted copy leaves no valid store, and the same call
+/// resumes it. Needs memory for eight shards, about 400 MB at most.
 ///
 /// # Errors
-/// If the input is no finished store of a whole render, is in shards already, or anything cannot be read or written.
+/// If the input is not a finished store of a whole render, is already in shards, or if reading or writing
+/// fails.
 pub fn shard(input: &Path, out: &Path, replace: bool) -> Result<(), ShardError> {
     shard_to(input, out, replace, Limits::default())
 }

@@ -1,4 +1,5 @@
-//! Zarr stores as the sink of renders: made or resumed, journaled tile by tile, and called complete at the end.
+//! Zarr stores as the sink of renders: created or resumed, with a journal of tiles, and marked complete at
+//! the end.
 
 use crate::denoised::{self, Denoised};
 use crate::zarr::progress::Progress;
@@ -11,71 +12,57 @@ use tensor::part::{self, Part};
 use tensor::sink::{Job, JobSlice, Piece, SampleCounts, Sink, Summary, TileRecord};
 use tensor::target;
 
-/// Where to and how to write.
+/// The destination of a render.
 #[derive(Clone, Debug, Default)]
 pub struct Target {
-    /// The store to make.
     pub path: PathBuf,
-    /// Go on with an unfinished render at `path`.
+    /// Resume an unfinished render at `path`.
     pub resume: bool,
     /// Replace a store at `path`.
     pub replace: bool,
 }
 
-/// Why a store did not take a render.
+/// The reason why a store did not accept a render.
 #[derive(Debug, thiserror::Error)]
 pub enum SinkError {
-    /// The store cannot be made.
     #[error(transparent)]
     Create(#[from] CreateError),
-    /// The store cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
     /// A chunk cannot be written.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// The journal cannot be written.
     #[error(
         "cannot write the progress journal in {path}: {cause}; make room or check permissions, then run again with --resume"
     )]
-    Journal {
-        /// The store.
-        path: PathBuf,
-        /// Why not.
-        cause: std::io::Error,
-    },
-    /// Values came before the render began.
+    Journal { path: PathBuf, cause: std::io::Error },
+    /// Values were passed before the render began.
     #[error("{path} takes no values before the render begins: call `begin` first")]
-    NotBegun {
-        /// The store.
-        path: PathBuf,
-    },
-    /// Values came for a slice that the render does not have.
+    NotBegun { path: PathBuf },
+    /// Values were passed for a slice that the render does not have.
     #[error("{path} has {slices} slices, and values came for number {slice}: count the job's slices from 0")]
     NoSlice {
-        /// The store.
         path: PathBuf,
-        /// Slices of the render.
+        /// Number of slices of the render.
         slices: usize,
-        /// Number of the slice asked for.
+        /// Index of the requested slice.
         slice: usize,
     },
-    /// What is to be resumed is no render.
+    /// The store to resume is denoised.
     #[error(transparent)]
     Denoised(#[from] Denoised),
-    /// What is to be resumed is another render.
+    /// The store to resume is another render.
     #[error(
         "{path} holds another render: its {what} differs ({theirs}, now {ours}); use the same scene file and options, \
          another -o, or --force to replace it"
     )]
     Mismatch {
-        /// The store.
         path: PathBuf,
-        /// Name of the attribute that differs.
+        /// The attribute that differs.
         what: &'static str,
-        /// What the store has.
+        /// Its value in the store.
         theirs: String,
-        /// What the render has.
+        /// Its value in the render.
         ours: String,
     },
 }
@@ -91,18 +78,18 @@ pub struct ZarrSink {
 struct Open {
     store: TensorStore,
     slices: Vec<StoredSlice>,
-    /// None where all was complete already.
+    /// `None` if the render was already complete.
     journal: Option<Progress>,
 }
 
 impl ZarrSink {
-    /// A sink at a place that is not touched before the render begins.
+    /// Returns a sink for a destination, which is not accessed before the render begins.
     #[must_use]
     pub fn new(target: Target) -> Self {
         Self { target, open: None }
     }
 
-    /// The store, once a render has begun.
+    /// Returns the store, after a render has begun.
     #[must_use]
     pub fn store(&self) -> Option<&TensorStore> {
         self.open.as_ref().map(|o| &o.store)
@@ -130,7 +117,7 @@ impl ZarrSink {
         Ok(store)
     }
 
-    /// Makes the store, or opens the one to resume after checking that it is the same render.
+    /// Creates the store, or resumes an existing one after checking that it is the same render.
     fn make(&self, job: &Job) -> Result<TensorStore, SinkError> {
         let Target {
             path,
@@ -152,14 +139,13 @@ impl ZarrSink {
         let mut attributes = job.attributes.clone();
         attributes.insert("status".into(), json!("incomplete"));
         match TensorStore::create(path, &slices, &attributes, Some(grid), *replace) {
-            // Another process has made it, while this one waited for its lock.
+            // Another process created it while this one waited for its lock.
             Err(CreateError::Exists { .. }) if *resume => self.go_on(job),
             made => Ok(made?),
         }
     }
 }
 
-/// Refuses a store of another render.
 fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
     let theirs = store.attributes();
     let mismatch = |what, theirs, ours| {
@@ -190,7 +176,7 @@ fn check_same(store: &TensorStore, job: &Job) -> Result<(), SinkError> {
             return mismatch(what, show(a), show(b));
         }
     }
-    // Tiles that the journal calls finished are so for these slices alone.
+    // Finished tiles of the journal are finished for these slices only.
     let ours: Vec<&str> = job.slices.iter().map(|s| s.layout.name.as_str()).collect();
     if store.slice_names() != ours {
         return mismatch("list of slices", store.slice_names().join(", "), ours.join(", "));
@@ -292,7 +278,7 @@ impl Sink for ZarrSink {
     }
 }
 
-/// The status of a render, or of a part of one, that has all its tiles.
+/// Returns the status of a finished render, or of a finished part of one.
 fn finished_status(part: Option<Part>) -> &'static str {
     match part {
         Some(_) => "complete part",
@@ -300,13 +286,13 @@ fn finished_status(part: Option<Part>) -> &'static str {
     }
 }
 
-/// True if `path` holds all of a part of a render.
+/// Returns whether `path` is a finished part of a render.
 #[must_use]
 pub fn is_finished_part(path: &Path) -> bool {
     TensorStore::open(path).is_ok_and(|store| store.is_finished_part() && !journal::exists(path))
 }
 
-/// True if `path` holds a finished store.
+/// Returns whether `path` is a finished store.
 #[must_use]
 pub fn is_finished(path: &Path) -> bool {
     TensorStore::open(path).is_ok_and(|store| store.is_finished() && !journal::exists(path))
@@ -386,7 +372,7 @@ mod tests {
         assert_eq!(second.begin(&job(1, 4)).unwrap(), [record(0)]);
         second.end(&done(true)).unwrap();
         assert!(is_finished(&path));
-        // All is done: every tile is known, and nothing is written.
+        // The render is complete: all tiles are known, and nothing is written.
         let mut third = sink(&path, true, false);
         assert_eq!(third.begin(&job(1, 4)).unwrap().len(), 2);
         third.tile_done(&record(1)).unwrap();
@@ -423,7 +409,7 @@ mod tests {
         assert!(other.contains("number 3") && other.contains("from 0"), "{other}");
         let short = message(sound.put(&piece(0, &[0.0; 3])));
         assert!(short.contains("one value per element"), "{short}");
-        // What is known of zeros may be too short to be true: then it is not believed.
+        // A list of touched elements that is too short to be valid is ignored.
         let unsure = Piece {
             touched: &[],
             ..piece(0, &[1.0, 0.0, 0.0, 0.0])

@@ -1,11 +1,13 @@
-//! What keys stand for that a scene file leaves out, and which values are those, so that they are left out again.
+//! Default values of optional scene keys, and predicates that let the serializer omit keys that have their
+//! default.
 
 use super::texture::AlbedoFile;
 use super::values::{IndexFile, SpectrumFile, TimeFile};
 pub(super) use super::values::{is_default, is_one, one};
 use base::locate::Located;
 
-/// Makes of each line a function that gives the value, and one that tells whether a value is that.
+/// Generates two functions from each line: one returns the default, the other tests whether a value equals
+/// it.
 macro_rules! defaults {
     ($($name:ident, $is:ident: $t:ty = $value:expr;)*) => {$(
         pub(super) fn $name() -> $t {

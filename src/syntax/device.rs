@@ -1,4 +1,4 @@
-//! The syntax of cameras, projectors and other emitters.
+//! The syntax of cameras, projectors and point-like emitters.
 
 use super::defaults::{self, is_default};
 use super::emitter::{BeamFile, DirectionalFile, EnvironmentFile, IesFile, SpotFile};
@@ -8,49 +8,51 @@ use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A camera: resolution, one kind of intrinsics, pose.
+/// A camera: resolution, one kind of intrinsics and a pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PinholeFile {
-    /// A file of `sunstone calibrate`, beside the scene file, whose `[camera]` says everything but aperture; a pose that is given
-    /// here goes before its own.
+    /// Path of a `sunstone calibrate` file, relative to the scene file. Its `[camera]` table sets every key
+    /// except aperture. A pose given here overrides the pose in that file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Located<String>>,
-    /// Width and height in pixels.
+    /// Width and height in pixels. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]
     pub resolution: Located<[u32; 2]>,
-    /// Horizontal field of view in degrees (then fy = fx and the principal point is the image centre).
+    /// Horizontal field of view in degrees; implies fy = fx and a principal point at the image centre.
     pub fov_x_deg: Option<Located<f64>>,
-    /// Vertical field of view in degrees.
+    /// Vertical field of view in degrees, instead of fov_x_deg.
     pub fov_y_deg: Option<Located<f64>>,
     /// Focal length in pixels along x.
     pub fx: Option<Located<f64>>,
-    /// Focal length in pixels along y; absent: fx.
+    /// Focal length in pixels along y. Default: fx.
     pub fy: Option<Located<f64>>,
-    /// Principal point in continuous pixels (the first pixel covers 0..1: OpenCV's value plus 0.5).
+    /// Principal point along x in continuous pixels: the first pixel covers 0..1, so this is OpenCV's value
+    /// plus 0.5. Default: the image centre.
     pub cx: Option<f64>,
-    /// See cx.
+    /// Principal point along y in continuous pixels, as cx.
     pub cy: Option<f64>,
-    /// OpenCV's camera matrix, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], with OpenCV's pixel centres: (0, 0) is the middle of the
-    /// first pixel. In place of fx, fy, cx, cy.
+    /// OpenCV's camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], instead of fx, fy, cx and cy. It uses
+    /// OpenCV's pixel centres: (0, 0) is the centre of the first pixel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv_matrix: Option<Located<[[f64; 3]; 3]>>,
-    /// Lens distortion by the names of OpenCV's coefficients.
+    /// Lens distortion: OpenCV's coefficients by name.
     pub distortion: Option<Located<DistortionFile>>,
-    /// The same as OpenCV's list: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]], so 4, 5, 8, 12 or 14
-    /// numbers.
+    /// Lens distortion as OpenCV's list k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]:
+    /// 4, 5, 8, 12 or 14 numbers. Use it instead of `distortion`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv: Option<Located<Vec<f64>>>,
-    /// Distortion of OpenCV's fisheye model (Kalibr's equidistant): k1, k2, k3, k4.
+    /// Distortion of OpenCV's fisheye model (Kalibr's equidistant model): k1, k2, k3, k4.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fisheye: Option<Located<[f64; 4]>>,
-    /// A lens of finite aperture instead of a pinhole.
+    /// A thin lens of finite aperture. Default: a pinhole.
     pub aperture: Option<Located<ApertureFile>>,
-    /// An orthographic camera in place of a pinhole: all rays run along the axis, from the plane of the pose, on which the image is so
-    /// many metres wide. Its paths are made from the camera alone.
+    /// Makes the camera orthographic instead of a pinhole; the value is the width of the image in metres. All
+    /// rays are parallel to the optical axis and start on the plane of the pose. Its paths are traced from
+    /// the camera only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orthographic_width: Option<Located<f64>>,
-    /// Where it stands.
+    /// Position and orientation. Required unless `calibration` is given.
     #[serde(default, skip_serializing_if = "is_default")]
     pub pose: Located<PoseFile>,
 }
@@ -59,198 +61,203 @@ pub struct PinholeFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ApertureFile {
-    /// Radius in metres.
+    /// Radius of the aperture in metres.
     pub radius: f64,
-    /// Distance of the plane in focus along the axis, metres.
+    /// Distance of the plane in focus along the optical axis, in metres.
     pub focus: f64,
 }
 
-/// The projector: a pinhole like the camera, or `coaxial = true` to shine through the camera's own.
+/// The projector: a pinhole like the camera, or `coaxial = true` for a projector that shares the camera's
+/// pinhole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProjectorFile {
-    /// Irradiance at 1 m on the axis for drive 1, W/(m² nm).
+    /// Irradiance in W/(m² nm) on the optical axis at a distance of 1 m for a drive of 1. Default: 1.
     #[serde(
         default = "defaults::unit_spectrum",
         skip_serializing_if = "defaults::is_unit_spectrum"
     )]
     pub irradiance: Located<SpectrumFile>,
-    /// Laser through the camera's pixel: pose and pixels are the camera's, the coaxial slice has s' = s.
+    /// The projector illuminates through the camera's pinhole: it takes pose, pixels and lens from the
+    /// camera, and the coaxial slice has s' = s. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub coaxial: bool,
-    /// As in the camera, of `[projector]` there.
+    /// Path of a `sunstone calibrate` file, relative to the scene file, whose `[projector]` table sets the
+    /// device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Located<String>>,
-    /// Width and height in pixels.
+    /// Width and height in pixels. Required unless `coaxial` or `calibration` is given.
     pub resolution: Option<Located<[u32; 2]>>,
-    /// As in the camera.
+    /// Horizontal field of view in degrees, as for `[camera]`.
     pub fov_x_deg: Option<Located<f64>>,
-    /// As in the camera.
+    /// Vertical field of view in degrees, as for `[camera]`.
     pub fov_y_deg: Option<Located<f64>>,
-    /// As in the camera.
+    /// Focal length in pixels along x, as for `[camera]`.
     pub fx: Option<Located<f64>>,
-    /// As in the camera.
+    /// Focal length in pixels along y, as for `[camera]`.
     pub fy: Option<Located<f64>>,
-    /// As in the camera.
+    /// Principal point along x in continuous pixels, as for `[camera]`.
     pub cx: Option<f64>,
-    /// As in the camera.
+    /// Principal point along y in continuous pixels, as for `[camera]`.
     pub cy: Option<f64>,
-    /// As in the camera.
+    /// OpenCV's camera matrix, as for `[camera]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv_matrix: Option<Located<[[f64; 3]; 3]>>,
-    /// As in the camera.
+    /// Lens distortion by name, as for `[camera]`.
     pub distortion: Option<Located<DistortionFile>>,
-    /// As in the camera.
+    /// Lens distortion as OpenCV's list of coefficients, as for `[camera]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opencv: Option<Located<Vec<f64>>>,
-    /// As in the camera.
+    /// Distortion of OpenCV's fisheye model, as for `[camera]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fisheye: Option<Located<[f64; 4]>>,
-    /// As in the camera.
+    /// A thin lens of finite aperture, as for `[camera]`.
     pub aperture: Option<Located<ApertureFile>>,
-    /// As in the camera.
+    /// Position and orientation. Required unless `coaxial` or `calibration` is given.
     pub pose: Option<Located<PoseFile>>,
 }
 
-/// OpenCV's coefficients of lens distortion by their names; those left out are 0. k1, k2, k3, p1, p2 are Brown–Conrady's.
+/// OpenCV's lens distortion coefficients by name; each defaults to 0. k1, k2, k3, p1, p2 are Brown–Conrady's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DistortionFile {
-    /// Radial, of r².
+    /// Radial coefficient of r².
     #[serde(skip_serializing_if = "is_default")]
     pub k1: f64,
-    /// Radial, of r⁴.
+    /// Radial coefficient of r⁴.
     #[serde(skip_serializing_if = "is_default")]
     pub k2: f64,
-    /// Radial, of r⁶.
+    /// Radial coefficient of r⁶.
     #[serde(skip_serializing_if = "is_default")]
     pub k3: f64,
-    /// Radial, of r² in the denominator (rational model).
+    /// Radial coefficient of r² in the denominator (rational model).
     #[serde(skip_serializing_if = "is_default")]
     pub k4: f64,
-    /// Radial, of r⁴ in the denominator.
+    /// Radial coefficient of r⁴ in the denominator.
     #[serde(skip_serializing_if = "is_default")]
     pub k5: f64,
-    /// Radial, of r⁶ in the denominator.
+    /// Radial coefficient of r⁶ in the denominator.
     #[serde(skip_serializing_if = "is_default")]
     pub k6: f64,
-    /// Tangential, along y.
+    /// Tangential coefficient along y.
     #[serde(skip_serializing_if = "is_default")]
     pub p1: f64,
-    /// Tangential, along x.
+    /// Tangential coefficient along x.
     #[serde(skip_serializing_if = "is_default")]
     pub p2: f64,
-    /// Thin prism, along x of r².
+    /// Thin-prism coefficient of r² along x.
     #[serde(skip_serializing_if = "is_default")]
     pub s1: f64,
-    /// Thin prism, along x of r⁴.
+    /// Thin-prism coefficient of r⁴ along x.
     #[serde(skip_serializing_if = "is_default")]
     pub s2: f64,
-    /// Thin prism, along y of r².
+    /// Thin-prism coefficient of r² along y.
     #[serde(skip_serializing_if = "is_default")]
     pub s3: f64,
-    /// Thin prism, along y of r⁴.
+    /// Thin-prism coefficient of r⁴ along y.
     #[serde(skip_serializing_if = "is_default")]
     pub s4: f64,
-    /// Tilt of the sensor about x, radians as in OpenCV.
+    /// Tilt of the sensor about x in radians, as in OpenCV.
     #[serde(skip_serializing_if = "is_default")]
     pub tau_x: f64,
-    /// Tilt of the sensor about y, radians.
+    /// Tilt of the sensor about y in radians, as in OpenCV.
     #[serde(skip_serializing_if = "is_default")]
     pub tau_y: f64,
 }
 
-/// A pose, metres.
+/// Position and orientation of a device; lengths in metres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PoseFile {
-    /// From a point toward a point.
+    /// Device position and the point it looks at.
     LookAt(LookAtFile),
-    /// Row-major 4×4 device-to-world matrix; device axes +x image right, +y image down, +z forward.
+    /// Row-major 4×4 device-to-world matrix. Device axes: +x image right, +y image down, +z forward.
     Matrix([[f64; 4]; 4]),
-    /// World to device, as OpenCV's calibration gives it: x_device = R x_world + t.
+    /// World-to-device transform as OpenCV's calibration returns it: x_device = R x_world + t.
     Extrinsics(ExtrinsicsFile),
 }
 
-/// See [`PoseFile::Extrinsics`]: R and t, or rvec and tvec.
+/// World-to-device transform x_device = R x_world + t: give R and t, or rvec and tvec.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExtrinsicsFile {
-    /// Rows of the rotation that takes world to device axes.
+    /// Rotation from world to device axes, as three rows.
     #[serde(rename = "R", default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[[f64; 3]; 3]>,
-    /// The world's origin in device coordinates, metres.
+    /// Translation: the world's origin in device coordinates, in metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub t: Option<[f64; 3]>,
-    /// The rotation as axis times angle in radians (Rodrigues).
+    /// Rotation as axis times angle in radians (Rodrigues vector), instead of R.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rvec: Option<[f64; 3]>,
-    /// t under OpenCV's other name.
+    /// Translation under OpenCV's other name, in metres, instead of t.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tvec: Option<[f64; 3]>,
 }
 
-/// See [`PoseFile::LookAt`].
+/// Device position and the point it looks at.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LookAtFile {
-    /// Where the device stands, metres.
+    /// Position of the device in metres.
     pub origin: [f64; 3],
-    /// What it looks at, metres.
+    /// Point that the device looks at, in metres.
     pub target: [f64; 3],
-    /// Projects onto image up.
+    /// World direction that projects onto image up. Default: [0, 1, 0].
     #[serde(default = "defaults::y_axis", skip_serializing_if = "defaults::is_y_axis")]
     pub up: [f64; 3],
 }
 
-/// A further emitter.
+/// An additional emitter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum EmitterFile {
-    /// Shines equally in all directions.
+    /// A point emitter with equal intensity in all directions.
     Point(PointFile),
-    /// Shines into a cone.
+    /// A point emitter that illuminates a cone.
     Spot(SpotFile),
-    /// Shines as a luminaire was measured to.
+    /// A luminaire with a measured intensity profile.
     Ies(IesFile),
-    /// Projects an image.
+    /// A projector of an image.
     Slide(Box<SlideFile>),
-    /// Light with one direction, everywhere.
+    /// Light from one direction, everywhere in the scene.
     Directional(DirectionalFile),
     /// A collimated beam.
     Beam(BeamFile),
-    /// The sky.
+    /// Light from all directions around the scene.
     Environment(Box<EnvironmentFile>),
 }
 
-/// See [`EmitterFile::Point`].
+/// A point emitter with equal intensity in all directions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PointFile {
-    /// Metres.
+    /// Position in metres.
     pub position: [f64; 3],
     /// Radiant intensity, W/(sr nm).
     pub intensity: Located<SpectrumFile>,
-    /// Horizontal of the emitted Stokes vectors: this axis projected perpendicular to the ray.
+    /// Axis that, projected perpendicular to the ray, is the horizontal of the emitted Stokes vectors.
+    /// Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
 
-/// A projector of an image that is light of the scene alone: T has no s' of it, as it has of `[projector]`.
+/// An emitter that projects an image. Unlike `[projector]`, its pixels do not index s' of T.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SlideFile {
-    /// The image, over the whole field of view, which has its shape.
+    /// The image. It fills the field of view, whose aspect ratio is the image's.
     pub image: Located<ImageAlbedo>,
-    /// Irradiance at 1 m on the axis where the image is 1, W/(m² nm).
+    /// Irradiance in W/(m² nm) on the optical axis at a distance of 1 m, where the image is 1.
     pub irradiance: Located<SpectrumFile>,
-    /// Horizontal field of view, degrees.
+    /// Horizontal field of view in degrees.
     pub fov_x_deg: Located<f64>,
-    /// Where it stands. The image's right, projected perpendicular to the ray, is the horizontal of its Stokes vectors.
+    /// Position and orientation. The image's right direction, projected perpendicular to the ray, is the
+    /// horizontal of the emitted Stokes vectors.
     pub pose: Located<PoseFile>,
 }
 
-/// That which no file says.
+/// The pose of a device whose scene file gives none.
 impl Default for PoseFile {
     fn default() -> Self {
         Self::Extrinsics(ExtrinsicsFile::default())
@@ -258,7 +265,7 @@ impl Default for PoseFile {
 }
 
 impl PoseFile {
-    /// From a point toward a point, +y up.
+    /// Returns the pose of a device at `origin` that looks at `target` (metres), with +y up.
     #[must_use]
     pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
         Self::LookAt(LookAtFile {
@@ -268,7 +275,7 @@ impl PoseFile {
         })
     }
 
-    /// World to device, x_device = R x_world + t (metres).
+    /// Returns the pose for x_device = R x_world + t; `t` in metres.
     #[must_use]
     pub fn extrinsics(rotation: [[f64; 3]; 3], t: [f64; 3]) -> Self {
         Self::Extrinsics(ExtrinsicsFile {
@@ -280,7 +287,7 @@ impl PoseFile {
 }
 
 impl PinholeFile {
-    /// A device at a pose; resolution and focal length are still to be given.
+    /// Creates a camera with this pose. Resolution and focal length must still be set.
     #[must_use]
     pub fn new(pose: PoseFile) -> Self {
         Self {
@@ -302,13 +309,13 @@ impl PinholeFile {
         }
     }
 
-    /// A device at `origin` that looks at `target` (metres), +y up.
+    /// Creates a camera at `origin` that looks at `target` (metres), with +y up.
     #[must_use]
     pub fn look_at(origin: [f64; 3], target: [f64; 3]) -> Self {
         Self::new(PoseFile::look_at(origin, target))
     }
 
-    /// A device as a file of `sunstone calibrate` has it.
+    /// Creates a camera from a `sunstone calibrate` file.
     #[must_use]
     pub fn calibrated(file: &str) -> Self {
         Self {
@@ -317,83 +324,83 @@ impl PinholeFile {
         }
     }
 
-    /// Whether it says where it stands.
+    /// Returns whether the device has a pose.
     #[must_use]
     pub fn has_pose(&self) -> bool {
         *self.pose != PoseFile::default()
     }
 
-    /// Makes it orthographic, its image so many metres wide.
+    /// Makes the camera orthographic, with an image of this width in metres.
     #[must_use]
     pub fn orthographic_width(mut self, metres: f64) -> Self {
         self.orthographic_width = Some(metres.into());
         self
     }
 
-    /// Width and height in pixels.
+    /// Sets width and height in pixels.
     #[must_use]
     pub fn resolution(mut self, width: u32, height: u32) -> Self {
         self.resolution = [width, height].into();
         self
     }
 
-    /// Horizontal field of view in degrees.
+    /// Sets the horizontal field of view in degrees.
     #[must_use]
     pub fn fov_x_deg(mut self, degrees: f64) -> Self {
         self.fov_x_deg = Some(degrees.into());
         self
     }
 
-    /// Vertical field of view in degrees.
+    /// Sets the vertical field of view in degrees.
     #[must_use]
     pub fn fov_y_deg(mut self, degrees: f64) -> Self {
         self.fov_y_deg = Some(degrees.into());
         self
     }
 
-    /// Focal lengths along x and y in pixels.
+    /// Sets the focal lengths along x and y in pixels.
     #[must_use]
     pub fn focal(mut self, fx: f64, fy: f64) -> Self {
         (self.fx, self.fy) = (Some(fx.into()), Some(fy.into()));
         self
     }
 
-    /// Principal point in continuous pixels (the first pixel covers 0..1).
+    /// Sets the principal point in continuous pixels (the first pixel covers 0..1).
     #[must_use]
     pub fn principal(mut self, cx: f64, cy: f64) -> Self {
         (self.cx, self.cy) = (Some(cx), Some(cy));
         self
     }
 
-    /// OpenCV's camera matrix, whose (0, 0) is the centre of the first pixel.
+    /// Sets OpenCV's camera matrix, for which (0, 0) is the centre of the first pixel.
     #[must_use]
     pub fn opencv_matrix(mut self, rows: [[f64; 3]; 3]) -> Self {
         self.opencv_matrix = Some(rows.into());
         self
     }
 
-    /// OpenCV's 4, 5, 8, 12 or 14 coefficients of distortion in OpenCV's order.
+    /// Sets OpenCV's 4, 5, 8, 12 or 14 distortion coefficients in OpenCV's order.
     #[must_use]
     pub fn opencv(mut self, coefficients: impl Into<Vec<f64>>) -> Self {
         self.opencv = Some(coefficients.into().into());
         self
     }
 
-    /// The four coefficients of OpenCV's fisheye.
+    /// Sets the four coefficients of OpenCV's fisheye model.
     #[must_use]
     pub fn fisheye(mut self, coefficients: [f64; 4]) -> Self {
         self.fisheye = Some(coefficients.into());
         self
     }
 
-    /// Lens distortion by names.
+    /// Sets lens distortion by name.
     #[must_use]
     pub fn distortion(mut self, distortion: DistortionFile) -> Self {
         self.distortion = Some(distortion.into());
         self
     }
 
-    /// A thin lens of this radius, in focus at this distance along the axis, both in metres.
+    /// Sets a thin lens of this radius, in focus at this distance along the optical axis; both in metres.
     #[must_use]
     pub fn aperture(mut self, radius: f64, focus: f64) -> Self {
         self.aperture = Some(ApertureFile { radius, focus }.into());
@@ -402,7 +409,7 @@ impl PinholeFile {
 }
 
 impl ProjectorFile {
-    /// A projector that is built like a camera.
+    /// Creates a projector with the pixels, lens and pose of `device`.
     #[must_use]
     pub fn new(device: PinholeFile) -> Self {
         Self {
@@ -425,7 +432,7 @@ impl ProjectorFile {
         }
     }
 
-    /// A laser through the camera's own pixels.
+    /// Creates a projector that illuminates through the camera's own pixels.
     #[must_use]
     pub fn coaxial() -> Self {
         Self {
@@ -448,7 +455,7 @@ impl ProjectorFile {
         }
     }
 
-    /// Irradiance at 1 m on the axis for drive 1, W/(m² nm).
+    /// Sets the irradiance in W/(m² nm) on the optical axis at a distance of 1 m for a drive of 1.
     #[must_use]
     pub fn irradiance(mut self, irradiance: impl Into<SpectrumFile>) -> Self {
         self.irradiance = irradiance.into().into();
@@ -463,7 +470,8 @@ impl From<PinholeFile> for ProjectorFile {
 }
 
 impl EmitterFile {
-    /// A point (metres) that shines equally in all directions with a radiant intensity in W/(sr nm).
+    /// Creates a point emitter at `position` (metres) with a radiant intensity in W/(sr nm), equal in all
+    /// directions.
     #[must_use]
     pub fn point(position: [f64; 3], intensity: impl Into<SpectrumFile>) -> Self {
         Self::Point(PointFile {
@@ -473,7 +481,7 @@ impl EmitterFile {
         })
     }
 
-    /// The same radiance, W/(m² sr nm), from every direction.
+    /// Creates an environment with the same radiance, in W/(m² sr nm), from every direction.
     #[must_use]
     pub fn environment(radiance: impl Into<SpectrumFile>) -> Self {
         Self::Environment(Box::new(EnvironmentFile::new(radiance)))

@@ -1,4 +1,5 @@
-//! The syntax of emitters that are more than a point: shining surfaces, an image of the sky, light with one direction.
+//! The syntax of extended, directional and measured emitters: surfaces, environment, spots, luminaires and
+//! beams.
 
 use super::defaults::{self, is_default};
 use super::texture::ImageAlbedo;
@@ -9,153 +10,157 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use transport::light::sky::Rows;
 
-/// How a surface shines: the same radiance in all directions.
+/// Emission of a surface: the same radiance in all directions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmissionFile {
-    /// W/(m² sr nm).
+    /// Radiance in W/(m² sr nm).
     pub radiance: Located<SpectrumFile>,
-    /// An image over the texture coordinates that multiplies the radiance.
+    /// Image over the texture coordinates that multiplies the radiance.
     pub image: Option<Located<ImageAlbedo>>,
-    /// Shines to both sides, not to the front alone.
+    /// Emit from both sides instead of the front only. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub two_sided: bool,
-    /// The light's own Stokes vector over its intensity, [1, s1, s2, s3]: column 0 of T is then the light's, the others 0.
-    /// Absent: T takes any Stokes vector.
+    /// Stokes vector of the emitted light divided by its intensity: [1, s1, s2, s3]. Column 0 of T is then
+    /// the response to this light and the other columns are 0. Default: T accepts any Stokes vector.
     pub stokes: Option<Located<[f64; 4]>>,
-    /// An ideal linear polarizer before the emitter: degrees from `horizontal`, counter-clockwise looking toward it.
+    /// Angle in degrees of an ideal linear polarizer in front of the emitter, from `horizontal`,
+    /// counter-clockwise when looking toward the emitter. Default: no polarizer.
     pub polarizer_deg: Option<Located<f64>>,
-    /// Horizontal of the Stokes vectors: this axis projected perpendicular to the ray.
+    /// Axis that, projected perpendicular to the ray, is the horizontal of the emitted Stokes vectors.
+    /// Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
 
-/// The sky: the same radiance from everywhere, or an image of it.
+/// The environment: the same radiance from all directions, or an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentFile {
-    /// W/(m² sr nm); a factor of the image, if there is one.
+    /// Radiance in W/(m² sr nm); with an image, a factor of it. Default: 1.
     #[serde(
         default = "defaults::unit_spectrum",
         skip_serializing_if = "defaults::is_unit_spectrum"
     )]
     pub radiance: Located<SpectrumFile>,
-    /// Equirectangular image file, as of [`ImageAlbedo::image`]: its columns run with atan2(x, -z), its rows from +y down;
-    /// red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
+    /// Equirectangular image file, relative to the scene file, with the formats and encodings of a texture's
+    /// `image`. Columns follow atan2(x, -z); rows start at +y. Red applies above 590 nm, green from 500 to
+    /// 590 nm, blue below.
     pub image: Option<Located<String>>,
-    /// As of [`ImageAlbedo::layer`].
+    /// Layer of an OpenEXR file, as for a texture's `layer`.
     pub layer: Option<String>,
-    /// Where the rows of the image lie. With `poles`, a second row that is the last one is also used at the lower pole, as in
-    /// Mitsuba, so that it lies on the horizon.
+    /// Positions of the image's rows. With `poles` and an image of two rows, the second row is used for the
+    /// lower pole as well, as in Mitsuba, so it is at the horizon.
     #[serde(default, skip_serializing_if = "is_default")]
     pub rows: Rows,
-    /// Rotates or mirrors the image: `rotate_deg`, or a `matrix` that does no more.
+    /// Rotation or reflection of the image: `rotate_deg`, or a `matrix` without scale or shear.
     pub transform: Option<Located<TransformFile>>,
-    /// As of [`EmissionFile::stokes`]; with an image alone.
+    /// Stokes vector of the emitted light, as for `emission`. Requires an image.
     pub stokes: Option<Located<[f64; 4]>>,
-    /// As of [`EmissionFile::polarizer_deg`]; with an image alone.
+    /// Angle in degrees of a linear polarizer, as for `emission`. Requires an image.
     pub polarizer_deg: Option<Located<f64>>,
-    /// As of [`EmissionFile::horizontal`].
+    /// Axis that defines the horizontal of the emitted Stokes vectors, as for `emission`. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
 
-/// A point that shines into a cone: full up to `beam_deg` off its axis, falling linearly with the angle to nothing at
-/// `cutoff_deg`.
+/// A point emitter that illuminates a cone. Intensity is full up to `beam_deg` from the axis and then falls
+/// linearly with the angle to 0 at `cutoff_deg`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpotFile {
-    /// Metres.
+    /// Position in metres.
     pub position: [f64; 3],
-    /// The axis.
+    /// Direction of the cone's axis.
     pub direction: [f64; 3],
     /// Radiant intensity on the axis, W/(sr nm).
     pub intensity: Located<SpectrumFile>,
-    /// Half angle beyond which there is no light, degrees.
+    /// Half angle in degrees at which the intensity reaches 0.
     pub cutoff_deg: Located<f64>,
-    /// Half angle of full intensity, degrees; absent: three quarters of `cutoff_deg`.
+    /// Half angle of full intensity in degrees. Default: 0.75 times `cutoff_deg`.
     pub beam_deg: Option<Located<f64>>,
-    /// An image that it projects, which multiplies the intensity: over the square in which the cone of `cutoff_deg`, below 90,
-    /// just fits.
+    /// Projected image that multiplies the intensity. It covers the square around the cone of `cutoff_deg`,
+    /// which must be below 90.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image: Option<Located<ImageAlbedo>>,
-    /// With an image: projects onto the image's up; absent: +y.
+    /// Direction that projects onto the image's up; requires an image. Default: [0, 1, 0].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<[f64; 3]>,
-    /// As for points.
+    /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
 
-/// A luminaire with a measured profile (IES LM-63, type C).
+/// A luminaire with a measured intensity profile (IES LM-63, type C).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct IesFile {
-    /// The profile, relative to the scene file.
+    /// IES file, relative to the scene file.
     pub file: Located<String>,
-    /// Metres.
+    /// Position in metres.
     pub position: [f64; 3],
-    /// Direction of vertical angle 0.
+    /// Direction of vertical angle 0. Default: [0, -1, 0].
     #[serde(default = "defaults::down", skip_serializing_if = "defaults::is_down")]
     pub direction: [f64; 3],
-    /// Direction of horizontal angle 0, projected perpendicular to `direction`.
+    /// Direction of horizontal angle 0, projected perpendicular to `direction`. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub zero: [f64; 3],
-    /// Radiant intensity, W/(sr nm), where the profile has its greatest value.
+    /// Radiant intensity in W/(sr nm) at the maximum of the profile.
     pub intensity: Located<SpectrumFile>,
-    /// As for points.
+    /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
 
-/// Light that comes from one direction, everywhere.
+/// Light from one direction, everywhere in the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DirectionalFile {
-    /// In which it travels.
+    /// Direction in which the light travels.
     pub direction: [f64; 3],
     /// Irradiance at normal incidence, W/(m² nm).
     pub irradiance: Located<SpectrumFile>,
-    /// A point of the plane from which travel time counts, and before which there is no light; absent: no travel time.
+    /// Point on the plane where the light starts and travel time is 0; there is no light on the source side
+    /// of it. Default: no plane and no travel time.
     pub origin: Option<[f64; 3]>,
-    /// As of [`EmissionFile::stokes`].
+    /// Stokes vector of the emitted light, as for `emission`.
     pub stokes: Option<Located<[f64; 4]>>,
-    /// As of [`EmissionFile::polarizer_deg`].
+    /// Angle in degrees of a linear polarizer, as for `emission`.
     pub polarizer_deg: Option<Located<f64>>,
-    /// As for points.
+    /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
 
-/// A collimated beam, as of a laser.
+/// A collimated or slightly divergent beam, such as a laser's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BeamFile {
-    /// Where it leaves, metres; travel time counts from there.
+    /// Start of the beam in metres; travel time is 0 there.
     pub origin: [f64; 3],
-    /// In which it travels.
+    /// Direction in which the light travels.
     pub direction: [f64; 3],
-    /// W/nm.
+    /// Power in W/nm.
     pub power: Located<SpectrumFile>,
-    /// Metres: of an even disk, or where a Gaussian has e⁻² of the irradiance on its axis.
+    /// Radius in metres: of a uniform disk, or where a Gaussian has e⁻² of the irradiance on its axis.
     pub radius: Located<f64>,
-    /// Full angle of the cone that it widens into, milliradians: rays leave a point behind `origin`, straight. Of a Gaussian
-    /// that is its far field, not what it does at a waist. Absent: collimated.
+    /// Full angle of divergence in milliradians: rays are straight and diverge from a point behind `origin`.
+    /// For a Gaussian this is the far-field divergence; the beam waist is not modelled. Default: collimated.
     pub divergence_mrad: Option<Located<f64>>,
-    /// Irradiance falls as a Gaussian, not at once.
+    /// Gaussian irradiance profile instead of a uniform disk. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub gaussian: bool,
-    /// As of [`EmissionFile::stokes`].
+    /// Stokes vector of the emitted light, as for `emission`.
     pub stokes: Option<Located<[f64; 4]>>,
-    /// As of [`EmissionFile::polarizer_deg`].
+    /// Angle in degrees of a linear polarizer, as for `emission`.
     pub polarizer_deg: Option<Located<f64>>,
-    /// As for points.
+    /// Axis that defines the horizontal of the emitted Stokes vectors, as for a point. Default: [1, 0, 0].
     #[serde(default = "defaults::x_axis", skip_serializing_if = "defaults::is_x_axis")]
     pub horizontal: [f64; 3],
 }
 
 impl EmissionFile {
-    /// A radiance in W/(m² sr nm), from the front.
+    /// Creates emission from the front with a radiance in W/(m² sr nm).
     #[must_use]
     pub fn new(radiance: impl Into<SpectrumFile>) -> Self {
         Self {
@@ -170,7 +175,7 @@ impl EmissionFile {
 }
 
 impl EnvironmentFile {
-    /// The same radiance, W/(m² sr nm), from everywhere.
+    /// Creates an environment with the same radiance, in W/(m² sr nm), from all directions.
     #[must_use]
     pub fn new(radiance: impl Into<SpectrumFile>) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! The syntax of groups, whose objects are there once, and of their copies.
+//! The syntax of groups of objects and of their instances.
 
 use super::defaults::is_default;
 use super::shape::ObjectFile;
@@ -7,34 +7,34 @@ use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Objects that are seen where [`InstanceFile`]s put them, and nowhere else. However many copies there are, they are in
-/// memory once.
+/// A group of objects that is visible only through its instances. The objects are stored in memory once, for
+/// any number of instances.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GroupFile {
-    /// What is in it, in the group's own coordinates.
+    /// Objects of the group, in the group's coordinates.
     #[serde(default, skip_serializing_if = "is_default")]
     pub objects: Vec<Located<ObjectFile>>,
 }
 
-/// A copy of a group, or many.
+/// One copy of a group, or many.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InstanceFile {
-    /// For people and messages.
+    /// Name used in messages and paths.
     pub name: Option<String>,
     /// Name of the group.
     pub group: Located<String>,
-    /// A file with the places of many copies, relative to the scene file. Text: one copy a line, by the 12 numbers of a 3×4
-    /// matrix, row after row, or the 16 of a 4×4 matrix, with commas or spaces between them, `#` before remarks. Or `.npy`:
-    /// an array of n such matrices.
+    /// File with the transforms of many copies, relative to the scene file. As text, each line has the 12
+    /// numbers of a 3×4 matrix or the 16 of a 4×4 matrix, row by row, separated by commas or spaces; `#`
+    /// starts a comment. As `.npy`, it is an array of n such matrices.
     pub places: Option<Located<String>>,
-    /// Scale, then rotate, then translate; moves all copies if there are `places`.
+    /// Scale, then rotate, then translate. With `places`, it is applied to all copies.
     pub transform: Option<Located<TransformFile>>,
 }
 
 impl GroupFile {
-    /// A group of these objects.
+    /// Creates a group of these objects.
     #[must_use]
     pub fn new(objects: impl IntoIterator<Item = ObjectFile>) -> Self {
         Self {
@@ -44,7 +44,7 @@ impl GroupFile {
 }
 
 impl InstanceFile {
-    /// A copy of a group where the group is itself.
+    /// Creates a copy of a group at the group's own place.
     #[must_use]
     pub fn new(group: impl Into<String>) -> Self {
         Self {
@@ -55,14 +55,14 @@ impl InstanceFile {
         }
     }
 
-    /// Its place: scale, then rotate, then translate; or a matrix.
+    /// Sets the transform: scale, then rotate, then translate; or a matrix.
     #[must_use]
     pub fn transform(mut self, transform: TransformFile) -> Self {
         self.transform = Some(transform.into());
         self
     }
 
-    /// Copies at all places of a file.
+    /// Sets the file with the transforms of all copies.
     #[must_use]
     pub fn places(mut self, file: impl Into<String>) -> Self {
         self.places = Some(file.into().into());

@@ -1,11 +1,11 @@
-//! The syntax of scene files, files of materials and files of media: values that TOML gives and that become TOML again.
+//! The TOML syntax of scene files, material files and media files: types that are read from TOML and written
+//! as TOML.
 //!
-//! Two values are equal if they say the same, wherever in a file they stand. What is left out of a file is left out again.
+//! Equality ignores locations: two values are equal if their contents are, wherever they are in a file. Keys
+//! that a file omits are omitted again when it is written.
 //!
-//! A crate of its own, because reading and writing them makes more machine code than all else in scenes, and needs none of
-//! it to be fast.
-
-#![warn(missing_docs)]
+//! This is a separate crate because serde's code for these types is most of the scene code by size, and does
+//! not need optimization.
 
 mod defaults;
 pub mod device;
@@ -28,12 +28,12 @@ use base::document;
 use base::locate::InputError;
 use std::path::Path;
 
-/// Values that a TOML file gives, read here and not where they are used, so that their code is made once.
+/// A file type of this crate. It is implemented here, so that the deserialization code is compiled once.
 pub trait Syntax: Sized {
-    /// Reads the text of a file; `path` names it in messages.
+    /// Parses the text of a file; `path` names the file in messages.
     ///
     /// # Errors
-    /// [`InputError`] at the place where the text is not TOML, or not of this syntax.
+    /// [`InputError`] with its location if the text is not valid TOML or does not match the syntax.
     fn read(path: &Path, text: &str) -> Result<Self, InputError>;
 }
 

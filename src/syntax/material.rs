@@ -1,4 +1,4 @@
-//! The syntax of materials, in scene files and in files of their own.
+//! The syntax of materials, in scene files and in material files.
 
 use super::defaults::{self, is_default};
 pub use super::plastic::{InterreflectionFile, PassageFile, PlasticFile, SingleScatterFile};
@@ -12,12 +12,12 @@ use std::collections::BTreeMap;
 use transport::material::polarizer::Passes;
 use transport::material::texture::{Filter, Wrap};
 
-/// A file of materials alone: what `sunstone pbrdf eval` reads.
+/// A material file, as `sunstone pbrdf eval` reads it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Sunstone materials")]
 pub struct MaterialSetFile {
-    /// Vacuum wavelengths in nanometres, 1 to 4, rising.
+    /// One to four vacuum wavelengths in nanometres, increasing. Default: 450, 550, 660.
     #[serde(
         default = "defaults::wavelengths",
         skip_serializing_if = "defaults::is_wavelengths"
@@ -31,15 +31,15 @@ pub struct MaterialSetFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum MaterialFile {
-    /// Depolarizing Lambert surface.
+    /// Lambertian surface that depolarizes completely.
     Diffuse(DiffuseFile),
     /// Smooth metal.
     Conductor(ConductorFile),
     /// Metal with microfacets.
     RoughConductor(RoughConductorFile),
-    /// Smooth glass, water, …: a closed surface's inside against its outside.
+    /// Smooth dielectric such as glass or water: the interface of a closed surface's inside and outside.
     Dielectric(DielectricFile),
-    /// Glass with microfacets.
+    /// Dielectric with microfacets.
     RoughDielectric(RoughDielectricFile),
     /// Rough dielectric coat over a depolarizing base.
     Plastic(Box<PlasticFile>),
@@ -47,42 +47,42 @@ pub enum MaterialFile {
     TwoSided(TwoSidedFile),
     /// Two materials mixed by area.
     Blend(BlendFile),
-    /// A material under normals from an image.
+    /// A material with normals from an image.
     NormalMap(NormalMapFile),
-    /// A material under heights from an image.
+    /// A material with heights from an image.
     BumpMap(BumpMapFile),
-    /// A material that loses part of its polarization.
+    /// A material that depolarizes part of its light.
     PartialDepolarizer(PartialDepolarizerFile),
     /// Mirror under thin films.
     CoatedConductor(CoatedConductorFile),
-    /// Thin sheet that passes one linear polarization.
+    /// Thin sheet that transmits one polarization.
     Polarizer(PolarizerFile),
-    /// Thin sheet that delays one linear polarization: a wave plate.
+    /// Thin sheet that retards one linear polarization: a wave plate.
     Retarder(RetarderFile),
-    /// Thin plate of glass that light goes straight through.
+    /// Thin glass plate that transmits light without refraction.
     ThinDielectric(DielectricFile),
     /// Closed surface filled with a uniaxial crystal.
     Crystal(CrystalFile),
     /// A table of measured Mueller matrices.
     Measured(MeasuredFile),
-    /// Index-matched boundary of a medium: light does not notice it, and it counts as no interaction.
+    /// Index-matched boundary of a medium: it does not affect light and does not count as an interaction.
     Null(NullFile),
 }
 
-/// See [`MaterialFile::Null`].
+/// Index-matched boundary; it has no keys.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NullFile {}
 
-/// See [`MaterialFile::Diffuse`].
+/// Lambertian surface that depolarizes completely.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DiffuseFile {
-    /// 0..1: a number, one per wavelength, or an image.
+    /// Albedo, 0..1: a number, one per wavelength, or an image.
     pub albedo: Located<AlbedoFile>,
 }
 
-/// See [`MaterialFile::Conductor`].
+/// Smooth metal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConductorFile {
@@ -92,7 +92,7 @@ pub struct ConductorFile {
     pub n: Option<Located<SpectrumFile>>,
     /// Extinction coefficient k ≥ 0.
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor of all reflected light, 0..1: a number, one per wavelength, or an image.
+    /// Factor of the reflected light, 0..1: a number, one per wavelength, or an image. Default: 1.
     #[serde(
         default = "defaults::unit_albedo",
         skip_serializing_if = "defaults::is_unit_albedo"
@@ -100,7 +100,7 @@ pub struct ConductorFile {
     pub reflectance: Located<AlbedoFile>,
 }
 
-/// See [`MaterialFile::RoughConductor`].
+/// Metal with microfacets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoughConductorFile {
@@ -110,29 +110,31 @@ pub struct RoughConductorFile {
     pub n: Option<Located<SpectrumFile>>,
     /// Extinction coefficient k ≥ 0.
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor of all reflected light, 0..1: a number, one per wavelength, or an image.
+    /// Factor of the reflected light, 0..1: a number, one per wavelength, or an image. Default: 1.
     #[serde(
         default = "defaults::unit_albedo",
         skip_serializing_if = "defaults::is_unit_albedo"
     )]
     pub reflectance: Located<AlbedoFile>,
-    /// Roughness, 0.001..1: a number or an image.
+    /// Roughness α, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
-    /// Distribution of facet normals.
+    /// Distribution of facet normals. Default: `ggx`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub distribution: Distribution,
-    /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
+    /// Masking and shadowing: `correlated` (Heitz 2014, the default) or `separable` (Walter et al. 2007, as
+    /// in Mitsuba).
     #[serde(default, skip_serializing_if = "is_default")]
     pub masking: Masking,
 }
 
-/// See [`MaterialFile::Dielectric`].
+/// Smooth dielectric.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DielectricFile {
-    /// Refractive index inside: a number, one per wavelength (then it disperses), or a name of the optical constants.
+    /// Refractive index inside: a number, one per wavelength (dispersion), or a name of the optical
+    /// constants.
     pub ior: Located<IndexFile>,
-    /// Refractive index outside.
+    /// Refractive index outside. Default: 1.
     #[serde(
         default = "defaults::unit_index",
         skip_serializing_if = "defaults::is_unit_index"
@@ -140,39 +142,41 @@ pub struct DielectricFile {
     pub exterior_ior: Located<IndexFile>,
 }
 
-/// See [`MaterialFile::RoughDielectric`].
+/// Dielectric with microfacets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoughDielectricFile {
-    /// Refractive index inside: a number, one per wavelength (then it disperses), or a name of the optical constants.
+    /// Refractive index inside: a number, one per wavelength (dispersion), or a name of the optical
+    /// constants.
     pub ior: Located<IndexFile>,
-    /// Refractive index outside.
+    /// Refractive index outside. Default: 1.
     #[serde(
         default = "defaults::unit_index",
         skip_serializing_if = "defaults::is_unit_index"
     )]
     pub exterior_ior: Located<IndexFile>,
-    /// Roughness, 0.001..1: a number or an image.
+    /// Roughness α, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
-    /// Distribution of facet normals.
+    /// Distribution of facet normals. Default: `ggx`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub distribution: Distribution,
-    /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
+    /// Masking and shadowing: `correlated` (Heitz 2014, the default) or `separable` (Walter et al. 2007, as
+    /// in Mitsuba).
     #[serde(default, skip_serializing_if = "is_default")]
     pub masking: Masking,
 }
 
-/// See [`MaterialFile::TwoSided`].
+/// One material in front, another (or none) behind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwoSidedFile {
-    /// Name of the material on the side that the surface faces.
+    /// Name of the material on the front side, to which the normal points.
     pub front: Located<String>,
-    /// Name of the material on the other side; absent: black.
+    /// Name of the material on the back side. Default: black.
     pub back: Option<Located<String>>,
 }
 
-/// See [`MaterialFile::Blend`].
+/// Two materials mixed by area.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BlendFile {
@@ -180,58 +184,60 @@ pub struct BlendFile {
     pub a: Located<String>,
     /// Name of the second material.
     pub b: Located<String>,
-    /// Share of the second, 0..1: a number or an image.
+    /// Share of the second material, 0..1: a number or an image.
     pub weight: Located<ScalarFile>,
 }
 
-/// See [`MaterialFile::NormalMap`].
+/// A material with normals from an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NormalMapFile {
-    /// Name of the material.
+    /// Name of the material to perturb.
     pub material: Located<String>,
-    /// PNG or JPEG file of unit vectors (x right, y up, z out of the surface), each coordinate stored as (c + 1)/2.
+    /// Image file of unit vectors (x right, y up, z out of the surface), relative to the scene file. Each
+    /// coordinate c is stored as (c + 1)/2.
     pub image: Located<String>,
-    /// Multiplies x and y.
+    /// Factor of x and y, 0..10. Default: 1.
     #[serde(default = "defaults::unit", skip_serializing_if = "defaults::is_unit")]
     #[schemars(range(min = 0, max = 10))]
     pub strength: Located<f64>,
-    /// Where on the surface the image lies, as of other images; the vectors stay in the surface's own frame.
+    /// Map of texture coordinates, as for other images. The vectors stay in the surface's own tangent frame.
     pub uv: Option<UvRows>,
-    /// Beyond the image's edges.
+    /// Continuation beyond the image's edges. Default: `repeat`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub wrap: Wrap,
-    /// Between the image's texels.
+    /// Interpolation between texels. Default: `bilinear`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub filter: Filter,
-    /// Layer of an OpenEXR file, as of other images.
+    /// Layer of an OpenEXR file, as for other images.
     pub layer: Option<String>,
 }
 
-/// See [`MaterialFile::BumpMap`].
+/// A material with heights from an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BumpMapFile {
-    /// Name of the material.
+    /// Name of the material to perturb.
     pub material: Located<String>,
-    /// The image of numbers, bilinear.
+    /// Image of heights; it must be bilinear.
     pub image: Located<ImageAlbedo>,
-    /// How high the surface is where the image is 1, above where it is 0, metres. The shape stays; its normals turn.
+    /// Height in metres of the surface where the image is 1, above where it is 0. Only normals change, not
+    /// the shape. Default: 1.
     #[serde(default = "defaults::unit", skip_serializing_if = "defaults::is_unit")]
     pub height: Located<f64>,
 }
 
-/// See [`MaterialFile::PartialDepolarizer`].
+/// A material that depolarizes part of its light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PartialDepolarizerFile {
     /// Name of the material.
     pub material: Located<String>,
-    /// Share of its light that loses its polarization, 0..1: a number or an image.
+    /// Share of its light that is depolarized, 0..1: a number or an image.
     pub fraction: Located<ScalarFile>,
 }
 
-/// See [`MaterialFile::CoatedConductor`].
+/// Mirror under thin films.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CoatedConductorFile {
@@ -241,42 +247,42 @@ pub struct CoatedConductorFile {
     pub n: Option<Located<SpectrumFile>>,
     /// Extinction coefficient k ≥ 0 of the substrate.
     pub k: Option<Located<SpectrumFile>>,
-    /// Films from the outside in, at most 4.
+    /// Films from the outermost to the innermost, at most 4.
     pub films: Located<Vec<Located<FilmFile>>>,
 }
 
-/// One film of a [`CoatedConductorFile`].
+/// One film of a coated conductor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilmFile {
     /// Refractive index: a number, one per wavelength, or a name of the optical constants.
     pub ior: Located<IndexFile>,
-    /// Extinction coefficient k ≥ 0; 0 if absent. The optical constants have their own.
+    /// Extinction coefficient k ≥ 0. Default: 0, or the value of the named optical constants.
     pub k: Option<Located<SpectrumFile>>,
     /// Thickness in nanometres.
     #[schemars(range(min = 0, max = 100_000))]
     pub thickness_nm: Located<f64>,
 }
 
-/// See [`MaterialFile::Polarizer`].
+/// Thin sheet that transmits one polarization.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolarizerFile {
-    /// Transmitting axis: degrees from the surface's u direction, counter-clockwise seen from the side that the normal
-    /// points to; 0 if neither this nor `axis` is given.
+    /// Transmission axis in degrees from the surface's u direction, counter-clockwise as seen from the side
+    /// to which the normal points. Default: 0 if `axis` is absent too.
     pub angle_deg: Option<Located<f64>>,
-    /// Transmitting axis as a direction in the world, instead of angle_deg.
+    /// Transmission axis as a world direction, instead of angle_deg.
     pub axis: Option<Located<[f64; 3]>>,
-    /// A circular polarizer: `right` or `left`; `linear` if absent.
+    /// Transmitted polarization: `linear`, or `right` or `left` for a circular polarizer. Default: `linear`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub passes: Passes,
-    /// Share of the power of what passes that passes, 0..1.
+    /// Transmittance of power for the transmitted polarization, 0..1. Default: 1.
     #[serde(
         default = "defaults::unit_spectrum",
         skip_serializing_if = "defaults::is_unit_spectrum"
     )]
     pub transmittance: Located<SpectrumFile>,
-    /// Power that passes along the blocked axis, over that along the transmitting axis, 0..1.
+    /// Transmittance of the blocked polarization divided by that of the transmitted one, 0..1. Default: 0.
     #[serde(
         default = "defaults::zero_spectrum",
         skip_serializing_if = "defaults::is_zero_spectrum"
@@ -284,46 +290,46 @@ pub struct PolarizerFile {
     pub extinction: Located<SpectrumFile>,
 }
 
-/// See [`MaterialFile::Retarder`].
+/// Thin sheet that retards one linear polarization: a wave plate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RetarderFile {
     /// Retardance at normal incidence in degrees: a number or one per wavelength.
     pub retardance_deg: Option<Located<SpectrumFile>>,
-    /// Difference of optical paths at normal incidence in nanometres, instead of retardance_deg.
+    /// Optical path difference at normal incidence in nanometres, instead of retardance_deg.
     pub retardance_nm: Option<Located<SpectrumFile>>,
-    /// Fast axis: degrees from the surface's u direction, counter-clockwise seen from the side that the normal points
-    /// to; 0 if neither this nor `axis` is given.
+    /// Fast axis in degrees from the surface's u direction, counter-clockwise as seen from the side to which
+    /// the normal points. Default: 0 if `axis` is absent too.
     pub angle_deg: Option<Located<f64>>,
-    /// Fast axis as a direction in the world, instead of angle_deg.
+    /// Fast axis as a world direction, instead of angle_deg.
     pub axis: Option<Located<[f64; 3]>>,
-    /// Share of the power that passes, 0..1.
+    /// Transmittance of power, 0..1. Default: 1.
     #[serde(
         default = "defaults::unit_spectrum",
         skip_serializing_if = "defaults::is_unit_spectrum"
     )]
     pub transmittance: Located<SpectrumFile>,
-    /// How the retardance depends on incidence.
+    /// Dependence of the retardance on the angle of incidence. Default: `plate`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub tilt: TiltFile,
-    /// Mean refractive index of the plate, for tilt = "plate"; 1.55 if absent.
+    /// Mean refractive index of the plate, for tilt = "plate". Default: 1.55.
     pub ior: Option<Located<f64>>,
 }
 
-/// How a retarder's retardance depends on incidence.
+/// Dependence of a retarder's retardance on the angle of incidence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TiltFile {
     /// As a zero-order plate of a positive uniaxial crystal.
     #[default]
     Plate,
-    /// Not at all.
+    /// Independent of the angle.
     Constant,
-    /// In proportion to the cosine of incidence, as Mitsuba 3.
+    /// Proportional to the cosine of the angle of incidence, as in Mitsuba 3.
     Cosine,
 }
 
-/// See [`MaterialFile::Crystal`].
+/// Closed surface filled with a uniaxial crystal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CrystalFile {
@@ -333,39 +339,40 @@ pub struct CrystalFile {
     pub n_o: Option<Located<SpectrumFile>>,
     /// Extraordinary refractive index.
     pub n_e: Option<Located<SpectrumFile>>,
-    /// Optic axis: a direction in the world.
+    /// Optic axis as a world direction.
     pub axis: Located<[f64; 3]>,
-    /// Refractive index outside.
+    /// Refractive index outside. Default: 1.
     #[serde(
         default = "defaults::unit_index",
         skip_serializing_if = "defaults::is_unit_index"
     )]
     pub exterior_ior: Located<IndexFile>,
-    /// Full width at half maximum of the light's spectral line in nanometres, which a thick crystal depolarizes.
+    /// Full width at half maximum of the light's spectral line in nanometres. A thick crystal depolarizes
+    /// such light. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(range(min = 0, max = 1000))]
     pub bandwidth_nm: Located<f64>,
-    /// True: the ordinary and the extraordinary ray part ways, incoherently, and make double images. False: they stay
-    /// together, and the crystal retards.
+    /// Whether the ordinary and the extraordinary ray separate, incoherently, into double images. If false,
+    /// they stay together and the crystal acts as a retarder. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub split: Located<bool>,
-    /// Roughness α of the faces (GGX, as `alpha` of rough glass), 0.001..1: a number or an image. Smooth without. Not with `split`.
+    /// Roughness α of the faces (GGX), 0.001..1: a number or an image. Not with `split`. Default: smooth.
     pub roughness: Option<Located<ScalarFile>>,
 }
 
-/// See [`MaterialFile::Measured`].
+/// A table of measured Mueller matrices.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeasuredFile {
-    /// `.pbsdf` file in the layout of the KAIST pBRDF set.
+    /// `.pbsdf` file in the layout of the KAIST pBRDF data set.
     pub file: Located<String>,
-    /// Takes evenly spaced angles where the file's axes are empty, as in downsampled files.
+    /// Use evenly spaced angles where the file's axes are empty, as in downsampled files. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub even_axes: bool,
 }
 
 impl MaterialFile {
-    /// A depolarizing Lambert surface of an albedo: a number, one per wavelength, or an image.
+    /// Creates a depolarizing Lambertian surface from its albedo: a number, one per wavelength, or an image.
     #[must_use]
     pub fn diffuse(albedo: impl Into<AlbedoFile>) -> Self {
         Self::Diffuse(DiffuseFile {
@@ -373,7 +380,7 @@ impl MaterialFile {
         })
     }
 
-    /// A smooth metal of the optical constants, such as `Au`.
+    /// Creates a smooth metal from its name in the optical constants, such as `Au`.
     #[must_use]
     pub fn metal(name: impl Into<String>) -> Self {
         Self::Conductor(ConductorFile {
@@ -384,7 +391,8 @@ impl MaterialFile {
         })
     }
 
-    /// A metal of the optical constants with GGX microfacets of a roughness in 0.001..1: a number or an image.
+    /// Creates a metal of the optical constants with GGX microfacets of roughness 0.001..1: a number or an
+    /// image.
     #[must_use]
     pub fn rough_metal(name: impl Into<String>, alpha: impl Into<ScalarFile>) -> Self {
         Self::RoughConductor(RoughConductorFile {
@@ -398,7 +406,8 @@ impl MaterialFile {
         })
     }
 
-    /// Smooth glass in vacuum of a refractive index: a number, one per wavelength, or a name such as `N-BK7`.
+    /// Creates smooth glass in vacuum from its refractive index: a number, one per wavelength, or a name such
+    /// as `N-BK7`.
     #[must_use]
     pub fn dielectric(ior: impl Into<IndexFile>) -> Self {
         Self::Dielectric(DielectricFile {
@@ -407,7 +416,7 @@ impl MaterialFile {
         })
     }
 
-    /// A rough dielectric coat over a depolarizing base: albedo, refractive index, roughness.
+    /// Creates a rough dielectric coat over a depolarizing base.
     #[must_use]
     pub fn plastic(
         albedo: impl Into<AlbedoFile>,
@@ -428,7 +437,7 @@ impl MaterialFile {
         }))
     }
 
-    /// An ideal polarizer sheet whose transmitting axis stands at an angle in degrees from the surface's u direction.
+    /// Creates an ideal polarizer whose transmission axis is `angle_deg` from the surface's u direction.
     #[must_use]
     pub fn polarizer(angle_deg: f64) -> Self {
         Self::Polarizer(PolarizerFile {
@@ -440,7 +449,7 @@ impl MaterialFile {
         })
     }
 
-    /// One material in front, another (or none: black) behind, by name.
+    /// Creates a material with one named material in front and another (or none: black) behind.
     #[must_use]
     pub fn two_sided(front: impl Into<String>, back: Option<&str>) -> Self {
         Self::TwoSided(TwoSidedFile {
@@ -449,7 +458,7 @@ impl MaterialFile {
         })
     }
 
-    /// A table of measured Mueller matrices: a `.pbsdf` file.
+    /// Creates a material from a table of measured Mueller matrices: a `.pbsdf` file.
     #[must_use]
     pub fn measured(file: impl Into<String>) -> Self {
         Self::Measured(MeasuredFile {

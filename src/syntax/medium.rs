@@ -1,4 +1,4 @@
-//! The syntax of participating media, in scene files and in files of their own.
+//! The syntax of participating media, in scene files and in media files.
 
 use super::defaults::{self, is_default};
 use super::transform::TransformFile;
@@ -8,12 +8,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A file of media alone: what `sunstone phase eval` reads.
+/// A media file, as `sunstone phase eval` reads it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Sunstone media")]
 pub struct MediumSetFile {
-    /// Vacuum wavelengths in nanometres, 1 to 4, rising.
+    /// One to four vacuum wavelengths in nanometres, increasing. Default: 450, 550, 660.
     #[serde(
         default = "defaults::wavelengths",
         skip_serializing_if = "defaults::is_wavelengths"
@@ -27,13 +27,13 @@ pub struct MediumSetFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum MediumFile {
-    /// Coefficients and a phase function as given.
+    /// Constant coefficients and a phase function.
     Homogeneous(Box<HomogeneousFile>),
-    /// The same, with a density that a grid gives from place to place.
+    /// Coefficients scaled by a density grid, and a phase function.
     Heterogeneous(Box<HeterogeneousFile>),
-    /// Spheres in a host: everything by Lorenz–Mie theory.
+    /// Spheres in a host medium, by Lorenz–Mie theory.
     Particles(ParticlesFile),
-    /// Milk, or milk in water.
+    /// Milk, or milk diluted with water.
     Milk(MilkFile),
     /// Polystyrene spheres in water.
     Polystyrene(PolystyreneFile),
@@ -43,90 +43,93 @@ pub enum MediumFile {
     Skin(SkinFile),
 }
 
-/// See [`MediumFile::Homogeneous`].
+/// A medium with constant coefficients.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomogeneousFile {
-    /// Absorption coefficient, 1/m.
+    /// Absorption coefficient, 1/m. Default: 0.
     #[serde(
         default = "defaults::zero_spectrum",
         skip_serializing_if = "defaults::is_zero_spectrum"
     )]
     pub absorption: Located<SpectrumFile>,
-    /// Scattering coefficient, 1/m.
+    /// Scattering coefficient, 1/m. Default: 0.
     #[serde(
         default = "defaults::zero_spectrum",
         skip_serializing_if = "defaults::is_zero_spectrum"
     )]
     pub scattering: Located<SpectrumFile>,
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants.
+    /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
     #[serde(
         default = "defaults::unit_index",
         skip_serializing_if = "defaults::is_unit_index"
     )]
     pub index: Located<IndexFile>,
-    /// How it scatters.
+    /// Phase function. Default: `isotropic`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub phase: PhaseFile,
 }
 
-/// See [`MediumFile::Heterogeneous`]. Absorption, scattering, index and phase are as of [`HomogeneousFile`].
+/// A medium whose coefficients are scaled by a density grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeterogeneousFile {
-    /// 1/m where the density is 1.
+    /// Absorption coefficient in 1/m where the density is 1. Default: 0.
     #[serde(
         default = "defaults::zero_spectrum",
         skip_serializing_if = "defaults::is_zero_spectrum"
     )]
     pub absorption: Located<SpectrumFile>,
-    /// 1/m where the density is 1.
+    /// Scattering coefficient in 1/m where the density is 1. Default: 0.
     #[serde(
         default = "defaults::zero_spectrum",
         skip_serializing_if = "defaults::is_zero_spectrum"
     )]
     pub scattering: Located<SpectrumFile>,
-    /// Refractive index.
+    /// Refractive index: a number, one per wavelength, or a name of the optical constants. Default: 1.
     #[serde(
         default = "defaults::unit_index",
         skip_serializing_if = "defaults::is_unit_index"
     )]
     pub index: Located<IndexFile>,
-    /// How it scatters.
+    /// Phase function. Default: `isotropic`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub phase: PhaseFile,
-    /// Multiplies both coefficients; outside of its box there is no medium.
+    /// Density, a factor of both coefficients. There is no medium outside its box.
     pub density: Located<GridFile>,
-    /// The share of `scattering`, 0..1, that scatters: the rest absorbs. Outside of its box it is as at its faces.
+    /// Fraction of `scattering`, 0..1, that scatters; the rest absorbs. Outside its box, values at the faces
+    /// apply. Default: 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub albedo: Option<Located<GridFile>>,
 }
 
-/// Numbers on a grid: one at each point, or three for wavelengths above 590 nm, from 500 to 590 nm, and below.
+/// Numbers on a grid: one per point, or three for wavelengths above 590 nm, from 500 to 590 nm, and below 500
+/// nm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GridFile {
-    /// A grid of Mitsuba (`.vol`), relative to the scene file.
+    /// Mitsuba grid file (`.vol`), relative to the scene file.
     pub file: Located<String>,
-    /// Least and greatest corner of the box that it fills, metres; absent: as the file says. Points lie half a step inside.
+    /// Lowest and highest corner of the grid's box in metres. Grid points are half a step inside the box.
+    /// Default: the box in the file.
     #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
     pub corners: Option<[[f64; 3]; 2]>,
-    /// Moves, turns and scales the box.
+    /// Scale, rotation and translation of the box.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<Located<TransformFile>>,
-    /// What lies between points.
+    /// Interpolation between grid points. Default: `trilinear`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub filter: GridFilter,
 }
 
-/// See [`GridFile::filter`].
+/// Interpolation between grid points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GridFilter {
-    /// Mixed from the eight nearest.
+    /// Trilinear interpolation of the eight nearest points.
     #[default]
     Trilinear,
-    /// The nearest point alone.
+    /// Value of the nearest point.
     Nearest,
 }
 
@@ -134,63 +137,66 @@ pub enum GridFilter {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PhaseFile {
-    /// Equally in all directions, depolarizing.
+    /// Equal scattering in all directions; depolarizes completely.
     #[default]
     Isotropic,
-    /// As particles much smaller than the wavelength.
+    /// Particles much smaller than the wavelength.
     Rayleigh(RayleighFile),
-    /// Henyey & Greenstein's, depolarizing unless it says otherwise.
+    /// Henyey–Greenstein phase function; depolarizes completely by default.
     HenyeyGreenstein(HenyeyGreensteinFile),
-    /// As spheres (Lorenz–Mie) in a host of the medium's index; their amounts count relative to each other.
+    /// Spheres (Lorenz–Mie theory) in a host with the medium's index. Only the ratios of their amounts
+    /// matter.
     Mie(MieFile),
 }
 
-/// See [`PhaseFile::Rayleigh`].
+/// Rayleigh scattering by particles much smaller than the wavelength.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RayleighFile {
-    /// Depolarization factor, 0..0.5: parallel over perpendicular light at 90° from unpolarized light; air: 0.028.
+    /// Depolarization factor, 0..0.5: parallel over perpendicular intensity at 90° for unpolarized light;
+    /// 0.028 for air. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(range(min = 0.0, max = 0.5))]
     pub depolarization: Located<f64>,
 }
 
-/// See [`PhaseFile::HenyeyGreenstein`].
+/// Henyey–Greenstein phase function.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HenyeyGreensteinFile {
     /// Mean cosine of the scattering angle, -0.999..0.999.
     pub g: Located<SpectrumFile>,
-    /// Share of a dipole's linear polarization, 0..(1 + circular)/2.
+    /// Linear polarization relative to a dipole's, 0..(1 + circular)/2. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub linear: Located<f64>,
-    /// Share of a dipole's circular polarization, 0..1.
+    /// Circular polarization relative to a dipole's, 0..1. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(range(min = 0, max = 1))]
     pub circular: Located<f64>,
 }
 
-/// See [`PhaseFile::Mie`].
+/// Lorenz–Mie scattering by spheres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MieFile {
-    /// Kinds of particle.
+    /// Kinds of particles.
     pub kinds: Located<Vec<Located<KindFile>>>,
 }
 
-/// See [`MediumFile::Particles`].
+/// Spheres in a host medium, by Lorenz–Mie theory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParticlesFile {
     /// Refractive index of the host: a number, one per wavelength, or a name of the optical constants.
+    /// Default: 1.
     #[serde(
         default = "defaults::unit_index",
         skip_serializing_if = "defaults::is_unit_index"
     )]
     pub host: Located<IndexFile>,
-    /// Absorption coefficient of the host, 1/m; absent: water's for `host = "water"`, else 0.
+    /// Absorption coefficient of the host, 1/m. Default: water's for `host = "water"`, otherwise 0.
     pub host_absorption: Option<Located<SpectrumFile>>,
-    /// Kinds of particle.
+    /// Kinds of particles.
     pub kinds: Located<Vec<Located<KindFile>>>,
 }
 
@@ -198,49 +204,49 @@ pub struct ParticlesFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KindFile {
-    /// Refractive index: a number, one per wavelength, or a name of the optical constants (which has its own k).
+    /// Refractive index: a number, one per wavelength, or a name of the optical constants, which include k.
     pub index: Located<IndexFile>,
-    /// Extinction coefficient k ≥ 0; 0 if absent.
+    /// Extinction coefficient k ≥ 0. Default: 0.
     pub k: Option<Located<SpectrumFile>>,
-    /// Their radii.
+    /// Distribution of radii.
     pub sizes: Located<SizesFile>,
-    /// How many there are.
+    /// Amount of particles.
     pub amount: Located<AmountFile>,
 }
 
-/// Radii of particles, by number.
+/// Number distribution of particle radii.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SizesFile {
-    /// All alike.
+    /// One radius.
     Single(SingleFile),
-    /// Log-normal.
+    /// Log-normal distribution.
     LogNormal(LogNormalFile),
-    /// Hansen's (1971) gamma distribution.
+    /// Gamma distribution (Hansen 1971).
     Gamma(GammaFile),
-    /// Radii with weights.
+    /// List of radii with weights.
     List(SizeListFile),
 }
 
-/// See [`SizesFile::Single`].
+/// Particles of one radius.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SingleFile {
-    /// Nanometres.
+    /// Radius in nanometres.
     pub radius_nm: f64,
 }
 
-/// See [`SizesFile::LogNormal`].
+/// Log-normal distribution of radii.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LogNormalFile {
     /// Median radius in nanometres.
     pub median_nm: f64,
-    /// Standard deviation of the radius' natural logarithm, 0.001..2.
+    /// Standard deviation of the natural logarithm of the radius, 0.001..2.
     pub sigma: f64,
 }
 
-/// See [`SizesFile::Gamma`].
+/// Gamma distribution of radii (Hansen 1971).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GammaFile {
@@ -250,55 +256,55 @@ pub struct GammaFile {
     pub effective_variance: f64,
 }
 
-/// See [`SizesFile::List`].
+/// List of radii with weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SizeListFile {
-    /// Nanometres.
+    /// Radii in nanometres.
     pub radius_nm: Vec<f64>,
-    /// Relative number of particles of each.
+    /// Relative number of particles of each radius.
     pub weight: Vec<f64>,
 }
 
-/// How many particles there are.
+/// Amount of particles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum AmountFile {
-    /// Share of the volume that they fill, 0..1.
+    /// Fraction of the volume that the particles occupy, 0..1.
     VolumeFraction(f64),
-    /// Particles per cubic metre.
+    /// Number of particles per cubic metre.
     PerM3(f64),
-    /// By mass.
+    /// Amount by mass.
     Mass(MassFile),
 }
 
-/// See [`AmountFile::Mass`].
+/// Amount of particles by mass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MassFile {
-    /// Grams of particles in a litre of medium.
+    /// Grams of particles per litre of medium.
     pub grams_per_litre: f64,
     /// Density of the particles, kg/m³.
     pub density: f64,
 }
 
-/// See [`MediumFile::Milk`]; whole milk 3.5 % fat, reduced-fat 1.5 %, skimmed 0.1 %.
+/// Milk, or milk diluted with water. Fat: whole milk 3.5 %, reduced-fat milk 1.5 %, skimmed milk 0.1 %.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MilkFile {
-    /// Percentage by weight of fat, 0..20.
+    /// Fat in percent by weight, 0..20. Default: 3.5.
     #[serde(skip_serializing_if = "defaults::is_fat_percent")]
     #[schemars(range(min = 0, max = 20))]
     pub fat_percent: Located<f64>,
-    /// Percentage by weight of protein, 0..20.
+    /// Protein in percent by weight, 0..20. Default: 3.4.
     #[serde(skip_serializing_if = "defaults::is_protein_percent")]
     #[schemars(range(min = 0, max = 20))]
     pub protein_percent: Located<f64>,
-    /// Pressure at which it was homogenized, MPa, 0..100; 0: not at all.
+    /// Homogenization pressure in MPa, 0..100; 0 for milk that is not homogenized. Default: 20.
     #[serde(skip_serializing_if = "defaults::is_homogenization_mpa")]
     #[schemars(range(min = 0, max = 100))]
     pub homogenization_mpa: Located<f64>,
-    /// Share of milk in a mixture with water, by volume, 0..1.
+    /// Volume fraction of milk in a mixture with water, 0..1. Default: 1.
     #[serde(skip_serializing_if = "defaults::is_unit")]
     #[schemars(range(min = 0, max = 1))]
     pub concentration: Located<f64>,
@@ -315,35 +321,36 @@ impl Default for MilkFile {
     }
 }
 
-/// See [`MediumFile::Polystyrene`].
+/// Polystyrene spheres in water.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolystyreneFile {
     /// Mean diameter in nanometres.
     #[schemars(range(min = 1, max = 100_000))]
     pub diameter_nm: Located<f64>,
-    /// Standard deviation of the diameter over its mean, 0..1.
+    /// Standard deviation of the diameter divided by its mean, 0..1. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(range(min = 0, max = 1))]
     pub spread: Located<f64>,
-    /// How much of it.
+    /// Amount of particles.
     pub amount: Located<AmountFile>,
 }
 
-/// See [`MediumFile::Marble`].
+/// Marble as measured by Jensen et al. (2001).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MarbleFile {
-    /// Mean cosine of the scattering angle, -0.999..0.999, which the reduced scattering leaves open.
+    /// Mean cosine of the scattering angle, -0.999..0.999, which the measured reduced scattering does not
+    /// determine. Default: 0.
     #[serde(skip_serializing_if = "is_default")]
     pub g: Located<f64>,
 }
 
-/// See [`MediumFile::Skin`].
+/// Skin as measured by Jensen et al. (2001).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SkinFile {
-    /// Mean cosine of the scattering angle, -0.999..0.999; van Gemert et al. (1989) found about 0.8.
+    /// Mean cosine of the scattering angle, -0.999..0.999. Default: 0.8 (van Gemert et al. 1989).
     #[serde(skip_serializing_if = "defaults::is_skin_g")]
     pub g: Located<f64>,
 }
@@ -357,7 +364,7 @@ impl Default for SkinFile {
 }
 
 impl MediumFile {
-    /// An index-matched medium of absorption and scattering coefficients in 1/m, which scatters as `phase` says.
+    /// Creates an index-matched medium with absorption and scattering coefficients in 1/m.
     #[must_use]
     pub fn homogeneous(
         absorption: impl Into<SpectrumFile>,

@@ -1,9 +1,9 @@
-//! Paths in a TOML document: keys with dots between them; in lists a name, or a number from 0.
+//! Paths in a TOML document: dotted keys; list elements are addressed by name, or by index from 0.
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Keys of a path as TOML writes them.
+/// Splits a path, in TOML's notation, into its keys. Returns `None` if it is not a path.
 pub(crate) fn keys(path: &str) -> Option<Vec<String>> {
     let line = format!("{path} = 0");
     let table = DeTable::parse(&line).ok()?.into_inner();
@@ -20,11 +20,11 @@ pub(crate) fn keys(path: &str) -> Option<Vec<String>> {
         keys.push(key.into_inner().into_owned());
         here = value.into_inner();
     }
-    // Nothing but the keys stood there.
+    // Refuse a path that contains anything but keys, such as a comment or a value.
     (here.as_integer().is_some_and(|n| n.as_str() == "0") && end == path.trim_end().len()).then_some(keys)
 }
 
-/// The value at a path; what is known where it ends, if there is none.
+/// Returns the value at a path. If there is none, returns a list of the keys that exist where the path ends.
 pub(crate) fn find<'t, 'i>(
     document: &'t mut DeTable<'i>,
     keys: &[String],
@@ -46,7 +46,7 @@ pub(crate) fn find<'t, 'i>(
     Ok(here)
 }
 
-/// [`find`] to read.
+/// [`find`] without mutable access.
 pub(crate) fn find_in<'t, 'i>(
     document: &'t DeTable<'i>,
     keys: &[String],
@@ -60,7 +60,7 @@ pub(crate) fn find_in<'t, 'i>(
         })
 }
 
-/// Where in a list something is: by its name, else by its number.
+/// Returns the index of a list element by its name, otherwise by its number.
 fn position(list: &[Spanned<DeValue>], key: &str) -> Option<usize> {
     let named = |v: &Spanned<DeValue>| {
         let name = v.get_ref().as_table().and_then(|t| t.get("name"));
@@ -71,7 +71,7 @@ fn position(list: &[Spanned<DeValue>], key: &str) -> Option<usize> {
         .or_else(|| key.parse().ok().filter(|i| *i < list.len()))
 }
 
-/// What keys there are, as a fix.
+/// Lists the existing keys, at most 12, as a fix for an error message.
 fn known<'k>(keys: impl Iterator<Item = &'k str>) -> String {
     let mut all: Vec<&str> = keys.collect();
     let more = all.len().saturating_sub(12);

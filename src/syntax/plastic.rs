@@ -8,7 +8,7 @@ use optics::sampling::microfacet::{Distribution, Masking};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// See [`MaterialFile::Plastic`](super::material::MaterialFile::Plastic).
+/// Rough dielectric coat over a depolarizing base.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlasticFile {
@@ -16,58 +16,62 @@ pub struct PlasticFile {
     pub albedo: Located<AlbedoFile>,
     /// Refractive index of the coat: a number, one per wavelength, or a name of the optical constants.
     pub ior: Located<IndexFile>,
-    /// Refractive index outside.
+    /// Refractive index outside. Default: 1.
     #[serde(
         default = "defaults::unit_index",
         skip_serializing_if = "defaults::is_unit_index"
     )]
     pub exterior_ior: Located<IndexFile>,
-    /// Factor of the surface reflection, 0..1: a number or one per wavelength.
+    /// Factor of the surface reflection, 0..1: a number or one per wavelength. Default: 1.
     #[serde(
         default = "defaults::unit_spectrum",
         skip_serializing_if = "defaults::is_unit_spectrum"
     )]
     pub specular: Located<SpectrumFile>,
-    /// A coloured lobe of light scattered once below the surface (Hwang et al. 2022).
+    /// A coloured lobe of light scattered once below the surface (Hwang et al. 2022). Default: none.
     pub single_scatter: Option<SingleScatterFile>,
-    /// What becomes of light that the coat reflects back into the base.
+    /// Treatment of light that the coat reflects back into the base: `false` (the default), `true` or
+    /// `"linear"`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub interreflection: InterreflectionFile,
-    /// What light passes on its way into the base and out.
+    /// Surface that light crosses on its way into and out of the base. Default: `smooth`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub passage: PassageFile,
-    /// Roughness, 0.001..1: a number or an image.
+    /// Roughness α, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
-    /// Distribution of facet normals.
+    /// Distribution of facet normals. Default: `ggx`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub distribution: Distribution,
-    /// Masking and shadowing: `correlated` (Heitz 2014) or `separable` (Walter et al. 2007, as in Mitsuba).
+    /// Masking and shadowing: `correlated` (Heitz 2014, the default) or `separable` (Walter et al. 2007, as
+    /// in Mitsuba).
     #[serde(default, skip_serializing_if = "is_default")]
     pub masking: Masking,
 }
 
-/// See [`PlasticFile::passage`].
+/// Surface that light crosses on its way into and out of the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PassageFile {
-    /// The smooth mean surface (Baek et al. 2018, Mitsuba's `pplastic` and `plastic`).
+    /// The smooth mean surface (Baek et al. 2018; Mitsuba's `pplastic` and `plastic`).
     #[default]
     Smooth,
     /// The facets: all light that they do not reflect enters the base.
     Facets,
-    /// One facet, as in Mitsuba's `roughplastic`: light that meets a second one is lost.
+    /// One facet, as in Mitsuba's `roughplastic`: light that meets a second facet is lost.
     SingleFacet,
 }
 
-/// See [`PlasticFile::interreflection`]: `false`, `true` or `"linear"`.
+/// Treatment of light that the coat reflects back into the base: `false`, `true` or `"linear"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum InterreflectionFile {
-    /// `false`: it is lost (Baek et al. 2018, Mitsuba's `pplastic`).
+    /// `false`: the light is lost (Baek et al. 2018; Mitsuba's `pplastic`).
     #[default]
     Lost,
-    /// `true`: it meets the base again, which deepens colours (Mitsuba's `plastic` with `nonlinear`).
+    /// `true`: the light meets the base again, which saturates colours (Mitsuba's `plastic` with
+    /// `nonlinear`).
     Coloured,
-    /// `"linear"`: it returns as from a white base, so that the base's light is proportional to `albedo` (Mitsuba's `plastic`).
+    /// `"linear"`: the light returns as from a white base, so the base's light is proportional to `albedo`
+    /// (Mitsuba's `plastic`).
     Linear,
 }
 
@@ -116,12 +120,12 @@ impl JsonSchema for InterreflectionFile {
     }
 }
 
-/// See [`PlasticFile::single_scatter`].
+/// A coloured lobe of light scattered once below the surface (Hwang et al. 2022).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SingleScatterFile {
     /// Factor of the lobe, 0..1: a number, one per wavelength, or an image.
     pub albedo: Located<AlbedoFile>,
-    /// Roughness, 0.001..1: a number or an image.
+    /// Roughness α, 0.001..1: a number or an image.
     pub alpha: Located<ScalarFile>,
 }

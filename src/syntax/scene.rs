@@ -1,4 +1,5 @@
-//! The syntax of a scene file (TOML). Unknown keys are errors; every value that can be wrong in meaning is [`Located`].
+//! The syntax of a scene file (TOML). Unknown keys are errors. Every value that needs further checks is
+//! [`Located`].
 
 use super::defaults::{self, is_default};
 use super::device::{EmitterFile, PinholeFile, ProjectorFile};
@@ -14,27 +15,27 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use transport::scene::Integrator;
 
-/// A whole scene file.
+/// A scene file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Sunstone scene")]
 pub struct SceneFile {
-    /// Short name; absent: the folder's (or the file's) name.
+    /// Short name. Default: the name of the folder or the file.
     pub name: Option<String>,
-    /// Vacuum wavelengths in nanometres, 1 to 4, rising.
+    /// One to four vacuum wavelengths in nanometres, increasing. Default: 450, 550, 660.
     #[serde(
         default = "defaults::wavelengths",
         skip_serializing_if = "defaults::is_wavelengths"
     )]
     pub wavelengths_nm: Located<Vec<f64>>,
-    /// How to render.
+    /// Render settings.
     #[serde(default, skip_serializing_if = "is_default")]
     pub render: RenderFile,
     /// The camera.
     pub camera: Located<PinholeFile>,
     /// The projector.
     pub projector: Option<Located<ProjectorFile>>,
-    /// Further emitters, for tests and cross-checks.
+    /// Additional emitters.
     #[serde(default, skip_serializing_if = "is_default")]
     pub emitters: Vec<Located<EmitterFile>>,
     /// Materials by name.
@@ -43,73 +44,76 @@ pub struct SceneFile {
     /// Participating media by name.
     #[serde(default, skip_serializing_if = "is_default")]
     pub media: BTreeMap<String, Located<MediumFile>>,
-    /// What there is to see.
+    /// Objects of the scene.
     #[serde(default, skip_serializing_if = "is_default")]
     pub objects: Vec<Located<ObjectFile>>,
-    /// Groups of objects by name, which are in memory once however many copies there are.
+    /// Groups of objects by name. A group is stored in memory once, for any number of instances.
     #[serde(default, skip_serializing_if = "is_default")]
     pub groups: BTreeMap<String, Located<GroupFile>>,
-    /// Copies of groups.
+    /// Instances of groups.
     #[serde(default, skip_serializing_if = "is_default")]
     pub instances: Vec<Located<InstanceFile>>,
-    /// What to keep of T(s, s', p, p', t).
+    /// Slices of T(s, s', p, p', t) to keep.
     #[serde(default, skip_serializing_if = "is_default")]
     pub slices: Vec<Located<SliceFile>>,
-    /// Pictures drawn at the end of a render: their syntax is that of `figure::spec::Figure`, which reads them.
+    /// Figures drawn after a render. docs/figures.md describes their keys, which `figure::spec::Figure`
+    /// parses.
     #[serde(default, skip_serializing_if = "is_default")]
     #[schemars(with = "Vec<BTreeMap<String, String>>")]
     pub figures: Vec<toml::Table>,
-    /// Parameters by name, of which the scene's variants have other values: [`crate::variant`].
+    /// Parameters by name that differ between the scene's variants.
     #[serde(default, skip_serializing_if = "is_default")]
     pub vary: BTreeMap<String, Located<ParameterFile>>,
 }
 
-/// How to render.
+/// Render settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderFile {
-    /// Samples per camera pixel.
+    /// Samples per camera pixel. Default: 64.
     #[serde(skip_serializing_if = "defaults::is_spp")]
     #[schemars(range(min = 1, max = 1_073_741_824))]
     pub spp: Located<u32>,
-    /// Least number of groups of these that are independent, and that standard errors are estimated from; inside of a group they
-    /// are stratified, so that the fewer groups, the less noise.
+    /// Minimum number of independent groups of samples, from which standard errors are estimated. Samples are
+    /// stratified within a group, so fewer groups give less noise. Default: 32.
     #[serde(skip_serializing_if = "defaults::is_replicates")]
     #[schemars(range(min = 1, max = 1_073_741_824))]
     pub replicates: Located<u32>,
-    /// Longest path as Mitsuba counts it: 2 is direct light alone, n allows n - 1 surface interactions.
+    /// Maximum path length as Mitsuba counts it: 2 is direct light only; n allows n - 1 surface interactions.
+    /// Default: 6.
     #[serde(skip_serializing_if = "defaults::is_max_depth")]
     #[schemars(range(min = 1, max = 1024))]
     pub max_depth: Located<u32>,
-    /// Surface interactions before Russian roulette sets in.
+    /// Number of surface interactions before Russian roulette starts. Default: 5.
     #[serde(skip_serializing_if = "defaults::is_rr_depth")]
     pub rr_depth: u32,
-    /// Which paths are traced; absent: what the scene needs.
+    /// Kind of paths to trace. Default: `auto`, which chooses by the scene.
     #[serde(skip_serializing_if = "is_default")]
     pub integrator: Integrator,
-    /// Look for emitters through smooth interfaces that bend light, such as glass and water; absent: unless `integrator` is
-    /// `path`.
+    /// Connect to emitters through smooth refractive interfaces such as glass and water. Default: true unless
+    /// `integrator` is `path`.
     pub manifold: Option<bool>,
-    /// What becomes of scenes in which surfaces touch, or are nearer together than single precision tells.
+    /// Treatment of surfaces that touch or are too close for single precision. Default: `refuse`.
     #[serde(skip_serializing_if = "is_default")]
     pub gaps: GapsFile,
-    /// Key of the random streams.
+    /// Seed of the random streams. Default: 0.
     #[serde(skip_serializing_if = "is_default")]
     pub seed: u64,
-    /// Edge of a tile in camera pixels.
+    /// Edge length of a tile in camera pixels. Default: 32.
     #[serde(skip_serializing_if = "defaults::is_tile")]
     #[schemars(range(min = 1, max = 512))]
     pub tile: Located<u32>,
 }
 
-/// What becomes of scenes in which light is lost in gaps, where no surface can be moved to close or open them.
+/// Treatment of scenes that lose light in gaps between surfaces, where no surface can be moved to close or
+/// widen the gap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GapsFile {
-    /// They are refused.
+    /// Refuse the scene.
     #[default]
     Refuse,
-    /// They are rendered without the light that is lost, and a note names the gap.
+    /// Render the scene without the lost light, and add a note that names the gap.
     Warn,
 }
 
@@ -130,7 +134,7 @@ impl Default for RenderFile {
 }
 
 impl SceneFile {
-    /// A scene with this camera and nothing else in it; every key that a file may leave out has its default.
+    /// Creates a scene with this camera and nothing else. Optional keys have their defaults.
     #[must_use]
     pub fn new(camera: PinholeFile) -> Self {
         Self {
@@ -151,10 +155,10 @@ impl SceneFile {
         }
     }
 
-    /// The text of the scene file that says this, without keys that have their defaults.
+    /// Returns the text of the scene file, without keys that have their default.
     ///
     /// # Errors
-    /// If a whole number is larger than TOML can hold (2^63 - 1).
+    /// An integer is larger than TOML allows (2^63 - 1).
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }

@@ -1,4 +1,4 @@
-//! The syntax of objects: shapes with their material and place.
+//! The syntax of objects: shapes with material and transform.
 
 use super::defaults::{self, is_default};
 use super::emitter::EmissionFile;
@@ -8,32 +8,32 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A shape with its material and place.
+/// A shape with material and transform.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectFile {
-    /// For people and messages.
+    /// Name used in messages and paths.
     pub name: Option<String>,
     /// The shape, in its own coordinates.
     pub shape: Located<ShapeFile>,
-    /// Name of its material.
+    /// Name of the material.
     pub material: Located<String>,
-    /// Materials for single parts of a file, by the name that the file gives the part's material.
+    /// Materials for individual parts of a mesh file, by the name of the part's material in that file.
     #[serde(default, skip_serializing_if = "is_default")]
     pub part_materials: BTreeMap<String, Located<String>>,
-    /// Name of the medium that fills it: then it must be closed, with normals outward.
+    /// Name of the medium that fills the object. The object must then be closed, with normals outward.
     pub interior: Option<Located<String>>,
-    /// Where objects with an interior overlap, the one of highest priority fills the space, and light does not notice the
-    /// others' boundaries there.
+    /// Priority where objects with an interior overlap: the object with the highest priority fills the space,
+    /// and boundaries of the others have no effect there. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub priority: i32,
-    /// Exchanges front and back: normals point the other way, light shines from the other side, and glass is filled outside.
-    /// Not for objects with an interior.
+    /// Exchange front and back: normals are reversed, light is emitted from the other side, and glass fills
+    /// the outside. Not for objects with an interior. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flip_normals: bool,
     /// Scale, then rotate, then translate.
     pub transform: Option<Located<TransformFile>>,
-    /// How it shines, if it does.
+    /// Emission of the surface. Default: none.
     pub emission: Option<Located<EmissionFile>>,
 }
 
@@ -47,7 +47,7 @@ pub enum ShapeFile {
     Gltf(MeshFile),
     /// Stanford PLY file.
     Ply(MeshFile),
-    /// Mitsuba's `serialized` file.
+    /// Mitsuba `serialized` file.
     Serialized(MeshFile),
     /// Exact sphere.
     Sphere(SphereFile),
@@ -55,9 +55,9 @@ pub enum ShapeFile {
     Rectangle(RectangleFile),
     /// Flat disk.
     Disk(DiskFile),
-    /// Box with axis-parallel faces.
+    /// Axis-aligned box.
     Cube(CubeFile),
-    /// Round tube.
+    /// Circular cylinder.
     Cylinder(CylinderFile),
 }
 
@@ -65,31 +65,33 @@ pub enum ShapeFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshFile {
-    /// Relative to the scene file.
+    /// Mesh file, relative to the scene file.
     pub file: Located<String>,
-    /// Number of the mesh in the file, from 0: of a `serialized` file, which may hold several.
+    /// Index of the mesh, from 0, in a `serialized` file, which can contain several. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub index: u32,
-    /// Ignore the file's vertex normals: flat faces.
+    /// Ignore the file's vertex normals and use flat faces. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub flat: bool,
-    /// Compute vertex normals where the file has none, from the faces around each vertex weighted by their angles there.
+    /// Compute vertex normals where the file has none: the angle-weighted mean of adjacent face normals.
+    /// Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub smooth: bool,
-    /// Parts have the materials of the file (glTF's, or those of an OBJ's MTL library), as the nearest models of ours;
-    /// `part_materials` goes before, and `material` is for parts without one.
+    /// Use the file's own materials (glTF's, or those of an OBJ's MTL library), converted to the closest
+    /// Sunstone model. `part_materials` takes precedence, and `material` applies to parts without one.
+    /// Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub materials: bool,
 }
 
-/// See [`ShapeFile::Sphere`].
+/// Exact sphere.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SphereFile {
-    /// Metres.
+    /// Centre in metres. Default: [0, 0, 0].
     #[serde(skip_serializing_if = "is_default")]
     pub center: [f64; 3],
-    /// Metres.
+    /// Radius in metres. Default: 1.
     #[serde(skip_serializing_if = "defaults::is_one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
@@ -104,18 +106,18 @@ impl Default for SphereFile {
     }
 }
 
-/// See [`ShapeFile::Rectangle`]: corner, corner + u, corner + u + v, corner + v; its front is where they run
-/// counter-clockwise. Default: [-1, 1]² in z = 0, facing +z.
+/// Parallelogram with vertices corner, corner + u, corner + u + v, corner + v. Its front is where they are in
+/// counter-clockwise order. Default: [-1, 1]² in z = 0, facing +z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RectangleFile {
-    /// Metres.
+    /// First vertex in metres. Default: [-1, -1, 0].
     #[serde(skip_serializing_if = "defaults::is_rectangle_corner")]
     pub corner: [f64; 3],
-    /// One edge, metres.
+    /// First edge vector in metres. Default: [2, 0, 0].
     #[serde(skip_serializing_if = "defaults::is_rectangle_u")]
     pub u: [f64; 3],
-    /// The other edge, metres.
+    /// Second edge vector in metres. Default: [0, 2, 0].
     #[serde(skip_serializing_if = "defaults::is_rectangle_v")]
     pub v: [f64; 3],
 }
@@ -130,17 +132,17 @@ impl Default for RectangleFile {
     }
 }
 
-/// See [`ShapeFile::Disk`].
+/// Flat disk.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DiskFile {
-    /// Metres.
+    /// Centre in metres. Default: [0, 0, 0].
     #[serde(skip_serializing_if = "is_default")]
     pub center: [f64; 3],
-    /// Direction in which its front faces.
+    /// Normal, the direction that the front faces. Default: [0, 0, 1].
     #[serde(skip_serializing_if = "defaults::is_z_axis")]
     pub normal: [f64; 3],
-    /// Metres.
+    /// Radius in metres. Default: 1.
     #[serde(skip_serializing_if = "defaults::is_one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
@@ -156,14 +158,14 @@ impl Default for DiskFile {
     }
 }
 
-/// See [`ShapeFile::Cube`].
+/// Axis-aligned box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CubeFile {
-    /// Lowest corner, metres.
+    /// Lowest corner in metres. Default: [-1, -1, -1].
     #[serde(skip_serializing_if = "defaults::is_cube_min")]
     pub min: [f64; 3],
-    /// Highest corner, metres.
+    /// Highest corner in metres. Default: [1, 1, 1].
     #[serde(skip_serializing_if = "defaults::is_cube_max")]
     pub max: [f64; 3],
 }
@@ -177,21 +179,21 @@ impl Default for CubeFile {
     }
 }
 
-/// See [`ShapeFile::Cylinder`].
+/// Circular cylinder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CylinderFile {
-    /// One end of its axis, metres.
+    /// One end of the axis in metres. Default: [0, 0, 0].
     #[serde(skip_serializing_if = "is_default")]
     pub p0: [f64; 3],
-    /// The other end, metres.
+    /// Other end of the axis in metres. Default: [0, 0, 1].
     #[serde(skip_serializing_if = "defaults::is_z_axis")]
     pub p1: [f64; 3],
-    /// Metres.
+    /// Radius in metres. Default: 1.
     #[serde(skip_serializing_if = "defaults::is_one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
-    /// Close both ends with disks.
+    /// Close both ends with disks. Default: false.
     #[serde(skip_serializing_if = "is_default")]
     pub caps: bool,
 }
@@ -208,7 +210,8 @@ impl Default for CylinderFile {
 }
 
 impl ShapeFile {
-    /// A mesh file or a mesh of a scene built in code, in the format that its ending names (PLY where it names none).
+    /// Creates a mesh from a file, or from a mesh of a scene built in code. The file extension selects the
+    /// format; without a known one it is PLY.
     #[must_use]
     pub fn mesh(file: impl Into<String>) -> Self {
         let file = file.into();
@@ -230,7 +233,7 @@ impl ShapeFile {
 }
 
 impl ObjectFile {
-    /// A shape in its own place; a scene needs [`Self::material`] too.
+    /// Creates an object without a transform. Call [`Self::material`] too.
     #[must_use]
     pub fn new(shape: impl Into<Located<ShapeFile>>) -> Self {
         Self {
@@ -246,20 +249,20 @@ impl ObjectFile {
         }
     }
 
-    /// An exact sphere, metres.
+    /// Creates an exact sphere; lengths in metres.
     #[must_use]
     pub fn sphere(center: [f64; 3], radius: f64) -> Self {
         Self::new(ShapeFile::Sphere(SphereFile { center, radius }))
     }
 
-    /// The parallelogram corner, corner + u, corner + u + v, corner + v (metres), whose front is where they run
-    /// counter-clockwise.
+    /// Creates the parallelogram corner, corner + u, corner + u + v, corner + v (metres), whose front is
+    /// where these vertices are in counter-clockwise order.
     #[must_use]
     pub fn rectangle(corner: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Self {
         Self::new(ShapeFile::Rectangle(RectangleFile { corner, u, v }))
     }
 
-    /// A flat disk, metres, whose front is where `normal` points.
+    /// Creates a flat disk whose front faces `normal`; lengths in metres.
     #[must_use]
     pub fn disk(center: [f64; 3], normal: [f64; 3], radius: f64) -> Self {
         Self::new(ShapeFile::Disk(DiskFile {
@@ -269,40 +272,41 @@ impl ObjectFile {
         }))
     }
 
-    /// A box with axis-parallel faces, metres.
+    /// Creates an axis-aligned box; lengths in metres.
     #[must_use]
     pub fn cube(min: [f64; 3], max: [f64; 3]) -> Self {
         Self::new(ShapeFile::Cube(CubeFile { min, max }))
     }
 
-    /// A round tube, open at both ends, metres.
+    /// Creates a circular cylinder that is open at both ends; lengths in metres.
     #[must_use]
     pub fn cylinder(p0: [f64; 3], p1: [f64; 3], radius: f64) -> Self {
         let caps = false;
         Self::new(ShapeFile::Cylinder(CylinderFile { p0, p1, radius, caps }))
     }
 
-    /// [`ShapeFile::mesh`].
+    /// Creates a mesh object; see [`ShapeFile::mesh`].
     #[must_use]
     pub fn mesh(file: impl Into<String>) -> Self {
         Self::new(ShapeFile::mesh(file))
     }
 
-    /// For people and messages.
+    /// Sets the name used in messages and paths.
     #[must_use]
     pub fn named(mut self, name: impl Into<String>) -> Self {
         self.name = Some(name.into());
         self
     }
 
-    /// Name of its material.
+    /// Sets the name of the material.
     #[must_use]
     pub fn material(mut self, name: impl Into<String>) -> Self {
         self.material = name.into().into();
         self
     }
 
-    /// Name of the medium that fills it, and its priority where filled objects overlap (the highest fills the space).
+    /// Sets the name of the medium that fills the object, and its priority where filled objects overlap (the
+    /// highest fills the space).
     #[must_use]
     pub fn interior(mut self, medium: impl Into<String>, priority: i32) -> Self {
         self.interior = Some(medium.into().into());
@@ -310,21 +314,21 @@ impl ObjectFile {
         self
     }
 
-    /// It shines.
+    /// Makes the object emit light.
     #[must_use]
     pub fn emission(mut self, emission: EmissionFile) -> Self {
         self.emission = Some(emission.into());
         self
     }
 
-    /// Its place: scale, then rotate, then translate; or a matrix.
+    /// Sets the transform: scale, then rotate, then translate; or a matrix.
     #[must_use]
     pub fn transform(mut self, transform: TransformFile) -> Self {
         self.transform = Some(transform.into());
         self
     }
 
-    /// Moves it, metres, in addition to the scale and the rotation that it has.
+    /// Sets the translation in metres and keeps scale and rotation.
     #[must_use]
     pub fn translate(mut self, by: [f64; 3]) -> Self {
         let mut transform = self.transform.as_deref().cloned().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! The syntax of slices: what to keep of T(s, s', p, p', t).
+//! The syntax of slices: the parts of T(s, s', p, p', t) to keep.
 
 use super::defaults::{self, is_default};
 use super::values::{BinSize, TimeBins, TimeFile};
@@ -6,31 +6,32 @@ use base::locate::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What to keep of T: one choice per axis.
+/// A slice of T: one choice per axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SliceFile {
-    /// Name of the group in the store.
+    /// Name of the slice, which is the name of its group in the store.
     pub name: Located<String>,
-    /// Camera pixels s.
+    /// Camera pixels s. Default: `all`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub camera: Located<CameraSelectFile>,
-    /// Projector pixels s'.
+    /// Projector pixels s'. Default: `sum`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub projector: Located<ProjectorSelectFile>,
-    /// Travel time t.
+    /// Travel time t. Default: `sum`.
     #[serde(default = "defaults::time", skip_serializing_if = "defaults::is_time")]
     pub time: TimeFile,
-    /// Stokes p, p'.
+    /// Stokes elements p, p'. Default: `intensity`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub polarization: PolarizationFile,
-    /// Resolve the number of surface interactions.
+    /// Resolve the number of surface interactions. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub bounces: bool,
-    /// Split `first_bounce_direct` from `first_bounce_indirect` light (axis `component`).
+    /// Separate `first_bounce_direct` from `first_bounce_indirect` light (axis `component`). Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub split_first_bounce: bool,
-    /// Part light by what its path did (axis `label`): scattered in a medium or not, and by specular, glossy or diffuse lobes.
+    /// Separate light by path type (axis `label`): scattered in a medium or not, and by specular, glossy or
+    /// diffuse lobes. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub labels: bool,
 }
@@ -46,9 +47,9 @@ pub enum CameraSelectFile {
     Rows(Vec<u32>),
     /// Columns, by index.
     Columns(Vec<u32>),
-    /// `[x, y, width, height]`.
+    /// Block of pixels: `[x, y, width, height]`.
     Block([u32; 4]),
-    /// Means over boxes of n (or n_x × n_y) pixels.
+    /// Means over boxes of n × n (or n_x × n_y) pixels.
     Binned(BinSize),
 }
 
@@ -56,31 +57,31 @@ pub enum CameraSelectFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ProjectorSelectFile {
-    /// All pixels on.
+    /// The sum over all pixels.
     #[default]
     Sum,
-    /// Every pixel for itself.
+    /// Every pixel separately.
     All,
     /// Rows, by index.
     Rows(Vec<u32>),
     /// Columns, by index.
     Columns(Vec<u32>),
-    /// `[x, y, width, height]`.
+    /// Block of pixels: `[x, y, width, height]`.
     Block([u32; 4]),
-    /// Sums over boxes of n (or n_x × n_y) pixels.
+    /// Sums over boxes of n × n (or n_x × n_y) pixels.
     Binned(BinSize),
-    /// Drive image of the projector's resolution; its brightness (linear, 0..1) weights the pixels.
+    /// Drive image with the projector's resolution. Its brightness (linear, 0..1) weights the pixels.
     Mask(String),
-    /// Every pixel weighted by its own coordinate: over the same slice with `sum`, the mean coordinate of the projector
-    /// pixels that the light comes from.
+    /// Sum of pixels weighted by their own coordinate. Divided by the same slice with `sum`, it gives the
+    /// mean coordinate of the projector pixels from which the light comes.
     Moment(CoordinateFile),
-    /// Only pixels within the half width of the epipolar line.
+    /// Pixels within the half width of the epipolar line, summed or resolved.
     Epipolar(EpipolarFile),
-    /// Only the others.
+    /// Sum of all pixels outside that band.
     Nonepipolar(HalfWidth),
-    /// Only s' = s.
+    /// The pixel s' = s only.
     Coaxial,
-    /// Only light of all emitters but the projector.
+    /// Light of all emitters except the projector.
     Ambient,
 }
 
@@ -88,9 +89,9 @@ pub enum ProjectorSelectFile {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CoordinateFile {
-    /// Index of its column.
+    /// Column index.
     U,
-    /// Index of its row.
+    /// Row index.
     V,
 }
 
@@ -98,34 +99,36 @@ pub enum CoordinateFile {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EpipolarFile {
-    /// Half width of the band, projector pixels.
+    /// Half width of the band in projector pixels.
     pub half_width_px: f64,
-    /// Resolve its pixels by column (`u`) or row (`v`), the one along which the lines run; left out, all are summed.
+    /// Coordinate that resolves the band's pixels: column (`u`) or row (`v`), the one along which epipolar
+    /// lines run. Default: all pixels are summed.
     #[serde(default, skip_serializing_if = "is_default")]
     pub along: Option<CoordinateFile>,
 }
 
-/// Half width of the band that is left out.
+/// Half width of the excluded band.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HalfWidth {
-    /// Projector pixels.
+    /// Half width of the excluded band in projector pixels.
     pub half_width_px: f64,
 }
 
-/// Stokes dimensions of a slice.
+/// Stokes elements of a slice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PolarizationFile {
-    /// All 16 elements.
+    /// All 16 elements of the Mueller matrix.
     Mueller,
-    /// M00 alone.
+    /// M00 only.
     #[default]
     Intensity,
 }
 
 impl SliceFile {
-    /// The whole image under all projector pixels, all travel times and no polarization, as far as nothing else is said.
+    /// Creates a slice of the whole image, summed over projector pixels and travel time, without
+    /// polarization.
     #[must_use]
     pub fn new(name: impl Into<String>) -> Self {
         Self {
@@ -140,28 +143,28 @@ impl SliceFile {
         }
     }
 
-    /// All 16 elements of the Mueller matrices.
+    /// Keeps all 16 elements of the Mueller matrices.
     #[must_use]
     pub fn mueller(mut self) -> Self {
         self.polarization = PolarizationFile::Mueller;
         self
     }
 
-    /// Camera pixels to keep.
+    /// Selects the camera pixels.
     #[must_use]
     pub fn camera(mut self, pixels: CameraSelectFile) -> Self {
         self.camera = pixels.into();
         self
     }
 
-    /// Projector pixels to keep, or how to sum them.
+    /// Selects the projector pixels, or how to sum them.
     #[must_use]
     pub fn projector(mut self, pixels: ProjectorSelectFile) -> Self {
         self.projector = pixels.into();
         self
     }
 
-    /// Travel time in `bins` bins of `bin_ps`, the first from `start_ps`, picoseconds.
+    /// Resolves travel time in `bins` bins of `bin_ps`, the first from `start_ps`, all in picoseconds.
     #[must_use]
     pub fn time(mut self, start_ps: f64, bin_ps: f64, bins: u32) -> Self {
         self.time = TimeFile::Bins(TimeBins {
@@ -179,14 +182,14 @@ impl SliceFile {
         self
     }
 
-    /// Parts light whose first bounce is direct from the rest.
+    /// Separates light whose first bounce is direct from the rest.
     #[must_use]
     pub fn split_first_bounce(mut self) -> Self {
         self.split_first_bounce = true;
         self
     }
 
-    /// Parts light by what its path did.
+    /// Separates light by path type.
     #[must_use]
     pub fn labels(mut self) -> Self {
         self.labels = true;

@@ -1,4 +1,4 @@
-//! Values of a scene file that may change over a surface: images and checkerboards.
+//! Values of a scene file that can vary over a surface: images, checkerboards and mesh attributes.
 
 use super::values::{SpectrumFile, SpectrumTable, SpectrumVisitor, is_default, is_one, one};
 use base::locate::Located;
@@ -10,85 +10,89 @@ use std::borrow::Cow;
 use std::fmt;
 use transport::material::texture::{Filter, Wrap};
 
-/// An albedo: a spectrum, or an image.
+/// An albedo: a spectrum, an image, a checkerboard or a mesh attribute.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum AlbedoFile {
-    /// The same everywhere.
+    /// Constant over the surface.
     Spectrum(SpectrumFile),
-    /// From texel to texel.
+    /// From an image.
     Image(ImageAlbedo),
-    /// From square to square.
+    /// From a checkerboard.
     Checkerboard(CheckerboardFile),
-    /// As the mesh itself says.
+    /// From an attribute of the mesh.
     Attribute(AttributeFile),
 }
 
-/// A number, or an image of it (the first channel, linear).
+/// A number, or an image of numbers (its first channel, linear).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum ScalarFile {
-    /// The same everywhere.
+    /// Constant over the surface.
     Number(f64),
-    /// From texel to texel.
+    /// From an image.
     Image(ImageAlbedo),
-    /// From square to square.
+    /// From a checkerboard.
     Checkerboard(CheckerboardFile),
-    /// As the mesh itself says.
+    /// From an attribute of the mesh.
     Attribute(AttributeFile),
 }
 
-/// `{ image = "wood.png" }`: red, green and blue serve wavelengths above 590 nm, from 500 to 590 nm, and below.
+/// `{ image = "wood.png" }`: red applies to wavelengths above 590 nm, green from 500 to 590 nm, blue below.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageAlbedo {
-    /// Image file, relative to the scene file. Colours of PNG, JPEG, BMP, TGA, PNM and GIF are sRGB-encoded; those of OpenEXR,
-    /// Radiance HDR and PFM, and numbers (roughness, weights), are linear.
+    /// Image file, relative to the scene file. Colours of PNG, JPEG, BMP, TGA, PNM and GIF files are
+    /// sRGB-encoded. Colours of OpenEXR, Radiance HDR and PFM files are linear, and so are numbers
+    /// (roughness, weights).
     pub image: Located<String>,
-    /// Multiplies the image, at most 2; albedos end at 1.
+    /// Factor of the image, at most 2; resulting albedos are clamped to 1. Default: 1.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub scale: f64,
-    /// Where on the surface it lies, how it goes on, what is between texels.
+    /// Map of texture coordinates. Default: identity.
     pub uv: Option<UvRows>,
-    /// Beyond its edges.
+    /// Continuation beyond the image's edges. Default: `repeat`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub wrap: Wrap,
-    /// Between its texels.
+    /// Interpolation between texels. Default: `bilinear`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub filter: Filter,
-    /// Its colours are linear, not sRGB-encoded.
+    /// The colours are linear, not sRGB-encoded. Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub raw: bool,
-    /// As a number, it is the luminance of its colours, decoded as colours are; otherwise its first channel as it is.
+    /// Where a number is expected, use the luminance of the decoded colours instead of the first channel.
+    /// Default: false.
     #[serde(default, skip_serializing_if = "is_default")]
     pub luminance: bool,
-    /// Layer of an OpenEXR file, such as `ViewLayer.Combined`; absent: the one without a name, or the only one of colours.
+    /// Layer of an OpenEXR file, such as `ViewLayer.Combined`. Default: the unnamed layer, or the only colour
+    /// layer.
     pub layer: Option<String>,
 }
 
-/// `[[a, b, c], [d, e, f]]`: the surface's texture coordinates (u, v) lie at (a u + b v + c, d u + e v + f) of the image,
+/// `[[a, b, c], [d, e, f]]`: texture coordinates (u, v) map to (a u + b v + c, d u + e v + f) in the image,
 /// whose lower left corner is (0, 0).
 pub type UvRows = [[f64; 3]; 2];
 
-/// `{ checkerboard = [0.4, 0.2] }`: two by two squares on texture coordinates 0..1, repeating; the first value stands in the
-/// lower left square and the one across.
+/// `{ checkerboard = [0.4, 0.2] }`: two by two squares over texture coordinates 0..1, repeated. The first
+/// value is in the lower left and upper right squares.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CheckerboardFile {
-    /// Both values.
+    /// Values of the squares: lower left and upper right, then the other two.
     pub checkerboard: [SpectrumFile; 2],
-    /// As of an image.
+    /// Map of texture coordinates, as for an image.
     pub uv: Option<UvRows>,
 }
 
-/// `{ attribute = "vertex_color" }`: an attribute of a PLY mesh, of its vertices (then mixed over each triangle) or its faces
-/// (`face_color`): one number, or linear red, green and blue.
+/// `{ attribute = "vertex_color" }`: an attribute of a PLY mesh, per vertex (interpolated over each triangle)
+/// or per face (`face_color`). It is one number, or linear red, green and blue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AttributeFile {
-    /// Its name: of properties `color_0` to `color_2` or `red`, `green`, `blue` of vertices it is `vertex_color`.
+    /// Name of the attribute. Vertex properties `color_0` to `color_2` or `red`, `green`, `blue` form
+    /// `vertex_color`.
     pub attribute: Located<String>,
-    /// Multiplies it, at most 2.
+    /// Factor of the attribute, at most 2. Default: 1.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub scale: f64,
 }
@@ -124,7 +128,7 @@ impl From<ImageAlbedo> for ScalarFile {
 }
 
 impl ImageAlbedo {
-    /// A PNG or JPEG file, not scaled.
+    /// Creates an unscaled image from a file.
     #[must_use]
     pub fn new(file: impl Into<String>) -> Self {
         Self {
@@ -140,7 +144,8 @@ impl ImageAlbedo {
     }
 }
 
-/// The keys of an image and of a table together: which of the two is meant shows in the keys that are there.
+/// The keys of an image and of a spectrum table together. The keys that are present determine which of the
+/// two is meant.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct AlbedoMap {

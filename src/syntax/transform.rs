@@ -1,4 +1,4 @@
-//! The syntax of places in space.
+//! The syntax of transforms.
 
 use super::values::SpectrumFile;
 use base::locate::Located;
@@ -9,12 +9,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TransformFile {
-    /// One factor, or one per axis.
+    /// One scale factor, or one per axis.
     pub scale: Option<Located<SpectrumFile>>,
-    /// Angles about x, y, z in degrees.
+    /// Rotation angles about x, y, z in degrees.
     pub rotate_deg: Option<[f64; 3]>,
-    /// Metres.
+    /// Translation in metres.
     pub translate: Option<[f64; 3]>,
-    /// Row-major 4×4 matrix instead of the others.
+    /// Row-major 4×4 matrix, instead of the other keys.
     pub matrix: Option<[[f64; 4]; 4]>,
 }

@@ -1,6 +1,6 @@
-//! Values of a scene file that may be written in more than one way.
+//! Values of a scene file that can be written in more than one form.
 //!
-//! Each has a visitor of its own, so that errors keep their place in the file (serde's untagged enums lose it).
+//! Each has its own visitor, so that errors keep their location in the file (serde's untagged enums lose it).
 
 use base::locate::Located;
 use base::spectral_table::SpectralTable;
@@ -11,15 +11,15 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 
-/// One number for all wavelengths, a list with one number per wavelength, or a table of its own.
+/// One number for all wavelengths, a list with one number per wavelength, or a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum SpectrumFile {
     /// One number for all wavelengths.
     Scalar(f64),
-    /// One for each of the file's wavelengths.
+    /// One number per wavelength of the file.
     PerWavelength(Vec<f64>),
-    /// With wavelengths of its own.
+    /// A table with its own wavelengths.
     Table(SpectrumTable),
 }
 
@@ -27,14 +27,14 @@ pub enum SpectrumFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpectrumTable {
-    /// Vacuum wavelengths in nanometres, rising.
+    /// Vacuum wavelengths in nanometres, increasing.
     pub nm: Vec<f64>,
-    /// One value for each.
+    /// One value per wavelength.
     pub values: Vec<f64>,
 }
 
 impl SpectrumTable {
-    /// The same to look values up in.
+    /// Returns the table in a form that can be interpolated.
     #[must_use]
     pub fn table(&self) -> SpectralTable<'_> {
         SpectralTable {
@@ -48,29 +48,29 @@ impl SpectrumTable {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum IndexFile {
-    /// By number.
+    /// Refractive index as a number, one per wavelength, or a table.
     Values(SpectrumFile),
-    /// By name.
+    /// Name in the optical constants.
     Named(String),
 }
 
 /// Travel time of a slice: `"sum"` or bins.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TimeFile {
-    /// All light, however long it took.
+    /// Sum over all travel times.
     Sum,
-    /// In bins of travel time.
+    /// Bins of travel time.
     Bins(TimeBins),
 }
 
-/// `{ start_ps, bin_ps, bins }`.
+/// Bins of travel time: `{ start_ps, bin_ps, bins }`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TimeBins {
-    /// First edge, picoseconds.
+    /// Lower edge of the first bin in picoseconds. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub start_ps: f64,
-    /// Bin width, picoseconds.
+    /// Bin width in picoseconds.
     pub bin_ps: Located<f64>,
     /// Number of bins.
     pub bins: Located<u32>,
@@ -88,7 +88,7 @@ pub(super) fn is_one(value: &f64) -> bool {
     *value == 1.0
 }
 
-/// True of the value that the type itself has by default: `false`, 0, nothing.
+/// Returns whether a value equals its type's default: `false`, 0 or empty.
 pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }

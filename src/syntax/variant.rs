@@ -1,10 +1,11 @@
-//! Variants of a scene: its file with the values of `[vary]` put in.
+//! Variants of a scene: the scene file with values of `[vary]` substituted.
 //!
-//! Values are put into the parsed document, where they keep the place at which they stand in the file: whatever is wrong with
-//! one is told at its place in `[vary]`.
+//! Values are substituted in the parsed document and keep their location in the file, so an error in a value
+//! is reported at its location in `[vary]`.
 //!
-//! A number of a range is min + u (max - min), with u of 53 bits of SplitMix64's finalizer (Steele, Lea & Flood 2014) over
-//! the parameter's name, ⌊k / every⌋ and the number's place in its list: a parameter more changes no other.
+//! A number of a range is min + u (max - min). u has 53 bits of SplitMix64's finalizer (Steele, Lea & Flood
+//! 2014) over the parameter's name, ⌊k / every⌋ and the number's index in its list. Adding a parameter
+//! therefore does not change the others.
 
 use crate::path::{article, find, find_in, keys};
 use crate::scene::SceneFile;
@@ -19,25 +20,26 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Tables that say nothing of the scene's light.
+/// Keys that do not affect the scene's light and cannot be varied.
 const FIXED: [&str; 3] = ["name", "figures", "vary"];
 
-/// The odd number next to 2⁶⁴ over the golden ratio.
+/// The odd number closest to 2⁶⁴ divided by the golden ratio.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// A variant of a scene.
 #[derive(Clone, Debug)]
 pub struct Variant {
-    /// The scene file with its values.
+    /// The scene file with the variant's values.
     pub file: SceneFile,
-    /// Its values, by the names of the parameters.
+    /// The variant's values by parameter name.
     pub values: BTreeMap<String, toml::Value>,
 }
 
-/// Reads a variant of a scene file from its text; `path` names it in messages.
+/// Parses a scene file and returns one of its variants; `path` names the file in messages.
 ///
 /// # Errors
-/// [`InputError`] as for the scene file, at the values of `[vary]` where these are wrong; if there is no such variant.
+/// [`InputError`] as for the scene file, with locations in `[vary]` for its values, or if the variant does
+/// not exist.
 pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError> {
     let file = SceneFile::read(path, text)?;
     let vary = Vary::new(path, text, &file)?;
@@ -63,10 +65,10 @@ pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError>
     vary.variant(number)
 }
 
-/// Checks `[vary]`, and says how many variants there are: `None` if there is no end of them.
+/// Checks `[vary]` and returns the number of variants, or `None` if it is unlimited.
 ///
 /// # Errors
-/// [`InputError`] at the place in `[vary]`.
+/// [`InputError`] with its location in `[vary]`.
 pub fn count(path: &Path, text: &str, file: &SceneFile) -> Result<Option<u64>, InputError> {
     if file.vary.is_empty() {
         return Ok(Some(0));
@@ -74,7 +76,7 @@ pub fn count(path: &Path, text: &str, file: &SceneFile) -> Result<Option<u64>, I
     Vary::new(path, text, file).map(|v| v.count)
 }
 
-/// `[vary]` of a file, checked.
+/// A file's `[vary]` after checks.
 struct Vary<'a> {
     path: &'a Path,
     text: &'a str,
@@ -123,7 +125,7 @@ impl<'a> Vary<'a> {
         })
     }
 
-    /// One parameter by itself: the keys of its paths.
+    /// Checks one parameter by itself and returns the keys of its paths.
     fn check(
         &self,
         name: &str,
@@ -166,7 +168,7 @@ impl<'a> Vary<'a> {
         Ok(all)
     }
 
-    /// That the values of a parameter may stand where `present` does, as far as their kind tells.
+    /// Checks, as far as types determine it, that a parameter's values can replace `present`.
     fn kind(&self, name: &str, p: &Located<ParameterFile>, present: &DeValue) -> Result<(), InputError> {
         match (&p.values, &p.range) {
             (Some(values), None) => self.listed(name, values),
@@ -234,7 +236,7 @@ impl<'a> Vary<'a> {
         Ok(())
     }
 
-    /// That no earlier path sets the same, or a part of it, or what it is a part of.
+    /// Checks that no earlier path sets the same value, a part of it, or a value that contains it.
     fn alone(
         &self,
         keys: &[String],
@@ -250,7 +252,8 @@ impl<'a> Vary<'a> {
         Ok(())
     }
 
-    /// How many variants differ: no end of them with a range, else as many as the longest list with its `every` takes.
+    /// Returns the number of different variants: unlimited with a range, otherwise the largest list length
+    /// times `every`.
     fn counted(&self) -> Result<Option<u64>, InputError> {
         let mut longest: Option<(&str, u64)> = None;
         let mut endless = false;
@@ -284,7 +287,7 @@ impl<'a> Vary<'a> {
 
     fn variant(&self, number: u64) -> Result<Variant, InputError> {
         let index = |p: &ParameterFile| number / *p.every;
-        // Texts of drawn values, which the document refers to.
+        // Text of drawn values, to which the document refers.
         let mut drawn = BTreeMap::new();
         for (name, p) in &self.file.vary {
             if let Some(range) = &p.range {
@@ -341,7 +344,7 @@ impl<'a> Vary<'a> {
     }
 }
 
-/// A value that was drawn stands where its range does.
+/// Gives a drawn value the location of its range.
 fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
     let value = match value {
         DeValue::Array(list) => {
@@ -352,7 +355,7 @@ fn moved<'i>(value: DeValue<'i>, span: &Range<usize>) -> Spanned<DeValue<'i>> {
     Spanned::new(span.clone(), value)
 }
 
-/// The numbers of a number or of a list of them.
+/// Returns the numbers of a number or of a list of numbers.
 fn numbers(value: &toml::Value) -> Option<Vec<f64>> {
     let one = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
     match value {
@@ -370,7 +373,7 @@ fn is_finite(value: &toml::Value) -> bool {
     }
 }
 
-/// The draw of a range.
+/// Draws the value of a range.
 fn draw(name: &str, index: u64, range: &RangeFile) -> toml::Value {
     let key = name
         .bytes()

@@ -1,4 +1,4 @@
-//! `[vary]`: named parameters of a scene file, of which its variants have other values.
+//! `[vary]`: named parameters of a scene file whose values differ between its variants.
 //!
 //! ```toml
 //! [vary.milk]
@@ -11,8 +11,9 @@
 //! every = 3
 //! ```
 //!
-//! Variant k has entry ⌊k / every⌋ of the list (which begins again at its end), or is drawn from the range, evenly and for
-//! every ⌊k / every⌋ anew; the same numbers for the same k, whatever else the file says. [`crate::variant`] puts them in.
+//! Variant k uses entry ⌊k / every⌋ of the list, cyclically, or a value drawn uniformly from the range for
+//! each ⌊k / every⌋. Equal k give equal values, regardless of the rest of the file. [`crate::variant`]
+//! substitutes them.
 
 use base::locate::Located;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -21,32 +22,33 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 
-/// A parameter: what it sets, and to what.
+/// A parameter: the values to replace and their replacements.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterFile {
-    /// Where in the file the value stands that it replaces: keys with dots between them, as in TOML. Things in lists go by their
-    /// `name`, or count from 0: `objects."the doll".transform.translate.0`. Several places take the same value.
+    /// Path of the value to replace: dotted keys, as in TOML. List elements are addressed by their `name`, or
+    /// by index from 0: `objects."the doll".transform.translate.0`. With a list of paths, all of them get the
+    /// same value.
     pub path: Located<PathsFile>,
-    /// A value for each variant in turn, all of the kind that stands there.
+    /// One value per variant, of the type that the path requires.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub values: Option<Located<Vec<AnyValue>>>,
-    /// A number, or a list of numbers, drawn evenly.
+    /// A range from which a number, or a list of numbers, is drawn uniformly.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<Located<RangeFile>>,
-    /// So many variants in a row have the same value.
+    /// Number of consecutive variants that share a value. Default: 1.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     #[schemars(range(min = 1))]
     pub every: Located<u64>,
 }
 
-/// What numbers are drawn between: numbers, or lists of as many numbers as the scene's value has.
+/// Bounds of drawn numbers: numbers, or lists of the same length as the scene's value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RangeFile {
-    /// Least.
+    /// Minimum.
     pub min: AnyValue,
-    /// Largest.
+    /// Maximum.
     pub max: AnyValue,
 }
 
@@ -54,7 +56,7 @@ pub struct RangeFile {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathsFile(pub Vec<String>);
 
-/// Any value that TOML knows.
+/// Any TOML value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct AnyValue(pub toml::Value);

@@ -2,8 +2,6 @@
 //!
 //! This crate is independent of scenes, rigs, files and plots.
 
-#![warn(missing_docs)]
-
 pub mod array;
 pub mod axes;
 pub mod doubt;

@@ -3,8 +3,6 @@
 //! It returns Mueller matrices and applies no illumination state. This crate is the hot path of the program:
 //! it uses plain-data tables and enums, and reads no files except measured tables, which it maps into memory.
 
-#![warn(missing_docs)]
-
 pub mod geometry;
 
 pub mod light;

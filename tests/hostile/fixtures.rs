@@ -92,7 +92,7 @@ impl Fixtures {
             "figure.toml",
             &FIGURE.replace("SCENE", &at.join("scene.toml").to_string_lossy()),
         );
-        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/fruits");
+        let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes/fruits");
         copy(&scenes, &at.join("scenes/fruits"));
         put("camera.toml", "[cmos]\nexposure_s = 0.5\n");
         put("points.csv", "x,y,z\n0,1,0\n0.1,1,0\n");

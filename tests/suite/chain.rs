@@ -114,7 +114,7 @@ fn what_cannot_be_captured_is_refused() {
         "scheme = { kind = \"drr\", captures = 36 }\noptic = 3\n",
     )
     .expect("writes");
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
     let told = |more: &[&str]| {
         let fixed = ["apply", "metamerism", "--preview", "--scenes", scenes];

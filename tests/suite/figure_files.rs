@@ -103,7 +103,7 @@ fn faults_are_told_at_their_place() {
 /// Methods and variants that an application does not have are told before anything is rendered.
 #[test]
 fn applications_are_checked_before_they_are_run() {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let figure = "columns = 1\n[[panels]]\nview.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }\n";
     let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
     for (from, to, says) in [
@@ -120,7 +120,7 @@ fn applications_are_checked_before_they_are_run() {
 /// What curves lack is told before anything is rendered.
 #[test]
 fn curves_are_checked_before_they_are_run() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
     let scenes = root.join("scenes");
     let chain = root.join("rigs/chains/sweep.toml");
     let figure = format!(

@@ -27,8 +27,6 @@ mod parts;
 mod pbrdf_commands;
 mod phase;
 mod resume;
-mod rooms;
 mod rounds;
 mod scenes;
-mod source_tree;
 mod variants;

@@ -202,7 +202,7 @@ fn parts_of_shipped_scenes_are_the_whole() {
 
 /// A shipped scene of 20 × 20 pixels in tiles of four, two samples each, with the slices of these tests.
 fn small(name: &str) -> Scene {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}/scene.toml"));
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("scenes/{name}/scene.toml"));
     let text = std::fs::read_to_string(&path).expect("a shipped scene");
     let text = &text[..text.find("[[slices]]").expect("slices")];
     let text = text

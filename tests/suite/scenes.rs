@@ -69,7 +69,7 @@ const SHIPPED: &[Shipped] = &[
 ];
 
 fn path(folder: &str, file: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
         .join("scenes")
         .join(folder)
         .join(file)
@@ -329,7 +329,7 @@ fn an_open_or_inverted_mesh_is_noticed() {
 
 /// Loads a file that holds one mesh.
 fn mirror_room_mesh(file: &str) -> import::MeshPart {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/mirror_room");
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes/mirror_room");
     let mut model = import::load(&folder.join(file)).unwrap();
     assert_eq!(model.parts.len(), 1, "{file}");
     model.parts.remove(0)

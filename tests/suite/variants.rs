@@ -131,7 +131,7 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
 /// All that an application asks of its scene is there, for every variant that it names.
 #[test]
 fn scenes_of_applications_have_their_variants() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     for application in catalog::all() {
         let plan = application.plan();
         let path = root.join(plan.scene);
@@ -167,7 +167,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     assert!(stderr(&run(at, &["apply", "alchemy"], 2)).contains("metamerism"));
     assert!(stderr(&run(at, &["apply", "metamerism", "--preview"], 2)).contains("--scenes"));
     assert!(stderr(&run(at, &["apply", "metamerism", "--seeds", "0"], 2)).contains("--seeds"));
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
     let arguments = [
         "apply",
@@ -263,7 +263,7 @@ fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
 fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
     let arguments = [
         "apply",

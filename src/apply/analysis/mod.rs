@@ -1,8 +1,10 @@
-//! What the dimensions of the tensor tell apart: Baek & Heide (2021), section 3.2, Fig. 2 and 3, in a room with a mirror.
+//! Analysis of the tensor's dimensions in a room with a mirror: Baek & Heide (2021), section 3.2, Fig. 2 and
+//! 3.
 //!
-//! Five kinds of light are to be isolated, each by one element of the tensor. Methods differ in the dimensions that they may slice:
-//! space (epipolar or other light), time (early or late light of a pixel), polarization (the 16 elements), or several; which
-//! slice, and with which sign, is learnt from the training variants. Intensity only, space only and time only are the baselines.
+//! Five kinds of light are isolated, each by one element of the tensor. Methods differ in the dimensions that
+//! they may slice: space (epipolar or other light), time (early or late light of a pixel), polarization (the
+//! 16 elements), or several. The slice and its sign are learned from the training variants. The baselines are
+//! intensity only, space only and time only.
 
 mod scanlines;
 
@@ -13,7 +15,6 @@ use crate::isolation::{self, Family, Isolation, Task, metrics, metrics_of, seen}
 use crate::observation::Observation;
 use crate::paths::Path;
 
-/// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct Analysis;
 
@@ -104,7 +105,7 @@ impl Application for Analysis {
         Plan {
             scene: "mirror_room/variants.toml",
             train: (0..3).collect(),
-            // 3 to 9 were seen while tasks and numbers were settled.
+            // Variants 3 to 9 were used to define the tasks and metrics.
             test: (10..17).collect(),
             slices: vec![
                 seen::POLARIMETRIC,

@@ -1,4 +1,5 @@
-//! Scanlines of named elements (Fig. 3 c and d): camera column against projector column, and against travel time.
+//! Scanlines of named elements (Fig. 3 c and d): camera column against projector column, and against travel
+//! time.
 
 use crate::application::Picture;
 use crate::error::ApplyError;
@@ -8,13 +9,14 @@ use crate::observation::Observation;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// The slice of one camera row by projector column.
+/// Name of the slice of one camera row by projector column.
 pub(super) const SPACE: &str = "ss";
 
-/// The row of time's scanline, as a share of the image's height: the one that [`SPACE`] keeps in the scene file.
+/// Row of the time scanline as a fraction of the image's height: the row of [`SPACE`] in the scene file.
 const ROW: f64 = 77.0 / 128.0;
 
-/// Elements that are drawn: intensity, what keeps linear light, what turns the hand of circular light, what polarizes.
+/// Elements to draw: intensity, preserved linear polarization, handedness reversal of circular light,
+/// polarizance.
 const SHOWN: [(&str, usize, usize, f64); 5] = [
     ("(0,0)", 0, 0, 1.0),
     ("(1,1)", 1, 1, 1.0),
@@ -23,12 +25,12 @@ const SHOWN: [(&str, usize, usize, f64); 5] = [
     ("(1,0)", 1, 0, 1.0),
 ];
 
-/// Names of the elements that are drawn.
+/// Returns the names of the drawn elements.
 pub(super) fn elements() -> impl Iterator<Item = &'static str> {
     SHOWN.iter().map(|(name, ..)| *name)
 }
 
-/// An element of a row: camera columns across, another axis upward from zero at the bottom.
+/// Draws an element of a row: camera columns from left to right, another axis from bottom to top.
 fn scanline(t: &Tensor, row: usize, up: AxisKind, [i, j]: [usize; 2], sign: f64) -> Map {
     let height = t.extent(up);
     Map::from_fn(
@@ -51,7 +53,7 @@ fn scanline(t: &Tensor, row: usize, up: AxisKind, [i, j]: [usize; 2], sign: f64)
     )
 }
 
-/// The brightness that 98 % of the lit places of a scanline stay below.
+/// Returns the 98th percentile of the nonzero values of a scanline.
 fn brightest(intensity: &Map) -> f64 {
     let mut lit: Vec<f64> = intensity.data.iter().copied().filter(|v| *v > 0.0).collect();
     lit.sort_by(f64::total_cmp);
@@ -65,7 +67,7 @@ fn clipped(mut map: Map, bright: f64) -> Map {
     map
 }
 
-/// All of a variant.
+/// Draws all scanlines of a variant.
 ///
 /// # Errors
 /// [`ApplyError::Missing`]; [`ApplyError::Axis`].
@@ -96,7 +98,7 @@ pub(super) fn pictures(o: &Observation) -> Result<Vec<Picture>, ApplyError> {
         }
         let rows = t.extent(AxisKind::Y);
         let row = ((ROW * rows as f64) as usize).min(rows.saturating_sub(1));
-        // A highlight outshines all else by far: what is brighter than 98 % of the lit places is drawn as bright as those.
+        // Highlights are much brighter than everything else, so values are clipped at the 98th percentile.
         let bright = brightest(&scanline(t, row, up, [0, 0], 1.0));
         out.extend(SHOWN.iter().map(|&(method, i, j, sign)| Picture {
             method,

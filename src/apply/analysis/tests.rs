@@ -1,23 +1,24 @@
-//! A room whose lights differ as physics says: each method tells what its dimensions allow, and the baselines tie where they should.
+//! Tests with a synthetic room whose kinds of light differ as in physics: each method separates what its
+//! dimensions resolve, and baselines tie where expected.
 
 use super::*;
 use crate::isolation::tests::{Kind, SIZE, mean, observations};
 use crate::observation::tests::slice;
 
-/// Diagonals of one mirror, which turns hands, and of two.
+/// Diagonals of one mirror, which reverses handedness, and of two.
 const ONE: &[(usize, f64)] = &[(5, 0.9), (10, -0.8), (15, -0.8)];
 const TWO: &[(usize, f64)] = &[(5, 0.9), (10, 0.8), (15, 0.8)];
 
 fn kinds() -> [Kind; 5] {
     [
         Kind::new(8, 1),
-        // In shadows: later, from elsewhere.
+        // Shadow light: later, and not epipolar.
         Kind {
             epipolar: false,
             delay: 1,
             ..Kind::new(8, 2)
         },
-        // A room behind the mirror, which is lit over it: later, epipolar.
+        // The mirrored room, brighter than the mirror: later, and epipolar.
         Kind {
             delay: 4,
             ..Kind::new(10, 3)
@@ -38,7 +39,7 @@ fn kinds() -> [Kind; 5] {
 fn room(kinds: &[Kind]) -> Vec<Observation> {
     let mut all = observations(kinds, 6);
     for o in &mut all {
-        // (u, x) by way of time's axis, which is renamed.
+        // (u, x), made with the time axis, which is renamed.
         let mut s = slice([SIZE[0], 1, 4, 2], 0.0, |p, b, e, _| (p + b + e) as f64);
         for t in [&mut s.mean, &mut s.error] {
             for axis in &mut t.axes {
@@ -71,26 +72,27 @@ fn dimensions_tell_what_they_can() {
     for task in ["mirror and matt", "one specular", "several specular"] {
         assert!(area(ours, task) > 0.9, "{task} {}", area(ours, task));
     }
-    // No single element parts the two kinds off the epipolar line, of which one is not polarized: three of four others are told from
-    // it, the fourth by chance.
+    // No single element separates the two kinds off the epipolar line, one of which is unpolarized: three of
+    // the four others are separated, the fourth at random.
     let matt = area(ours, "several matt");
     assert!((matt - 0.875).abs() < 0.03, "{matt}");
-    // Time alone tells the room behind the mirror as well as all dimensions do; polarization alone both kinds of metal.
+    // Time alone separates the mirrored room as well as all dimensions do; polarization alone separates both
+    // kinds of metal.
     assert!((area("time only", "mirror and matt") - area(ours, "mirror and matt")).abs() < 0.02);
     for task in ["one specular", "several specular"] {
         assert!(
             (area("polarization only", task) - area(ours, task)).abs() < 0.05,
             "{task}"
         );
-        // Light that rises and falls alike in all pixels: a photograph tells nothing.
+        // The light varies equally in all pixels, so a photograph does not separate the kinds.
         assert!((area("intensity only", task) - 0.5).abs() < 0.1, "{task}");
     }
-    // One of two kinds off the epipolar line: space alone takes the other for it.
+    // Space alone confuses the two kinds off the epipolar line.
     assert!(area("space only", "several specular") < 0.95);
     assert!(area("space only", "several specular") > 0.8);
     let names: Vec<&str> = outcome.pictures.iter().map(|p| p.name).collect();
     assert!(names.contains(&"s-s' scanline") && names.contains(&"x-t scanline"));
-    // Figure files know pictures by methods, by these, and by names that begin with truth.
+    // Figure files name pictures by methods, by drawn elements, and by names that begin with truth.
     let methods: Vec<&str> = Analysis.methods().iter().map(|m| m.name).collect();
     let known = |m: &str| m.starts_with("truth") || methods.contains(&m) || Analysis.drawn().contains(&m);
     assert!(outcome.pictures.iter().all(|p| known(p.method)));

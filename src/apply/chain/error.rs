@@ -1,37 +1,26 @@
-//! Why a slice cannot be captured.
+//! Errors of captured slices.
 
 use polarimetry::capture::design_matrix::RankError;
 use polarimetry::capture::detector::error::DetectorError;
 use polarimetry::capture::mueller_image::ImageError;
 
-/// Why a slice cannot be captured.
+/// The reason why a slice cannot be captured.
 #[derive(Debug, thiserror::Error)]
 pub enum ChainError {
-    /// Its axes are not those of something that a camera sees.
+    /// The axes of the slice are not those of an image.
     #[error(
         "slice `{slice}` has {what}, which no camera captures; give it rows, columns and whole Mueller matrices or intensities"
     )]
-    Axes {
-        /// The slice.
-        slice: String,
-        /// What is wrong.
-        what: &'static str,
-    },
-    /// It is no image.
+    Axes { slice: String, what: &'static str },
+    /// The slice is not a valid image.
     #[error("slice `{slice}`: {cause}")]
-    Image {
-        /// The slice.
-        slice: String,
-        /// Why.
-        cause: ImageError,
-    },
-    /// Nothing says how long to expose.
+    Image { slice: String, cause: ImageError },
+    /// The exposure cannot be determined.
     #[error("no slice of whole Mueller matrices shows light, so no exposure can be set; {0}")]
     Dark(String),
-    /// A detector refuses.
+    /// The detector refuses its settings or its light.
     #[error(transparent)]
     Detector(#[from] DetectorError),
-    /// The captures do not determine a matrix.
     #[error(transparent)]
     Rank(#[from] RankError),
 }

@@ -1,9 +1,10 @@
-//! How long to expose: by a photograph, as of a camera with automatic exposure.
+//! Automatic exposure from a photograph.
 //!
-//! The photograph is the brightest slice of whole matrices without time bins, T00, all wavelengths together; of a variant that has none
-//! the brightest with them, added up over them. Where it is as
-//! bright as is asked for (its mean, or a percentile), a reading of all captures' mean fills so many electrons. All slices of
-//! the variant are then captured so; a photon counter runs until the same place has given so many counts in all bins.
+//! The photograph is T00, summed over wavelengths, of the brightest slice of whole matrices without time
+//! bins. For a variant without such a slice, it is that of the brightest slice with time bins, summed over
+//! them. The exposure gives the requested number of electrons, averaged over captures, where the photograph
+//! has its metered value (mean or percentile). All slices of the variant are captured with this exposure. A
+//! photon counter runs until the same place has given the requested number of counts in all bins.
 
 use super::error::ChainError;
 use super::light::Light;
@@ -17,27 +18,26 @@ use polarimetry::capture::scheme::Scheme;
 use polarimetry::capture::simulate::Noise;
 use serde::Deserialize;
 
-/// Where a photograph is as bright as is exposed for.
+/// The metered value of a photograph.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Meter {
-    /// Its mean.
     Mean,
     /// A percentile, 0 to 100.
     Percentile(f64),
 }
 
-/// What one reading is to hold there.
+/// The target of the exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Exposure {
-    /// Where.
+    /// Metered value.
     pub meter: Meter,
     /// Electrons of a camera's reading.
     pub electrons: f64,
-    /// Counts of a photon counter's reading, all bins together.
+    /// Counts of a photon counter's reading, summed over bins.
     pub counts: f64,
-    /// Counts a laser pulse; far below 1, or counts pile up.
+    /// Counts per laser pulse; must be far below 1 to avoid pile-up.
     pub counts_per_pulse: f64,
 }
 
@@ -52,16 +52,14 @@ impl Default for Exposure {
     }
 }
 
-/// A laboratory: elements in truth, detectors (without one nothing has noise) and exposure.
+/// A laboratory: true optical elements, detectors (without a detector there is no noise) and exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Laboratory {
-    /// The elements.
     pub optics: Optics,
-    /// The camera; its `photons_per_unit` is set by the exposure.
+    /// The camera; the exposure sets its `photons_per_unit`.
     pub camera: Option<Cmos>,
-    /// The photon counter for slices with time bins; `photons_per_unit` and `pulses` are set by the exposure.
+    /// The photon counter for slices with time bins; the exposure sets `photons_per_unit` and `pulses`.
     pub counter: Option<Spad>,
-    /// The exposure.
     pub exposure: Exposure,
 }
 
@@ -70,7 +68,7 @@ pub struct Laboratory {
 pub struct Detectors {
     camera: Option<Cmos>,
     counter: Option<Spad>,
-    /// T00 that is exposed for, and the mean reading over it.
+    /// Metered T00, and the mean reading relative to it.
     level: [f64; 2],
     exposure: Exposure,
 }
@@ -79,7 +77,7 @@ impl Exposure {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// In words that name the first bad one.
+    /// A message that names the first invalid one.
     pub fn check(&self) -> Result<(), ChainError> {
         let demand = |field, value: f64, holds, need| {
             let bad = DetectorError::Field { field, value, need };
@@ -101,7 +99,7 @@ impl Exposure {
         Ok(())
     }
 
-    /// T00 that is exposed for.
+    /// Returns the metered T00.
     fn level(&self, light: &Light) -> f64 {
         let mut known = photograph(light);
         match self.meter {
@@ -116,7 +114,7 @@ impl Exposure {
     }
 }
 
-/// T00 of pixels and wavelengths, added up over time bins, where it is finite.
+/// Returns the finite values of T00 per pixel and wavelength, summed over time bins.
 fn photograph(light: &Light) -> Vec<f64> {
     let image = &light.image;
     let bins = image.bin_ps.map_or(1, |_| image.layout.times.max(1));
@@ -128,18 +126,18 @@ fn photograph(light: &Light) -> Vec<f64> {
     all.filter(|v| v.is_finite()).collect()
 }
 
-/// Its mean.
+/// Returns the mean of the photograph.
 fn brightness(light: &Light) -> f64 {
     let all = photograph(light);
     all.iter().sum::<f64>() / all.len() as f64
 }
 
-/// A number of which products of several stay finite.
+/// Returns whether a number is positive and small enough for finite products.
 fn positive(v: f64) -> bool {
     v > 0.0 && v <= 1e20
 }
 
-/// Mean reading of a scheme's captures in unpolarized light over T00.
+/// Returns the mean reading of a scheme's captures in unpolarized light, relative to T00.
 #[must_use]
 pub fn mean_reading(scheme: &Scheme) -> f64 {
     let design = DesignMatrix::new(scheme, &polarimetry::capture::element::Ray::axial(550.0));
@@ -147,11 +145,11 @@ pub fn mean_reading(scheme: &Scheme) -> f64 {
 }
 
 impl Laboratory {
-    /// Its detectors at the exposure for a photograph, which is the brightest of `lights` that it can be; `scheme` is what
-    /// it is taken through.
+    /// Returns the detectors at the exposure for the photograph of `lights`. `scheme` is the one through
+    /// which it is taken.
     ///
     /// # Errors
-    /// [`ChainError::Dark`] if there is none; [`ChainError::Detector`] of an exposure that is none.
+    /// [`ChainError::Dark`] if there is no photograph; [`ChainError::Detector`] for invalid settings.
     pub fn exposed(&self, lights: &[&Light], scheme: &Scheme) -> Result<Detectors, ChainError> {
         self.exposure.check()?;
         let brightest = |timed: bool| {
@@ -184,11 +182,11 @@ impl Laboratory {
 }
 
 impl Detectors {
-    /// What reads some light: the counter what has time bins, the camera the rest. Intensities are read as if behind the same
-    /// elements: so much less of their light comes through.
+    /// Returns the detectors' noise for some light: that of the counter for time bins, otherwise that of the
+    /// camera. Intensities are read as if behind the same elements, with the same loss of light.
     ///
     /// # Errors
-    /// [`ChainError::Detector`] if the counter's settings do not fit the bins.
+    /// [`ChainError::Detector`] if the counter's settings do not match the bins.
     pub fn noise(&self, light: &Light) -> Result<Noise, ChainError> {
         let [t00, reading] = self.level;
         let through = if light.polarized { 1.0 } else { reading };
@@ -198,7 +196,8 @@ impl Detectors {
                 let per = diode.detection_efficiency.at(550.0).max(1e-300);
                 diode.photons_per_unit = self.exposure.counts_per_pulse / (per * t00 * reading) * through;
                 if counter.period_ps == Spad::default().period_ps {
-                    // Nothing comes later than the bins and the response to the last of them: a longer period is all zeros.
+                    // After the bins and the response to the last of them, a longer period contains only
+                    // zeros.
                     let late = 3.0 * diode.irf_fwhm_ps + 10.0 * diode.irf_tail_ps * diode.irf_tail;
                     let bins = light.image.layout.times as f64 + (late / bin_ps).ceil();
                     diode.period_ps = bins * bin_ps;
@@ -222,7 +221,8 @@ impl Detectors {
         }
     }
 
-    /// Standard deviation of a reading's noise over T00 where T00 is so bright; 0 without a camera.
+    /// Returns the standard deviation of a reading's noise relative to T00, where T00 is `t00`; 0 without a
+    /// camera.
     #[must_use]
     pub fn relative_noise(&self, t00: f64) -> f64 {
         let Some(camera) = &self.camera else {

@@ -1,8 +1,9 @@
-//! Few captures, chosen for what is made of them.
+//! Small numbers of captures, optimized for a method's task.
 //!
-//! Where a method looks at a few linear functionals w·t of a pixel's matrix alone, what counts is their error, tr M C of the
-//! estimate's error covariance C with M = Σ w wᵀ ([`Objective::metric`]). Below rank 16 the estimate is the linear one of least
-//! expected error for the second moment of the training variants' matrices, which is the best for every functional.
+//! If a method uses only a few linear functionals w·t of a pixel's matrix, the relevant error is tr M C, with
+//! the error covariance C of the estimate and M = Σ w wᵀ ([`Objective::metric`]). Below rank 16, the estimate
+//! is the linear one with the least expected error for the second moment of the training variants' matrices,
+//! which is optimal for every functional.
 
 use crate::error::ApplyError;
 use crate::observation::{Observation, Pixels};
@@ -12,23 +13,23 @@ use polarimetry::reconstruct::learn::{Search, learn};
 use polarimetry::reconstruct::loss::{Estimator, Objective, metric};
 use polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 
-/// What a method makes of Mueller matrices: linear functionals of those of one slice.
+/// A method's task: linear functionals of the Mueller matrices of one slice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {
-    /// The slice.
     pub slice: &'static str,
-    /// Name of the method, which looks at no other slice.
+    /// Name of the method, which uses no other slice.
     pub method: &'static str,
-    /// Names of the methods that it is to beat.
+    /// Names of the baselines.
     pub baselines: Vec<&'static str>,
-    /// Weights of the 16 elements, row-major: one functional each.
+    /// Weights of the 16 elements, row-major, for each functional.
     pub functionals: Vec<[f64; 16]>,
 }
 
-/// What the training variants say of a slice's matrices.
+/// Statistics of a slice's matrices over the training variants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
-    /// Σ t tᵀ over Σ T00², over pixels, bins and wavelengths: what matrices with T00 = 1 are like, brighter ones counting more.
+    /// Σ t tᵀ over Σ T00², summed over pixels, bins and wavelengths: the second moment of matrices with T00 =
+    /// 1, weighted by brightness.
     pub moment: Moment,
     /// Root mean square of T00.
     pub brightness: f64,
@@ -37,10 +38,10 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Of a slice of whole matrices. The render's noise is part of what is expected.
+    /// Computes the statistics of a slice of whole matrices. They include the render's noise.
     ///
     /// # Errors
-    /// [`ApplyError`]: the slice is missing, or shows nothing.
+    /// [`ApplyError`]: the slice is missing, or contains no light.
     pub fn of(train: &[Observation], slice: &str) -> Result<Self, ApplyError> {
         let mut sum = Moment::zeros();
         let mut count = 0.0;
@@ -75,22 +76,21 @@ impl Expected {
     }
 }
 
-/// How angles are chosen.
+/// The method that chooses the angles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// Learnt for the task's functionals.
+    /// Optimized for the task's functionals.
     Task,
-    /// Learnt for the error of all elements.
+    /// Optimized for the error of all elements.
     All,
     /// Dual rotating retarders.
     Dual,
 }
 
 impl Choice {
-    /// All of them.
     pub const EVERY: [Self; 3] = [Self::Task, Self::All, Self::Dual];
 
-    /// Its name in tables.
+    /// Returns the name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -101,7 +101,7 @@ impl Choice {
     }
 }
 
-/// A search that is long enough for a few captures.
+/// Returns the settings of a search that is long enough for a few captures.
 fn search(seed: u64) -> Search {
     Search {
         starts: 8,
@@ -111,7 +111,8 @@ fn search(seed: u64) -> Search {
     }
 }
 
-/// Few captures for matrices as are expected, with a noise of a reading of `sigma` over T00; ideal elements, all of which turn.
+/// Chooses a scheme of `captures` captures for the expected matrices, with a reading's noise `sigma` relative
+/// to T00. All elements are ideal and rotate.
 ///
 /// # Errors
 /// [`SchemeError`] without a capture.
@@ -130,7 +131,8 @@ pub fn chosen(
     Ok(learn(&Scheme::quad(captures, false)?, &objective, &search(seed)).scheme)
 }
 
-/// What a choice makes small. One ray does: ideal elements are the same at all wavelengths.
+/// Returns the objective of a choice. A single ray is enough, because ideal elements are equal at all
+/// wavelengths.
 #[must_use]
 pub fn objective(choice: Choice, task: &Task, expected: &Expected, sigma: f64) -> Objective {
     Objective {
@@ -143,7 +145,8 @@ pub fn objective(choice: Choice, task: &Task, expected: &Expected, sigma: f64) -
     }
 }
 
-/// L-QRPR, or with an array L-QRPR-P: angles learnt for least squares of all elements (Baek & Heide 2021, sec. 4).
+/// Returns L-QRPR, or with an array L-QRPR-P: angles optimized for least squares of all elements (Baek &
+/// Heide 2021, sec. 4).
 ///
 /// # Errors
 /// [`SchemeError`] without a capture.

@@ -1,15 +1,15 @@
-//! Chain files: a few lines that say through what rig slices go.
+//! Chain files: the rig through which slices are captured.
 //!
 //! ```toml
-//! scheme = { kind = "drr", captures = 36 }     # drr, qrpr, quad or learned; array = true for a polarizer array; or "scheme.toml"
+//! scheme = { kind = "drr", captures = 36 }   # drr, qrpr, quad or learned; array = true for a polarizer array; or "scheme.toml"
 //! optics = { axis_error_deg = 0.5, retardance_error_deg = 2, extinction = 1e-3 }   # drawn for each seed; or "optics.toml"
-//! calibration = ["nominal", "calibrated", "exact"]   # what the reconstruction believes of them; one table each
-//! samples = ["air", "mirror", "polarizer"]     # what calibration captures
+//! calibration = ["nominal", "calibrated", "exact"]   # assumptions of the reconstruction, one table each
+//! samples = ["air", "mirror", "polarizer"]   # samples for calibration
 //! exposure = { meter = { percentile = 95 }, electrons = 3000, counts = 3000 }
 //! seed = 1
-//! [cmos]                                       # without it the camera has no noise
+//! [cmos]   # without it, the camera has no noise
 //! bracket = [1, 0.1]
-//! [spad]                                       # of slices with time bins
+//! [spad]   # for slices with time bins
 //! ```
 
 use super::exposure::{Exposure, Laboratory};
@@ -26,20 +26,20 @@ use serde::Deserialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// What a reconstruction believes of the elements.
+/// The optical elements that a reconstruction assumes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Belief {
-    /// That they are what their data sheets say.
+    /// Nominal elements, as in data sheets.
     Nominal,
-    /// What captures of known samples told of them.
+    /// Elements as calibrated by captures of known samples.
     Calibrated,
-    /// The truth.
+    /// The true elements.
     Exact,
 }
 
 impl Belief {
-    /// Its name in tables.
+    /// Returns the name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -50,20 +50,20 @@ impl Belief {
     }
 }
 
-/// Something known that calibration captures.
+/// A known sample for calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sample {
-    /// Nothing: light goes straight on.
+    /// No sample: light is transmitted unchanged.
     Air,
-    /// A metal mirror at normal incidence, gold or another: all are alike but for their brightness.
+    /// A metal mirror at normal incidence; metals differ only in brightness.
     Mirror,
     /// A polarizer at 0°.
     Polarizer,
 }
 
 impl Sample {
-    /// Its name, as rigs have it.
+    /// Returns the name in rig files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -74,18 +74,18 @@ impl Sample {
     }
 }
 
-/// A chain: what captures, and what reconstruction believes.
+/// A capture chain: the rig, and the assumptions of the reconstruction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
-    /// Elements as they are meant to be, and their settings.
+    /// Nominal elements and their settings.
     pub nominal: Scheme,
-    /// Elements in truth, and detectors.
+    /// True elements, and detectors.
     pub laboratory: Laboratory,
-    /// Beliefs, each of which gives a table.
+    /// Beliefs, each with a table in the report.
     pub beliefs: Vec<Belief>,
-    /// What is captured to calibrate.
+    /// Samples for calibration.
     pub samples: Vec<Sample>,
-    /// Seed of rigs and noise, beside that of the render.
+    /// Seed of rigs and noise, in addition to that of the render.
     pub seed: u64,
 }
 
@@ -144,19 +144,19 @@ fn all_samples() -> Located<Vec<Sample>> {
 
 const FIX: &str = "a chain has `scheme` and, as it has them, `optics`, `calibration`, `samples`, `exposure`, `seed`, [cmos] and [spad]";
 
-/// Most captures of a scheme.
+/// Maximum number of captures of a scheme.
 const MOST_CAPTURES: usize = 1000;
 
-/// Reads a chain.
+/// Reads a chain file.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and fix.
+/// [`InputError`] with file, position and fix.
 pub fn load(path: &Path) -> Result<Chain, InputError> {
     let text = document::read(path, "chain", "there are examples in rigs/chains")?;
     from_toml(path, &text)
 }
 
-/// A chain from TOML text; files that it names are beside `path`.
+/// Parses a chain from TOML. Files that it names are relative to the folder of `path`.
 ///
 /// # Errors
 /// As [`load`].
@@ -191,7 +191,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             made.map_err(|e| fault(file.scheme.span(), e.to_string(), known))?
         }
     };
-    // Few captures with a prior are chosen by the command itself; a chain stands without one.
+    // A chain must determine a Mueller matrix without a prior; captures for a prior are chosen by the
+    // command.
     if let Err(e) = DesignMatrix::new(&nominal, &Ray::axial(550.0)).pseudo_inverse() {
         let fix = format!("give at least {} captures of different settings", e.least);
         let message = format!(
@@ -254,7 +255,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             "name one, or leave it out for all",
         ));
     }
-    // A sample twice would be captured twice with the same noise and be trusted as if noise had been drawn twice.
+    // A repeated sample would be captured with the same noise twice, but counted as independent.
     let twice = [
         (repeats(&file.calibration), file.calibration.span(), "calibration"),
         (repeats(&file.samples), file.samples.span(), "samples"),

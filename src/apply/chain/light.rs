@@ -1,4 +1,5 @@
-//! A slice as light that a rig looks at: Mueller matrices, pixel by pixel and wavelength by wavelength, and back.
+//! Converts a slice to the light that a rig captures, that is, Mueller matrices by pixel and wavelength, and
+//! back.
 
 use super::error::ChainError;
 use crate::observation::Slice;
@@ -6,20 +7,20 @@ use polarimetry::capture::mueller_image::{DEFAULT_NM, MuellerImage};
 use tensor::array::Tensor;
 use tensor::axes::{Axis, AxisKind};
 
-/// What a slice shows.
+/// The light of a slice.
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// Its matrices. Intensities are matrices with T00 alone.
+    /// The matrices. Intensities are matrices with T00 only.
     pub image: MuellerImage,
-    /// Whether it holds whole matrices.
+    /// Whether the slice contains whole matrices.
     pub polarized: bool,
 }
 
 impl Light {
-    /// Of a slice: rows, columns, what is a capture of its own, Stokes elements and wavelengths.
+    /// Converts a slice with rows, columns, separately captured axes, Stokes elements and wavelengths.
     ///
     /// # Errors
-    /// [`ChainError::Axes`] and [`ChainError::Image`]: it is nothing that a camera sees.
+    /// [`ChainError::Axes`] and [`ChainError::Image`]: the slice is not an image.
     pub fn of(slice: &Slice) -> Result<Self, ChainError> {
         let t = &slice.mean;
         let wrong = |what| ChainError::Axes {
@@ -57,7 +58,7 @@ impl Light {
         Ok(Self { image, polarized })
     }
 
-    /// Matrices in the order of the image, as a tensor like the slice's.
+    /// Converts matrices in the order of the image to a tensor with the axes of `like`.
     #[must_use]
     pub fn tensor(like: &Tensor, matrices: &[f32]) -> Tensor {
         let elements = like.extent(AxisKind::StokesOut) * like.extent(AxisKind::StokesIn);
@@ -74,7 +75,8 @@ fn is_stokes(kind: AxisKind) -> bool {
     matches!(kind, AxisKind::StokesOut | AxisKind::StokesIn)
 }
 
-/// Where a value of a slice, whose last axes are Stokes elements and then wavelengths, stands among matrices.
+/// Returns the position among matrices of a value of a slice whose last axes are Stokes elements and
+/// wavelengths.
 fn place(i: usize, elements: usize, lanes: usize) -> usize {
     let (lane, rest) = (i % lanes, i / lanes);
     (rest / elements * lanes + lane) * 16 + rest % elements

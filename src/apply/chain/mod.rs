@@ -1,12 +1,12 @@
-//! Slices as a rig captures them: imperfect optics, detectors with noise, and a reconstruction that believes something.
+//! Slices as captured by a rig: imperfect optics, noisy detectors, and a reconstruction with assumed optics.
 //!
 //! ```text
-//! slice -> light (matrices) -> rig (optics in truth, detectors) -> readings -> optics as believed -> slice, standard errors
+//! slice -> light (matrices) -> rig (true optics, detectors) -> readings -> assumed optics -> slice, standard errors
 //! ```
 //!
-//! What captures and what reconstructs is [`polarimetry`], as of a real rig: nothing of the two is here. Every slice is a set of
-//! captures of its own, at one exposure. Its errors are those that it came with and those of the captures, in squares. What it
-//! is made of is believed to be the slice in truth, its render's noise included.
+//! Captures and reconstructions use [`polarimetry`], as for a real rig. Every slice is captured separately at
+//! one exposure. The error of a captured slice combines the error of the slice and that of the captures in
+//! quadrature. The slice, including its render noise, is the ground truth for the captures.
 
 pub mod error;
 pub mod exposure;

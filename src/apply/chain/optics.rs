@@ -1,4 +1,4 @@
-//! Elements as they are in truth: drawn within tolerances, or known from a scheme file.
+//! True optical elements: drawn within tolerances, or known from a scheme file.
 
 use polarimetry::capture::detector::random::stream;
 use polarimetry::capture::element::{Element, ElementKind};
@@ -7,7 +7,7 @@ use polarimetry::capture::spectral_value::SpectralValue;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Deserialize;
 
-/// What the parts of a rig may be off by. Each rig (a seed) has its own parts.
+/// Tolerances of the parts of a rig. Each rig (a seed) has different parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tolerances {
@@ -15,22 +15,23 @@ pub struct Tolerances {
     pub axis_error_deg: f64,
     /// Standard deviation of each retarder's retardance, degrees.
     pub retardance_error_deg: f64,
-    /// Least over greatest transmittance of all polarizers: 1e-3 of an extinction ratio of 1000:1.
+    /// Ratio of the minimum to the maximum transmittance of all polarizers: 1e-3 for an extinction ratio of
+    /// 1000:1.
     pub extinction: f64,
 }
 
-/// Elements of a rig in truth.
+/// The true elements of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Optics {
-    /// Drawn.
+    /// Drawn at random within tolerances.
     Drawn(Tolerances),
-    /// Those of a scheme; its settings are of no meaning.
+    /// Those of a scheme, whose settings are ignored.
     Known(Box<Scheme>),
 }
 
 impl Optics {
-    /// A scheme with these elements at its own settings. Rigs of one number have the same parts, whatever the scheme's
-    /// settings.
+    /// Returns a scheme with these elements and the nominal settings. Rigs of one number have the same parts
+    /// for all settings.
     #[must_use]
     pub fn of(&self, nominal: &Scheme, rig: u64) -> Scheme {
         match self {
@@ -50,7 +51,8 @@ impl Tolerances {
             (Side::Analyzer, nominal.analyzer().len()),
         ] {
             for i in 0..n {
-                // Both are drawn of every element, so that a rig keeps its axes when its retarders change.
+                // Both numbers are drawn for every element, so that a rig keeps its axes when its retarders
+                // change.
                 let [axis, retardance] = [normal(), normal()];
                 out.imperfect(side, i, |e| {
                     e.axis_offset += (self.axis_error_deg * axis).to_radians();
@@ -71,7 +73,7 @@ impl Tolerances {
         } = &mut out.sensor
         {
             *extinction = SpectralValue::Same(self.extinction);
-            // That at 0° is the frame's.
+            // The polarizer at 0° defines the frame.
             for offset in &mut axis_offsets[1..] {
                 *offset += (self.axis_error_deg * normal()).to_radians();
             }
@@ -89,7 +91,7 @@ fn shifted(value: &SpectralValue, by: f64) -> SpectralValue {
     }
 }
 
-/// A scheme at its own settings with the elements of another, by their names.
+/// Returns a scheme with its own settings and the elements of another, matched by name.
 #[must_use]
 pub fn with_elements(settings: &Scheme, elements: &Scheme) -> Scheme {
     let mut out = settings.clone();

@@ -1,4 +1,4 @@
-//! Captures of a slice, and what a reconstruction makes of them.
+//! Captures of a slice, and their reconstruction.
 
 use super::error::ChainError;
 use super::exposure::Detectors;
@@ -14,7 +14,7 @@ use polarimetry::reconstruct::predicted::of_counts;
 use polarimetry::reconstruct::second_moment::Moment;
 use tensor::array::Tensor;
 
-/// What was read of a slice.
+/// The readings of a slice.
 #[derive(Clone, Debug)]
 pub struct Readings<'a> {
     slice: &'a Slice,
@@ -23,16 +23,16 @@ pub struct Readings<'a> {
     captured: Captured,
 }
 
-/// What became of pixels.
+/// Numbers of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// All of them, times and wavelengths too.
+    /// All pixels, times and wavelengths.
     pub pixels: usize,
-    /// Those of which saturation left too few readings: they were found from readings at the brim.
+    /// Those with too few unsaturated readings, which were reconstructed with readings at saturation.
     pub clipped: usize,
 }
 
-/// A pane of glass: what stands before a camera that reads intensities.
+/// Returns the scheme of a camera that reads intensities: a pane of glass.
 fn open() -> Result<Scheme, ChainError> {
     let mut glass = Element::polarizer("glass", Setting::Fixed(0.0));
     glass.kind = ElementKind::Polarizer {
@@ -45,7 +45,7 @@ fn open() -> Result<Scheme, ChainError> {
 }
 
 impl<'a> Readings<'a> {
-    /// Captures a slice through elements as they are. Its values alone are light; its errors are kept.
+    /// Captures a slice through the true elements. Only its values are light; its errors are kept.
     ///
     /// # Errors
     /// [`ChainError`].
@@ -65,8 +65,9 @@ impl<'a> Readings<'a> {
         })
     }
 
-    /// The slice as elements that are `believed` to be so tell it, with a prior where they are too few; standard errors are those
-    /// of the slice and of the captures together. Believed elements stand where the real ones stood.
+    /// Reconstructs the slice with `believed` elements, and with a prior if the captures do not determine it.
+    /// Standard errors combine those of the slice and of the captures. Believed elements have the same
+    /// positions as the real ones.
     ///
     /// # Errors
     /// [`ChainError::Rank`] if the captures do not determine a matrix and there is no prior.
@@ -110,7 +111,8 @@ impl<'a> Readings<'a> {
         Ok((Slice { mean, error }, count))
     }
 
-    /// Whole matrices and their errors; the number of pixels that were found from readings at the brim.
+    /// Reconstructs whole matrices and their errors; returns the number of pixels that used readings at
+    /// saturation.
     fn matrices(
         &self,
         believed: &Scheme,
@@ -155,7 +157,8 @@ impl<'a> Readings<'a> {
         if tally.lost == 0 {
             return Ok(0);
         }
-        // What saturated is at least as bright as can be read: of pixels that are lost without it, that is what is known.
+        // A saturated reading is at least the maximum. Pixels that have too few other readings use this
+        // value.
         let [most, spread] = self.brim();
         for (i, v) in readings.iter_mut().enumerate().filter(|(_, v)| !v.is_finite()) {
             *v = most as f32;
@@ -187,7 +190,7 @@ impl<'a> Readings<'a> {
         Some(f64::from(all[m * self.captured.layout.pixels() + p]))
     }
 
-    /// The most radiance that a camera reads, and its variance.
+    /// Returns the maximum radiance that the camera reads, and its variance.
     fn brim(&self) -> [f64; 2] {
         let Noise::Cmos { camera, .. } = &self.noise else {
             return [0.0; 2];

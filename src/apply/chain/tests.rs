@@ -1,4 +1,4 @@
-//! Slices through rigs whose parts and noise are known.
+//! Tests of slices through rigs with known parts and noise.
 
 use super::exposure::{Exposure, Laboratory, Meter};
 use super::few::{Choice, Expected, Task, chosen, objective};
@@ -15,7 +15,8 @@ use polarimetry::capture::spectral_value::SpectralValue;
 use tensor::array::Tensor;
 use tensor::axes::AxisKind;
 
-/// Matrices of no symmetry, brighter along rows, in picosecond bins if there are several and at three wavelengths.
+/// Asymmetric matrices, brighter along rows, in picosecond bins if there are several and at three
+/// wavelengths.
 fn some(size: [usize; 4]) -> Slice {
     let mut s = slice(size, 0.0, |p, b, e, k| {
         let bright = 1.0 + 0.1 * (p % 4) as f64 + 0.2 * b as f64 + 0.1 * k as f64;
@@ -56,7 +57,7 @@ fn laboratory(tolerances: Tolerances, electrons: Option<f64>) -> Laboratory {
     }
 }
 
-/// A slice through a rig, with the exposure of `photograph`.
+/// Captures a slice with the exposure of `photograph` and reconstructs it.
 fn through(
     s: &Slice,
     photograph: &Slice,
@@ -101,8 +102,9 @@ fn perfect_rigs_return_the_slice() {
     }
 }
 
-/// Optics that are off, known exactly, are undone; believed to be as meant they are not. A retarder whose axes are taken for each
-/// other (retardance of the wrong sign) turns over what it should keep: found by the matrices, far beyond the tolerance above.
+/// Exactly known optical errors are compensated; with nominal optics they are not. Retardance of the wrong
+/// sign (a retarder with exchanged axes) changes the handedness, which the matrices show far beyond the
+/// tolerance above.
 #[test]
 fn wrong_optics_are_found() {
     let nominal = Scheme::quad(24, false).expect("a scheme");
@@ -128,7 +130,7 @@ fn wrong_optics_are_found() {
         });
         let found = through(&s, &s, &lab, [&nominal, &wrong], 1);
         assert!(off(&found.mean, &s.mean) > 0.2, "{side:?}");
-        // Elements alone, not settings, go from one scheme to another.
+        // Only elements, not settings, are copied from one scheme to another.
         let few = Scheme::drr(7, false).expect("a scheme");
         let moved = with_elements(&few, &wrong);
         assert_eq!((moved.captures(), moved.parameters()), (7, few.parameters()));
@@ -136,8 +138,8 @@ fn wrong_optics_are_found() {
     }
 }
 
-/// Behind a polarizer that leaks ε of the wrong light, unpolarized light is ½(1 + ε, (1 - ε)u) and not ½(1, u): matrices are found as
-/// D T D with D = diag(1 + ε, 1 - ε, 1 - ε, 1 - ε).
+/// Behind a polarizer with leakage ε, unpolarized light becomes ½(1 + ε, (1 - ε)u) instead of ½(1, u):
+/// reconstructed matrices are D T D with D = diag(1 + ε, 1 - ε, 1 - ε, 1 - ε).
 #[test]
 fn leaking_polarizers_bias_in_closed_form() {
     let epsilon = 0.05;
@@ -157,7 +159,7 @@ fn leaking_polarizers_bias_in_closed_form() {
         let want = if i % 16 == 0 { (1.0 + epsilon).powi(2) } else { 0.0 };
         assert!((f64::from(*v) - want).abs() < 1e-5, "{i}: {v} is not {want}");
     }
-    // Of diag(1, a, a, a) the polarized part is seen through both diattenuations.
+    // The polarized part of diag(1, a, a, a) is measured through both diattenuations.
     let a = 0.6;
     let mut diagonal = depolarizer;
     for (i, v) in diagonal.mean.data.iter_mut().enumerate() {
@@ -174,10 +176,11 @@ fn leaking_polarizers_bias_in_closed_form() {
     }
 }
 
-/// Scatter over 400 seeds against stated errors: χ²/n is 1 within 5 standard errors, which the spread of the squares over seeds gives, and
-/// biases are below 5 of theirs and a tenth of an error. For a camera, a polarizer array, a counter, and intensities of both. A
-/// counter's light is as bright in all bins here, because variances are of a mean over neighbours in time, as of a rig's scans; and it
-/// counts far less than one photon a pulse, because they leave pile-up out.
+/// Compares the scatter over 400 seeds with the estimated errors: χ²/n is 1 within 5 standard errors,
+/// computed from the spread of the squares over seeds, and biases are below 5 of their standard errors and a
+/// tenth of an error. Tests a camera, a polarizer array, a counter, and intensities of both. The counter's
+/// light is equal in all bins, because its variances average neighbours in time, as in a rig's scans. It
+/// counts far less than one photon per pulse, because the variances ignore pile-up.
 #[test]
 fn stated_errors_are_the_scatter() {
     let tolerances = Tolerances {
@@ -249,7 +252,8 @@ fn one_seed_is_one_capture_on_any_number_of_threads() {
     });
 }
 
-/// Highlights far above the full well are told from the readings that hold them, or clipped: no number is lost.
+/// Highlights far above the full well are reconstructed from unsaturated readings, or clipped: no value is
+/// lost.
 #[test]
 fn highlights_are_clipped_and_counted() {
     let lab = laboratory(Tolerances::default(), Some(3000.0));
@@ -268,7 +272,7 @@ fn highlights_are_clipped_and_counted() {
     assert!(found.mean.data[0] < s.mean.data[0]);
 }
 
-/// Captures for one functional have less error of it than those for all elements, and these less of all.
+/// Captures optimized for one functional have less error in it than those for all elements, and vice versa.
 #[test]
 fn captures_are_chosen_for_what_counts() {
     let mut o = Observation::default();
@@ -294,7 +298,7 @@ fn captures_are_chosen_for_what_counts() {
     }
 }
 
-/// Without a photograph a slice with time bins is one, all its bins together; where there is a photograph it is none.
+/// Without a photograph, the sum over time bins of a timed slice replaces it; with a photograph, it does not.
 #[test]
 fn time_bins_together_are_a_photograph() {
     let lab = laboratory(Tolerances::default(), Some(500.0));

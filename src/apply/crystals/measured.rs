@@ -1,11 +1,13 @@
-//! What the Mueller matrix of a pixel says: polarizance, diattenuation and retardance by Lu & Chipman (1996), and their errors.
+//! Decomposition of the Mueller matrix of a pixel: polarizance, diattenuation and retardance by Lu & Chipman
+//! (1996), and their errors.
 //!
-//! Light reaches the camera through the slab from metal that it met before, M = C M₀, so C = M M₀⁻¹ with M₀ as seen without the
-//! slab.
+//! Light reaches metal first and then the camera through the slab, M = C M₀, so C = M M₀⁻¹ with M₀ measured
+//! without the slab.
 //!
-//! Elements of a matrix are made of the same samples: what is common to all is an error of the intensity, which does nothing to
-//! a decomposition. Of an element's error that part is taken out, σ² - (m_ij σ₀₀/m₀₀)²; the rest is taken as independent and
-//! carried through by differences over the errors themselves, as `polarimetry::decompose::maps::errors` does.
+//! Elements of a matrix are estimated from the same samples. An error that is common to all elements is an
+//! error of the intensity, which does not change a decomposition. Therefore that part is subtracted from an
+//! element's variance, σ² - (m_ij σ₀₀/m₀₀)². The rest is treated as independent and propagated by finite
+//! differences of the size of the errors, as in `polarimetry::decompose::maps::errors`.
 
 use nalgebra::Matrix4;
 use polarimetry::decompose::lu_chipman::{SINGLE, decompose};
@@ -14,23 +16,20 @@ use polarimetry::decompose::properties::Properties;
 /// A matrix and its standard errors.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
-    /// Means.
     pub mean: Matrix4<f64>,
-    /// Standard errors.
     pub error: Matrix4<f64>,
 }
 
-/// What a decomposition says, and the standard error of the retardance, radians.
+/// A decomposition, with the standard error of the retardance in radians.
 #[derive(Clone, Copy, Debug)]
 pub struct Decomposed {
-    /// Scalars of the matrix.
     pub properties: Properties,
-    /// Of its retardance.
+    /// Standard error of the retardance.
     pub error: f64,
 }
 
 impl Measured {
-    /// Errors without what is common to all elements.
+    /// Returns the errors without the part that is common to all elements.
     #[must_use]
     pub fn relative_errors(&self) -> Matrix4<f64> {
         let common = self.error[(0, 0)] / self.mean[(0, 0)];
@@ -44,8 +43,8 @@ fn properties(m: &Matrix4<f64>) -> Option<Properties> {
     Some(Properties::of(&rows, &decompose(&rows, SINGLE)?))
 }
 
-/// The slab's matrix decomposed, of M and the inverse of M₀ (which is known far better: its error is left out); `None` where it
-/// has no decomposition.
+/// Decomposes the slab's matrix from M and the inverse of M₀, whose much smaller error is neglected; `None`
+/// if it has no decomposition.
 #[must_use]
 pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
     let found = properties(&(seen.mean * inverse))?;
@@ -70,7 +69,7 @@ pub fn slab(seen: &Measured, inverse: &Matrix4<f64>) -> Option<Decomposed> {
 mod tests {
     use super::*;
 
-    /// A retarder of fast axis along Stokes `axis` (1, 2 or 3).
+    /// Returns a retarder with the fast axis along Stokes `axis` (1, 2 or 3).
     fn retarder(axis: usize, delta: f64) -> Matrix4<f64> {
         let mut m = Matrix4::identity();
         let (a, b) = [(2, 3), (3, 1), (1, 2)][axis - 1];
@@ -91,10 +90,10 @@ mod tests {
             let got = slab(&seen, &without).expect("it");
             approx::assert_abs_diff_eq!(got.properties.retardance, delta, epsilon = 1e-9);
             assert_eq!(got.error, 0.0);
-            // Errors of the intensity alone are none of the retardance.
+            // Errors of the intensity are not errors of the retardance.
             seen.error = seen.mean.abs() * 0.2;
             assert!(slab(&seen, &without).expect("it").error < 1e-6);
-            // Those of the elements are: about σ/√2 for an isotropic σ of the retarder's block.
+            // Errors of the elements are: about σ/√2 for an isotropic σ of the retarder's block.
             seen.error = Matrix4::repeat(0.25 * 0.01);
             let error = slab(&seen, &without).expect("it").error;
             assert!(error > 0.003 && error < 0.03, "{error}");

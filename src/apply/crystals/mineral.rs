@@ -1,10 +1,10 @@
-//! Refractive indices of quartz and calcite (Ghosh 1999, "Dispersion-equation coefficients for the refractive index and
-//! birefringence of calcite and quartz crystals", Opt. Commun. 163, 95): n² = A + B λ²/(λ² - C) + D λ²/(λ² - F), λ in µm.
+//! Refractive indices of quartz and calcite (Ghosh 1999, "Dispersion-equation coefficients for the refractive
+//! index and birefringence of calcite and quartz crystals", Opt. Commun. 163, 95): n² = A + B λ²/(λ² - C) + D
+//! λ²/(λ² - F), λ in µm.
 
-/// A, B, C, D, F.
+/// The coefficients A, B, C, D, F.
 type Ghosh = [f64; 5];
 
-/// A uniaxial mineral.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mineral {
     /// α-quartz, positive.
@@ -23,7 +23,7 @@ const CALCITE: [Ghosh; 2] = [
 ];
 
 impl Mineral {
-    /// The mineral of a name, as scene files have it.
+    /// Returns the mineral of a name in scene files.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         match name {
@@ -33,7 +33,7 @@ impl Mineral {
         }
     }
 
-    /// Ordinary and extraordinary index at a vacuum wavelength in nanometres.
+    /// Returns the ordinary and extraordinary index at a vacuum wavelength in nanometres.
     #[must_use]
     pub fn indices(self, nm: f64) -> [f64; 2] {
         let s = (nm * 1e-3).powi(2);
@@ -44,7 +44,7 @@ impl Mineral {
         all.map(|[a, b, c, d, f]| (a + b * s / (s - c) + d * s / (s - f)).sqrt())
     }
 
-    /// What light that goes at an angle of cosine `cos` to the optic axis gains per metre, n_e(ψ) - n_o:
+    /// Returns the birefringence n_e(ψ) - n_o for light at an angle of cosine `cos` to the optic axis:
     /// 1/n_e(ψ)² = cos²ψ/n_o² + sin²ψ/n_e² (Born & Wolf 1999, 15.3.3).
     #[must_use]
     pub fn birefringence(self, nm: f64, cos: f64) -> f64 {
@@ -58,7 +58,7 @@ impl Mineral {
 mod tests {
     use super::*;
 
-    /// Indices at 587.6 nm as handbooks print them: quartz 1.5443, 1.5534; calcite 1.6584, 1.4864.
+    /// Indices at 587.6 nm from handbooks: quartz 1.5443, 1.5534; calcite 1.6584, 1.4864.
     #[test]
     fn indices_are_those_of_handbooks() {
         for (mineral, printed) in [

@@ -1,11 +1,12 @@
-//! Retardance of crystals (Baek & Heide 2021, Fig. 7): what the decomposition of epipolar and of other light says of slabs of quartz
-//! and calcite, against 2π L (n_e(ψ) - n_o)/λ.
+//! Retardance of crystals (Baek & Heide 2021, Fig. 7): the decomposition of epipolar and of other light for
+//! slabs of quartz and calcite, compared with 2π L (n_e(ψ) - n_o)/λ.
 //!
-//! A decomposition knows a retardance between 0 and π: the truth is folded there. The order is told by three wavelengths together
-//! ([`predicted::order`]). Learnt on training variants is one number a method: the error that is not that of samples (the
-//! retardance's change within a pixel, reflections inside, the plate beside the place that is seen), added to the
-//! standard errors so that half of the errors are within 0.6745 of them. So the share within two stated errors tests that number on
-//! other slabs, not the errors of samples.
+//! A decomposition gives a retardance between 0 and π, so the truth is folded to this range. Three
+//! wavelengths together determine the order ([`predicted::order`]). Each method learns one number from the
+//! training variants: the error that is not due to samples (the change of retardance within a pixel, internal
+//! reflections, the plate next to the seen place). It is added to the standard errors so that half of the
+//! errors are within 0.6745 of them. Hence the share within two estimated errors tests that number on other
+//! slabs, not the errors of samples.
 
 pub mod faces;
 pub mod measured;
@@ -21,7 +22,6 @@ use predicted::{MIDDLE, folded, order};
 use rayon::prelude::*;
 use seen::{Probe, Seen};
 
-/// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct Crystals;
 
@@ -54,16 +54,16 @@ const METHODS: [(Method, Probe); 6] = [
     method("all light as it is", "Lu & Chipman 1996", Probe::AllAsItIs),
 ];
 
-/// Largest difference of ways that is looked for, waves at [`MIDDLE`].
+/// Maximum path difference of the search, in waves at [`MIDDLE`].
 const MOST_WAVES: f64 = 12.0;
 
-/// How near the difference of ways must be, waves.
+/// Maximum error of a correct path difference, in waves.
 const NEAR_WAVES: f64 = 0.1;
 
-/// Normal errors that half of all are within, in standard deviations.
+/// Number of standard deviations that contain half of normally distributed errors.
 const HALF: f64 = 0.6745;
 
-/// The variant without the slab ([`Truth::Slice`]).
+/// Returns the variant without the slab ([`Truth::Slice`]).
 fn without(variant: u64) -> u64 {
     variant + 1
 }
@@ -131,7 +131,7 @@ impl Application for Crystals {
     }
 }
 
-/// Error and its standard error, radians, of every pixel and wavelength that has a retardance.
+/// Returns error and standard error, radians, of every pixel and wavelength with a retardance.
 fn errors(seen: &Seen, probe: Probe) -> Vec<[f64; 2]> {
     let of = |i: usize| {
         let truth = seen.pixels[i].retardance.iter();
@@ -144,7 +144,8 @@ fn errors(seen: &Seen, probe: Probe) -> Vec<[f64; 2]> {
     (0..seen.pixels.len()).flat_map(of).collect()
 }
 
-/// The error, radians, with which half of all errors are within [`HALF`] of what is stated.
+/// Returns the error floor, radians, for which half of all errors are within [`HALF`] of the estimated
+/// errors.
 fn floor(train: &[Seen], probe: Probe) -> f64 {
     let all: Vec<[f64; 2]> = train.iter().flat_map(|seen| errors(seen, probe)).collect();
     let within = |floor: f64| {
@@ -204,7 +205,8 @@ fn scores(method: &'static str, probe: Probe, seen: &Seen, floor: f64) -> Vec<Sc
     Score::each(method, seen.variant, &METRICS, values).collect()
 }
 
-/// Retardance in degrees, polarizance and diattenuation, a channel a wavelength, and what theory says of the first.
+/// Draws retardance in degrees, polarizance and diattenuation, with one channel per wavelength, and the
+/// theoretical retardance.
 fn pictures(method: &'static str, probe: Probe, seen: &Seen) -> Vec<Picture> {
     let draw = |name, value: &dyn Fn(usize, usize) -> Option<f64>| {
         let channels = seen.wavelengths.len();

@@ -1,8 +1,9 @@
-//! What theory says of every pixel: δ = 2π L (n_e(ψ) - n_o)/λ of the ray inside.
+//! The theoretical retardance of every pixel: δ = 2π L (n_e(ψ) - n_o)/λ of the ray inside.
 //!
-//! The way inside is known from layers of the scene: along the ray bent by the mean index n̄ (at 550 nm), optical length less
-//! length is (n̄ - 1) L. Snell's law at the seen face with its normal gives the direction, and a slab's L at other wavelengths
-//! is in inverse proportion to the cosine at the faces.
+//! The path inside is computed from layers of the scene: for the ray refracted with the mean index n̄ (at 550
+//! nm), the optical length minus the length is (n̄ - 1) L. Snell's law at the visible face with its normal
+//! gives the direction. At other wavelengths, the L of a slab is inversely proportional to the cosine at the
+//! faces.
 
 use super::mineral::Mineral;
 use crate::error::ApplyError;
@@ -12,34 +13,33 @@ use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
-/// Wavelength whose mean index bends the rays of the layers, nanometres.
+/// Wavelength of the mean index that refracts the rays of the layers, nanometres.
 pub const MIDDLE: f64 = 550.0;
 
-/// How far a way may be off the slab's thickness: less are rays through an edge.
+/// Maximum relative difference of a path from the slab's thickness; others are rays through an edge.
 const THICKNESS: f64 = 0.01;
 
-/// What is told of a slab.
+/// Ground truth of a slab.
 pub struct Slab {
-    /// What it is made of.
     pub mineral: Mineral,
-    /// Optic axis in the world.
+    /// Optic axis in world coordinates.
     pub axis: Vector3<f64>,
-    /// Metres.
+    /// Thickness in metres.
     pub thickness: f64,
 }
 
-/// A pixel in which the slab is seen.
+/// A pixel that shows the slab.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pixel {
-    /// Its number, row by row.
+    /// Index, row by row.
     pub pixel: usize,
     /// Signed retardance at every wavelength, radians.
     pub retardance: Vec<f64>,
-    /// Signed difference of the ways of the two waves at [`MIDDLE`], metres.
+    /// Signed optical path difference of the two waves at [`MIDDLE`], metres.
     pub path: f64,
 }
 
-/// |δ| modulo 2π as a decomposition has it, 0..π.
+/// Returns |δ| modulo 2π, folded to 0..π as in a decomposition.
 #[must_use]
 pub fn folded(delta: f64) -> f64 {
     let turn = delta.abs() % TAU;
@@ -47,7 +47,8 @@ pub fn folded(delta: f64) -> f64 {
 }
 
 impl Slab {
-    /// Direction inside and cosine to the normal, of a ray that meets a face of normal `n` (toward the viewer).
+    /// Returns the direction inside and the cosine to the normal, for a ray that hits a face of normal `n`
+    /// (toward the viewer).
     fn inside(&self, d: Vector3<f64>, n: Vector3<f64>, nm: f64) -> Option<(Vector3<f64>, f64)> {
         let index = self.mineral.indices(nm).iter().sum::<f64>() / 2.0;
         let cos = -d.dot(&n);
@@ -55,7 +56,7 @@ impl Slab {
         (cos > 0.0).then(|| (d / index + n * (cos / index - inside), inside))
     }
 
-    /// Of the ray along unit `d` with a way of `length` metres at [`MIDDLE`].
+    /// Returns the pixel for the ray along unit `d` with a path of `length` metres at [`MIDDLE`].
     fn pixel(
         &self,
         pixel: usize,
@@ -82,10 +83,10 @@ impl Slab {
         })
     }
 
-    /// All pixels that are wholly of the slab, seen from front to back face.
+    /// Returns all pixels that show only the slab, through front and back face.
     ///
     /// # Errors
-    /// [`ApplyError`] if layers are missing or not of the camera's size.
+    /// [`ApplyError`] if layers are missing or do not have the camera's size.
     pub fn pixels(&self, camera: &Pinhole, o: &Observation, nm: &[f64]) -> Result<Vec<Pixel>, ApplyError> {
         let [w, h] = camera.resolution;
         let layer = |name: &str, channels: usize| -> Result<&Map, ApplyError> {
@@ -118,9 +119,10 @@ impl Slab {
     }
 }
 
-/// Absolute difference of ways at [`MIDDLE`] below `most` metres whose retardances, folded, are nearest to those of the
-/// wavelengths, in units of `sigma`: one wavelength leaves the order open, three tell it. Retardances of a direction near the
-/// axis are to each other as the birefringences across it.
+/// Returns the absolute path difference at [`MIDDLE`], below `most` metres, whose folded retardances are
+/// closest to those of the wavelengths, in units of `sigma`. One wavelength does not determine the order;
+/// three do. The retardances at several wavelengths for a direction near the axis are proportional to the
+/// birefringences perpendicular to it.
 #[must_use]
 pub fn order(mineral: Mineral, nm: &[f64], measured: &[f64], sigma: &[f64], most: f64) -> f64 {
     const STEPS_A_WAVE: f64 = 100.0;
@@ -153,7 +155,8 @@ mod tests {
         }
     }
 
-    /// Along the normal of a slab that is cut across its axis there is none; 30° off the axis it is what Snell's law says.
+    /// Along the axis of a slab that is cut perpendicular to it there is no retardance; at 30° to the axis,
+    /// it follows from Snell's law.
     #[test]
     fn a_slab_retards_as_a_closed_form_says() {
         let slab = Slab {

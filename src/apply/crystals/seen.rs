@@ -1,4 +1,4 @@
-//! One variant of the slab, decomposed under every light.
+//! One variant of the slab, decomposed for every kind of light.
 
 use super::measured::{Decomposed, Measured, slab};
 use super::mineral::Mineral;
@@ -9,27 +9,26 @@ use nalgebra::{Matrix4, Vector3};
 use rayon::prelude::*;
 use tensor::axes::AxisKind;
 
-/// A light, and what is taken out of its matrices.
+/// A kind of light, and the matrix that is divided out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Probe {
-    /// Along epipolar lines, the plate taken out.
+    /// Epipolar light, with the plate divided out.
     Epipolar,
-    /// Beside them.
+    /// Non-epipolar light.
     NonEpipolar,
-    /// Whichever of the two is brighter in a pixel.
+    /// The brighter of the two in each pixel.
     Brighter,
-    /// All light, the plate taken out.
+    /// All light, with the plate divided out.
     All,
-    /// All light, an ideal mirror taken out.
+    /// All light, with an ideal mirror divided out.
     AllBeforeMirror,
-    /// All light, nothing taken out.
+    /// All light, with nothing divided out.
     AllAsItIs,
 }
 
-/// Of every pixel of the slab and every wavelength.
+/// Decompositions for every pixel of the slab and every wavelength.
 pub(super) type Found = Vec<Vec<Option<Decomposed>>>;
 
-/// A variant of the slab.
 pub(super) struct Seen {
     pub variant: u64,
     pub seed: u64,
@@ -40,7 +39,7 @@ pub(super) struct Seen {
     epipolar: Found,
     nonepipolar: Found,
     all: [Found; 3],
-    /// Whether epipolar light is the brighter.
+    /// Whether epipolar light is brighter, per pixel.
     along: Vec<bool>,
 }
 
@@ -141,7 +140,7 @@ impl Seen {
         })
     }
 
-    /// What a pixel of the slab (by its place in the list) says at every wavelength.
+    /// Returns the decompositions of a pixel of the slab (by its index in the list) at every wavelength.
     pub(super) fn found(&self, probe: Probe, i: usize) -> &[Option<Decomposed>] {
         match probe {
             Probe::Epipolar => &self.epipolar[i],

@@ -1,4 +1,4 @@
-//! The application on slabs of which all is known.
+//! Tests with slabs of known properties.
 
 use super::mineral::Mineral;
 use super::predicted::{MIDDLE, Slab};
@@ -15,14 +15,14 @@ use tensor::axes::AxisKind;
 const SIZE: usize = 12;
 const NM: [f64; 3] = [450.0, 550.0, 660.0];
 
-/// How the light comes.
+/// A lighting case.
 #[derive(Clone, Copy)]
 struct Case {
-    /// Retardance of the plate behind, beside a mirror's.
+    /// Retardance of the plate behind the slab, in addition to that of a mirror.
     plate: f64,
-    /// Whether the light comes along epipolar lines.
+    /// Whether the light is epipolar.
     epipolar: bool,
-    /// What the slab is thicker than is told, as a share.
+    /// Relative excess of the slab's thickness over the truth map.
     thicker: f64,
 }
 
@@ -45,12 +45,12 @@ fn retarder(a: usize, b: usize, delta: f64) -> Matrix4<f64> {
     m
 }
 
-/// Minerals by turns, as in the scene.
+/// Minerals alternate, as in the scene.
 fn name_of(variant: u64) -> &'static str {
     ["quartz", "calcite"][(variant / 2 % 2) as usize]
 }
 
-/// A slab whose faces look along z, all numbers by Snell's law of the angle to z alone.
+/// A slab with faces perpendicular to z; all quantities follow from Snell's law for the angle to z.
 fn observation(variant: u64, case: Case) -> Observation {
     let (camera, mineral) = (camera(), Mineral::named(name_of(variant)).expect("known"));
     let thickness = if mineral == Mineral::Quartz { 0.008 } else { 0.0005 };
@@ -123,7 +123,7 @@ fn observation(variant: u64, case: Case) -> Observation {
 
 fn run(case: Case) -> Outcome {
     let of = |variants: [u64; 2]| variants.map(|v| observation(v, case));
-    // What is learnt is learnt on slabs that are as told.
+    // Training uses slabs with a correct thickness.
     let known = |variants: [u64; 2]| variants.map(|v| observation(v, Case { thicker: 0.0, ..case }));
     Crystals.run(&known([0, 2]), &of([8, 10])).expect("it runs")
 }
@@ -163,13 +163,14 @@ fn retardance_is_found_in_the_light_that_has_it() {
             }
             assert_eq!(score(&outcome, dark, 2, variant), 0.0);
             assert!(score(&outcome, dark, 0, variant).is_nan());
-            // What a mirror does is no slab's.
+            // The effect of a mirror is not that of a slab.
             assert!(score(&outcome, "all light as it is", 1, variant) > 20.0);
         }
     }
 }
 
-/// Planted: a plate that retards by 40° is taken out where it is known, and is an error where a mirror is thought.
+/// Planted: a plate with a retardance of 40° is compensated if it is known, and is an error if a mirror is
+/// assumed.
 #[test]
 fn what_the_plate_does_is_taken_out() {
     let outcome = run(Case {
@@ -183,7 +184,8 @@ fn what_the_plate_does_is_taken_out() {
     }
 }
 
-/// Planted: slabs 3 % thicker than told are found: errors are no longer within those that are stated.
+/// Planted: slabs that are 3 % thicker than the truth are detected, because errors exceed the estimated
+/// errors.
 #[test]
 fn a_wrong_thickness_is_found() {
     let [right, wrong] = [0.0, 0.03].map(|thicker| run(Case { thicker, ..PLAIN }));

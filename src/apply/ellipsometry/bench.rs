@@ -1,7 +1,8 @@
-//! Captures of a variant's light by a scheme, with detector noise, and the Mueller matrices that they are estimated to be.
+//! Simulates captures of a variant's light by a scheme, with detector noise, and estimates the Mueller
+//! matrices.
 //!
-//! The light is a slice of many samples: what stands on the table is known, and all that hides it is the instrument. Noise is
-//! normal, 5e-4 of the mean T00.
+//! The light is a slice with many samples, so the scene is known and all errors come from the instrument.
+//! Noise is normal, 5e-4 of the mean T00.
 
 use super::family::{NOISE, Ready, determines};
 use crate::error::ApplyError;
@@ -14,13 +15,12 @@ use polarimetry::reconstruct::second_moment::Moment;
 use polarimetry::trial::least_norm;
 use tensor::axes::AxisKind;
 
-/// Name of the truth slice that is captured.
+/// Name of the captured truth slice.
 pub(super) const LIGHT: &str = "light";
 
 /// Name of the truth map of objects.
 pub(super) const OBJECT: &str = "object";
 
-/// The light of a variant.
 pub(super) struct Bench {
     pub variant: u64,
     pub width: usize,
@@ -28,7 +28,7 @@ pub(super) struct Bench {
     pub lanes: usize,
     image: MuellerImage,
     seed: u64,
-    /// Number of the object of each pixel; -1 of none.
+    /// Object number of each pixel; -1 without an object.
     pub object: Vec<i64>,
 }
 
@@ -79,22 +79,23 @@ impl Bench {
         }
     }
 
-    /// Mean T00.
+    /// Returns the mean T00.
     pub(super) fn brightness(&self) -> f64 {
         self.image.mean()
     }
 
-    /// Standard deviation of an intensity.
+    /// Returns the standard deviation of an intensity.
     pub(super) fn sigma(&self) -> f64 {
         NOISE * self.brightness()
     }
 
-    /// The true matrices: 16 elements a place and wavelength.
+    /// Returns the true matrices: 16 elements per place and wavelength.
     pub(super) fn truth(&self) -> &[f64] {
         &self.image.matrices
     }
 
-    /// What a scheme finds; `stream` tells apart instruments whose noise is independent.
+    /// Returns the matrices that a scheme estimates. Instruments with different `stream` have independent
+    /// noise.
     pub(super) fn estimate(&self, ready: &Ready, stream: u64) -> Result<Vec<f64>, ApplyError> {
         let unsolved = |cause: String| ApplyError::Unsolved {
             method: "ellipsometry",
@@ -125,8 +126,9 @@ impl Bench {
     }
 }
 
-/// E[t tᵀ] of all lit matrices of some variants, T00 = 1: what their principal components are of, mean included. Below a
-/// hundredth of the mean T00 noise is more than a twentieth of the light, and a matrix says nothing of materials.
+/// Returns E[t tᵀ] of all lit matrices of some variants, with T00 = 1, including the mean, for principal
+/// components. Matrices below a hundredth of the mean T00 are ignored, because noise exceeds a twentieth of
+/// their light.
 pub(super) fn second_moment(train: &[Bench]) -> Result<Moment, ApplyError> {
     let (mut sum, mut n) = (Moment::zeros(), 0.0);
     for bench in train {

@@ -1,11 +1,11 @@
-//! Errors of Mueller matrices over the mean T00.
+//! Errors of Mueller matrices, relative to the mean T00.
 
 use super::bench::Bench;
 
-/// Which of the 16 elements, and which pixels, an error is of.
+/// The elements and the pixels of an error.
 pub(super) struct Of<'a> {
     pub elements: &'a [usize],
-    /// Number of an object; all pixels without.
+    /// Object number; `None` for all pixels.
     pub object: Option<i64>,
 }
 
@@ -15,7 +15,8 @@ pub(super) const ALL: Of<'static> = Of {
     object: None,
 };
 
-/// Root mean square difference of found and other matrices, over the mean of the true T00 of the same pixels; NaN of no pixel.
+/// Returns the root mean square difference of estimated and other matrices, relative to the mean of the true
+/// T00 of the same pixels; NaN without pixels.
 pub(super) fn rms(bench: &Bench, found: &[f64], other: &[f64], of: &Of<'_>) -> f64 {
     let (mut squares, mut light, mut n) = (0.0, 0.0, 0.0);
     let matrices = found.chunks_exact(16).zip(other.chunks_exact(16));
@@ -32,7 +33,7 @@ pub(super) fn rms(bench: &Bench, found: &[f64], other: &[f64], of: &Of<'_>) -> f
     (squares / n / of.elements.len() as f64).sqrt() / (light / n)
 }
 
-/// Mean T00 of an object over that of all; NaN of no pixel.
+/// Returns the mean T00 of an object relative to that of all pixels; NaN without pixels.
 pub(super) fn share(bench: &Bench, object: i64) -> f64 {
     let lit = bench.truth().chunks_exact(16).enumerate();
     let mine = lit.filter(|(i, _)| bench.object[i / bench.lanes] == object);

@@ -1,4 +1,4 @@
-//! Families of capture schemes: what turns how, for any number of captures, and how matrices are estimated.
+//! Families of capture schemes for any number of captures, and their estimators.
 
 use crate::error::ApplyError;
 use polarimetry::capture::design_matrix::{DesignMatrix, a_optimal_bound};
@@ -8,10 +8,11 @@ use polarimetry::reconstruct::learn::{Search, learn};
 use polarimetry::reconstruct::loss::{Estimator, Objective};
 use polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 
-/// Standard deviation of the noise of an intensity, of light for which T00 = 1 (Baek & Heide 2021, section 4).
+/// Standard deviation of the noise of an intensity, for light with T00 = 1 (Baek & Heide 2021, section 4).
 pub(super) const NOISE: f64 = 5e-4;
 
-/// How the angles' minimum is looked for: closed forms leave little to chance, and the seed to none.
+/// Settings of the search for optimal angles. The loss is a closed form, so few random starts are enough; the
+/// seed is fixed.
 const SEARCH: Search = Search {
     starts: 3,
     iterations: 200,
@@ -19,27 +20,28 @@ const SEARCH: Search = Search {
     seed: 0,
 };
 
-/// Schemes of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Family {
     /// Whether the sensor has a polarizer array.
     pub array: bool,
-    /// Whether all four elements turn, by learnt angles; else two retarders by 5° and 25° a capture.
+    /// Whether all four elements rotate by learned angles; otherwise two retarders rotate by 5° and 25° per
+    /// capture.
     pub learnt: bool,
-    /// Whether the estimate knows the second moment of the training images.
+    /// Whether the estimator uses the second moment of the training images.
     pub prior: bool,
 }
 
-/// A scheme with what it is used by.
+/// A scheme with its estimator.
 #[derive(Clone, Debug)]
 pub(super) struct Ready {
     pub scheme: Scheme,
-    /// Least squares, of least norm below rank 16, unless there is a prior.
+    /// Without a prior, least squares, with least norm below rank 16.
     pub prior: Option<Moment>,
 }
 
 impl Family {
-    /// The scheme of so many captures, its angles learnt for matrices of a second moment.
+    /// Returns the scheme of `captures` captures, whose angles are optimized for matrices with this second
+    /// moment.
     pub(super) fn with(self, captures: usize, moment: &Moment) -> Result<Ready, ApplyError> {
         let failed = |e: SchemeError| ApplyError::Unsolved {
             method: "learned ellipsometry",
@@ -70,14 +72,15 @@ impl Family {
     }
 }
 
-/// Root mean square error of an element that no scheme of such a sensor and so many captures goes below without a prior, over
-/// the standard deviation of an intensity; `None` below the captures that determine a matrix.
+/// Returns the lower bound of the root mean square error of an element for any scheme with this sensor and
+/// number of captures, without a prior, relative to the standard deviation of an intensity. `None` if so few
+/// captures do not determine a matrix.
 pub(super) fn bound(captures: usize, array: bool) -> Option<f64> {
     let scheme = Scheme::quad(captures, array).ok()?;
     (captures >= scheme.least_captures()).then(|| (a_optimal_bound(&scheme) / 16.0).sqrt())
 }
 
-/// Whether a scheme determines a matrix.
+/// Returns whether a scheme determines a matrix.
 pub(super) fn determines(scheme: &Scheme) -> bool {
     DesignMatrix::new(scheme, &Ray::axial(550.0)).rank() == 16
 }

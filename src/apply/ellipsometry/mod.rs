@@ -1,11 +1,11 @@
-//! Learned rotating ellipsometry: Baek & Heide (2021), section 4, Fig. 4, 9 and 10. How near captures by few, learnt angles come
-//! to the Mueller matrices of a gold mirror and of materials that nothing was learnt from.
+//! Learned rotating ellipsometry: Baek & Heide (2021), section 4, Fig. 4, 9 and 10. Measures the error of
+//! captures with few learned angles, for a gold mirror and for materials that were not used for learning.
 //!
-//! The paper judges its 15 captures with a polarizer array (L-QRPR-P) by a pseudo truth: 50 captures of dual rotating retarders
-//! (DRR; Azzam 1978), with noise of their own. Here matrices are known, and errors are told by both, so that it is seen by how
-//! much the pseudo truth misjudges. What is rendered is the light alone; noise is the detector's, 5e-4 of an intensity as in
-//! the paper, and seeds are of it. Angles and the prior (the second moment, whose principal components the paper shows) are
-//! learnt from the training variants.
+//! The paper tests its 15 captures with a polarizer array (L-QRPR-P) against a pseudo truth: 50 captures of
+//! dual rotating retarders (DRR; Azzam 1978) with separate noise. Here matrices are known, and errors are
+//! computed against both, which shows the error of the pseudo truth. Only the light is rendered. The noise is
+//! that of the detector, 5e-4 of an intensity as in the paper, and seeds apply to it. Angles and the prior
+//! (the second moment, whose principal components the paper shows) are learned from the training variants.
 
 mod bench;
 mod errors;
@@ -20,11 +20,10 @@ use errors::{ALL, Of, rms, share};
 use family::{Family, NOISE, Ready, bound};
 use rayon::prelude::*;
 
-/// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipsometry;
 
-/// Captures that the paper shows, and those of its pseudo truth.
+/// Number of captures in the paper, and number of captures of its pseudo truth.
 const SHOWN: usize = 15;
 const PSEUDO: usize = 50;
 
@@ -32,7 +31,6 @@ const PSEUDO: usize = 50;
 const ELEMENT_23: usize = 11;
 const MIRROR: i64 = 0;
 
-/// Errors are told in thousandths of the mean T00.
 const UNIT: &str = "1e-3 of the mean M00";
 
 const METRICS: [Metric; 10] = [
@@ -48,7 +46,7 @@ const METRICS: [Metric; 10] = [
     metric("error, 36 captures", UNIT),
 ];
 
-/// Metrics that are an error against the truth alone, with their captures.
+/// Metrics that are the error against the truth, with their numbers of captures.
 const CURVE: [(usize, usize); 5] = [(5, 7), (6, 10), (7, 20), (8, 25), (9, 36)];
 
 const fn metric(name: &'static str, unit: &'static str) -> Metric {
@@ -59,12 +57,11 @@ const fn metric(name: &'static str, unit: &'static str) -> Metric {
     }
 }
 
-/// What a method is.
 #[derive(Clone, Copy)]
 enum Kind {
-    /// Captures, and an estimate of them.
+    /// A family of captures with its estimator.
     Captures(Family),
-    /// What no captures of a sensor go below without a prior: a polarizer array, or none.
+    /// The lower bound for a sensor without a prior, with a polarizer array or not.
     Bound(bool),
 }
 
@@ -189,17 +186,17 @@ impl Application for Ellipsometry {
     }
 }
 
-/// What a method is worth on a variant, and the matrices of 15 captures.
+/// The metrics of a method on a variant, and the matrices of 15 captures.
 struct Judged {
     values: [f64; METRICS.len()],
     found: Option<Vec<f64>>,
 }
 
-/// Of captures; `schemes` are of 15 captures, then of those of the curve.
+/// Tests captures; `schemes` are that of 15 captures, then those of the curve.
 fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) -> Result<Judged, ApplyError> {
     let mut values = [f64::NAN; METRICS.len()];
     let found = bench.estimate(&schemes[0], stream)?;
-    // The same captures of the pseudo truth for all methods, as a lab would have them.
+    // All methods use the same captures of the pseudo truth, as in a laboratory.
     let pseudo = bench.estimate(pseudo_truth, 0)?;
     let per_mille = |against: &[f64], of: &Of<'_>| 1e3 * rms(bench, &found, against, of);
     values[0] = per_mille(bench.truth(), &ALL);
@@ -228,7 +225,7 @@ fn judge(bench: &Bench, schemes: &[Ready], pseudo_truth: &Ready, stream: u64) ->
     })
 }
 
-/// Of the bound: the same for every truth, but for how bright gold is.
+/// Returns the metrics of the bound. They depend on the variant only through the brightness of gold.
 fn judge_bound(bench: &Bench, array: bool) -> Judged {
     let mut values = [f64::NAN; METRICS.len()];
     let at = |captures| bound(captures, array).map_or(f64::NAN, |b| 1e3 * NOISE * b);
@@ -240,7 +237,8 @@ fn judge_bound(bench: &Bench, array: bool) -> Judged {
     Judged { values, found: None }
 }
 
-/// -(2,3) and the size of all errors, over the mean T00 of all pixels; a channel a wavelength.
+/// Draws -(2,3) and the magnitude of all errors, relative to the mean T00 of all pixels; one channel per
+/// wavelength.
 fn pictures(method: &'static str, bench: &Bench, found: &[f64]) -> [Picture; 2] {
     let mean = bench.brightness();
     let map = |value: &dyn Fn(&[f64], &[f64]) -> f64| {
@@ -270,7 +268,7 @@ fn pictures(method: &'static str, bench: &Bench, found: &[f64]) -> [Picture; 2] 
     ]
 }
 
-/// What a reader should know of what was learnt.
+/// Returns notes on the learned second moment.
 fn notes(moment: &polarimetry::reconstruct::second_moment::Moment) -> Vec<String> {
     let mut values: Vec<f64> = moment.symmetric_eigenvalues().iter().copied().collect();
     values.sort_by(|a, b| b.total_cmp(a));

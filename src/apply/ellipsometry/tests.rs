@@ -1,4 +1,5 @@
-//! Matrices that are known: errors are those that closed forms predict, priors help where they know, and a planted error is found.
+//! Tests with known matrices: errors match closed forms, priors help on similar data, and a planted error is
+//! detected.
 
 use super::*;
 use crate::observation::tests::slice;
@@ -7,10 +8,11 @@ use tensor::axes::AxisKind;
 
 const SIZE: [usize; 2] = [24, 18];
 
-/// Images whose matrices mix so many kinds at random, the kinds those of a number; the left third is object 0.
+/// Images whose matrices are random mixtures of `count` kinds, which depend on the seed `kinds`; the left
+/// third is object 0.
 fn observations(kinds: u64, count: usize, variants: std::ops::Range<u64>, seed: u64) -> Vec<Observation> {
     let mut of_kinds = random(kinds);
-    // Realizable: a depolarizer with a small part of anything.
+    // Realizable: a depolarizer plus a small arbitrary part.
     let kinds: Vec<[f64; 16]> = (0..count)
         .map(|_| std::array::from_fn(|e| if e == 0 { 1.0 } else { 0.08 * normal(&mut of_kinds) }))
         .collect();
@@ -58,9 +60,9 @@ fn of(outcome: &Outcome, method: &str, metric: usize) -> f64 {
     mine.iter().sum::<f64>() / mine.len() as f64
 }
 
-/// Errors are σ √(tr (AᵀA)⁻¹/16): 36 captures of DRR, 196 σ²; learnt angles reach the bound. Images have 864 matrices, five of
-/// them: a relative spread below 1/√(2 · 5 · 864) of a root mean square of 16 equal numbers, more where few directions hold
-/// most of the error: 5 √8 of it are allowed.
+/// Errors are σ √(tr (AᵀA)⁻¹/16): for 36 captures of DRR, 196 σ²; learned angles reach the bound. There are
+/// five images of 864 matrices: the relative spread of a root mean square of 16 equal numbers is below 1/√(2
+/// · 5 · 864), and larger if few directions contain most of the error. The tolerance is 5 √8 of it.
 #[test]
 fn errors_are_those_of_closed_forms() {
     let all = observations(5, 6, 0..8, 1);
@@ -75,7 +77,7 @@ fn errors_are_those_of_closed_forms() {
         of(&outcome, "L-QRPR-P", 0)
     );
     assert!((of(&outcome, "A-optimal bound, array", 0) - learnt).abs() < 1e-9);
-    // The pseudo truth has an error of its own, that of 50 captures, which adds to the square.
+    // The pseudo truth has an independent error, that of 50 captures, which adds to the square.
     let pseudo = polarimetry::capture::design_matrix::DesignMatrix::new(
         &polarimetry::capture::scheme::Scheme::drr(50, false).expect("a scheme"),
         &polarimetry::capture::element::Ray::axial(550.0),
@@ -87,15 +89,15 @@ fn errors_are_those_of_closed_forms() {
         "{}",
         of(&outcome, "L-QRPR-P", 2)
     );
-    // An array beats none by 1600/440, whatever the angles' own luck.
+    // An array reduces the variance by 1600/440 for any angles.
     assert!(of(&outcome, "L-QRPR", 7) > 1.5 * of(&outcome, "L-QRPR-P", 7));
-    // What seven captures leave open is far above noise.
+    // Seven captures leave components undetermined, which give errors far above the noise.
     assert!(of(&outcome, "DRR", 5) > 10.0 * drr);
 }
 
-/// A prior of six kinds beats least squares on mixtures of the same six, and of few captures only it is any good; of other
-/// kinds it errs by more than least squares where captures leave much open, but for rank 16 it does no harm: there the
-/// baseline ties.
+/// A prior of six kinds beats least squares on mixtures of the same six kinds, and only it works with few
+/// captures. For other kinds, it has a larger error than least squares if captures leave much undetermined,
+/// but at rank 16 it ties with the baseline.
 #[test]
 fn priors_help_where_they_know() {
     let same = observations(5, 6, 0..7, 1);
@@ -111,12 +113,12 @@ fn priors_help_where_they_know() {
         of(&known, "L-QRPR with a prior", 5),
     );
     assert!(few > 10.0 * of_known, "{few} against {of_known}");
-    // Least squares do not care for what they are shown.
+    // Least squares does not depend on the data.
     let (a, b) = (of(&known, "L-QRPR-P", 0), of(&unknown, "L-QRPR-P", 0));
     assert!((a / b - 1.0).abs() < 0.1, "{a} against {b}");
 }
 
-/// An error planted in one element of the mirror's pixels is found there, and nowhere else.
+/// An error planted in one element of the mirror's pixels is detected there and nowhere else.
 #[test]
 fn a_planted_error_is_found_where_it_is() {
     let bench = Bench::new(&observations(5, 6, 0..1, 1)[0]).expect("a bench");

@@ -1,49 +1,49 @@
-//! One element of the tensor as an image: which light, from when on, which element of its matrices, with which sign.
+//! One element of the tensor as an image: light by space and time, element of its matrices, and sign.
 
 use std::fmt;
 
-/// Light by where it came from: over all projector pixels, near the epipolar line of each camera pixel, or elsewhere.
+/// Light by origin: from all projector pixels, near the epipolar line of each camera pixel, or elsewhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Space {
-    /// From every projector pixel.
+    /// From all projector pixels.
     All,
-    /// From those on the epipolar line.
+    /// From pixels on the epipolar line.
     Epipolar,
-    /// From all others.
+    /// From all other pixels.
     NonEpipolar,
 }
 
-/// Light by when it came: in bins from the pixel's first light on, or from the projector.
+/// Light by travel time: in bins after the pixel's first light, or after emission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Time {
-    /// Whenever.
+    /// At all times.
     All,
-    /// So many bins after the first light, or sooner.
+    /// At most this many bins after the first light.
     Early(usize),
-    /// Later.
+    /// More than this many bins after the first light.
     Late(usize),
-    /// In one bin of travel time, the same of all pixels.
+    /// In one bin of travel time, the same for all pixels.
     At(usize),
 }
 
-/// Light that is parted by space and time.
+/// Light selected by space and time.
 pub type Part = (Space, Time);
 
-/// An element of a part's matrices.
+/// An element of the matrices of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Element {
-    /// The part.
     pub part: Part,
-    /// Stokes elements out and in.
+    /// Indices of the outgoing and incoming Stokes element.
     pub index: [usize; 2],
-    /// Whether its sign is turned.
+    /// Whether the sign is inverted.
     pub negative: bool,
-    /// Whether it is √(Σ squares) of the elements that mix when devices turn about their axes: rows 1 and 2, columns 1 and 2.
+    /// Whether the value is √(Σ squares) of the elements that mix when devices rotate about their axes: rows
+    /// 1 and 2, columns 1 and 2.
     pub magnitude: bool,
 }
 
 impl Element {
-    /// An element of all times.
+    /// Returns an element at all times.
     #[must_use]
     pub const fn of(space: Space, index: [usize; 2]) -> Self {
         Self {
@@ -54,7 +54,7 @@ impl Element {
         }
     }
 
-    /// The same of whatever azimuth.
+    /// Returns the magnitude of the element, independent of azimuth.
     #[must_use]
     pub const fn magnitude(self) -> Self {
         Self {
@@ -63,7 +63,7 @@ impl Element {
         }
     }
 
-    /// The same with the other sign.
+    /// Returns the element with the opposite sign.
     #[must_use]
     pub const fn negative(self) -> Self {
         Self {

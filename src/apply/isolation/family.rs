@@ -1,46 +1,43 @@
-//! What a method of isolation may look at.
+//! The elements that a method of isolation may use.
 
 use super::element::{Element, Space, Time};
 use super::seen::Seen;
 use super::task::Task;
 use crate::application::Method;
 
-/// What a method may look at.
+/// The elements that a method may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Family {
-    /// The element that the paper names for the task, as it is written.
+    /// The paper's element for the task, with its sign.
     Named,
-    /// The same with either sign.
+    /// The paper's element with a learned sign.
     NamedEitherSign,
-    /// Its magnitude, whatever the azimuth of the planes of incidence ([`Element::magnitude`]).
+    /// The magnitude of the paper's element, independent of the azimuth of the planes of incidence
+    /// ([`Element::magnitude`]).
     NamedAnyAzimuth,
-    /// The same index in any one bin of travel time.
+    /// The paper's element in any one bin of travel time.
     NamedAtATime {
-        /// Whether its sign is learnt.
+        /// Whether the sign is learned.
         either: bool,
     },
-    /// Every element of the parts that it may tell apart.
+    /// Every element of the distinguishable parts.
     Any {
-        /// Whether it may tell epipolar light from other light.
+        /// Whether it distinguishes epipolar light from other light.
         space: bool,
-        /// Whether it may tell early light from late.
+        /// Whether it distinguishes early from late light.
         time: bool,
-        /// Whether it may look at other elements than (0,0).
+        /// Whether it may use elements other than (0,0).
         polarization: bool,
     },
 }
 
-/// A method of isolation.
 #[derive(Clone, Copy, Debug)]
 pub struct Isolation {
-    /// What it is called.
     pub method: Method,
-    /// What it may look at.
     pub family: Family,
 }
 
 impl Isolation {
-    /// A method.
     #[must_use]
     pub const fn new(name: &'static str, source: &'static str, family: Family) -> Self {
         Self {
@@ -51,7 +48,7 @@ impl Isolation {
 }
 
 impl Family {
-    /// Elements with positive sign (but the named one), and whether signs are to be learnt.
+    /// Returns the elements with positive sign (except for the named one), and whether signs are learned.
     pub(super) fn candidates(self, task: &Task, seen: &Seen) -> (Vec<Element>, bool) {
         match self {
             Self::Named => (task.named.into_iter().collect(), false),

@@ -1,4 +1,4 @@
-//! What a method learns from the training variants: which element, with which sign, threshold and gain.
+//! The learned parameters of a method: element, sign, threshold and gain.
 
 use super::element::Element;
 use super::seen::Seen;
@@ -8,19 +8,19 @@ use std::fmt;
 
 /// A detector and an image.
 pub(super) struct Learnt {
-    /// What tells pixels apart.
+    /// Element for detection.
     detector: Shown,
-    /// Values of at least this are said to be of the light.
+    /// Values of at least this are classified as positive.
     pub threshold: f64,
-    /// What is an image of the light's share.
+    /// Element for the image of the light's share.
     image: Shown,
-    /// Times this.
+    /// Gain of the image.
     pub gain: f64,
-    /// Area and cosine on the training variants.
+    /// Area under the curve and cosine on the training variants.
     reached: [f64; 2],
 }
 
-/// An element, or an element over the photograph.
+/// An element, optionally divided by the photograph.
 #[derive(Clone, Copy)]
 struct Shown {
     element: Element,
@@ -55,7 +55,7 @@ impl fmt::Display for Learnt {
     }
 }
 
-/// Keeps a candidate, or with `either` the same of the other sign, if it reaches more than the best so far.
+/// Keeps a candidate, or with `either` its opposite sign, if it is better than the best so far.
 fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, either: bool) {
     let turn = either && turned > plain;
     let value = if turn { turned } else { plain };
@@ -69,7 +69,7 @@ fn keep(best: &mut Option<(f64, Shown)>, shown: Shown, plain: f64, turned: f64, 
     }
 }
 
-/// The mean of what variants say, leaving out those that say nothing.
+/// Returns the mean of the finite values.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut n) = (0.0, 0.0);
     for v in values.filter(|v| v.is_finite()) {
@@ -80,7 +80,8 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Learnt {
-    /// The best of the candidates for a task; `None` if no variant has such light, or no candidate is known. Of equals the first.
+    /// Learns the best candidates for a task, the first of equal ones. `None` if no variant has such light,
+    /// or no candidate is available.
     pub(super) fn new(candidates: &[Element], either: bool, task: usize, train: &[Seen]) -> Option<Self> {
         let mut detector: Option<(f64, Shown)> = None;
         let mut image: Option<(f64, Shown)> = None;
@@ -96,7 +97,7 @@ impl Learnt {
                     let (positive, negative) = parted(values, &seen.truth[task].classes);
                     area(&positive, &negative)
                 }));
-                // The other sign has the rest of the area.
+                // The opposite sign has one minus the area.
                 keep(&mut detector, shown, reached, 1.0 - reached, either);
                 let reached = mean(all().map(|(seen, values)| cosine(values, &seen.truth[task].share)));
                 keep(&mut image, shown, reached, -reached, either);
@@ -123,12 +124,12 @@ impl Learnt {
         Some(learnt)
     }
 
-    /// What pixels are judged by.
+    /// Returns the values for detection.
     pub(super) fn values(&self, seen: &Seen) -> Vec<f64> {
         self.detector.values(seen).unwrap_or_default()
     }
 
-    /// The image of the light's share, before its gain.
+    /// Returns the image of the light's share, before its gain.
     pub(super) fn image(&self, seen: &Seen) -> Vec<f64> {
         self.image.values(seen).unwrap_or_default()
     }

@@ -1,10 +1,12 @@
-//! Isolating light paths: one element of the tensor, chosen or named, as a detector and as an image of one kind of light.
+//! Isolation of light paths: one element of the tensor, learned or named, as a detector and as an image of
+//! one kind of light.
 //!
-//! A [`Task`] names the light. A method is a set of elements that it may look at ([`Family`]); of these it takes the one that does
-//! best on the training variants, with the sign that does, over the photograph or not: as a detector by the area under the curve, as an
-//! image by the cosine to the share of each pixel's light, which says what is left of it at the best gain. (Not to the light as it
-//! is: a few pixels that shine, and a few samples that are too bright, would outweigh all others.) Thresholds and gains are learnt
-//! from the training variants too.
+//! A [`Task`] defines the light. A method is a set of elements that it may use ([`Family`]). It selects the
+//! best one on the training variants, with its sign, and divided by the photograph or not. The criterion of a
+//! detector is the area under the curve. The criterion of an image is its cosine to the share of each pixel's
+//! light, which determines the residual at the best gain. (It is not compared with the light itself, because
+//! a few bright pixels and fireflies would dominate.) Thresholds and gains are also learned from the training
+//! variants.
 
 pub mod element;
 mod family;
@@ -25,7 +27,7 @@ use crate::observation::{self, Observation};
 use learnt::Learnt;
 use seen::{Seen, Sight};
 
-/// Fits every method to every task on `train` and judges it on `test`; `sight` says which slices there are.
+/// Fits every method to every task on `train` and tests it on `test`; `sight` defines the available slices.
 pub(crate) fn run(
     tasks: &[Task],
     methods: &[Isolation],
@@ -62,14 +64,14 @@ pub(crate) fn run(
     Ok(outcome)
 }
 
-/// Numbers in the order of [`metrics!`].
+/// Returns the metrics in the order of [`metrics!`].
 fn judge(learnt: &Learnt, task: usize, seen: &Seen) -> [f64; 6] {
     let truth = &seen.truth[task];
     let values = learnt.values(seen);
     let (positive, negative) = parted(&values, &truth.classes);
     let counts = decided(&values, &truth.classes, learnt.threshold);
     let image = learnt.image(seen);
-    // A variant without such pixels says nothing.
+    // A variant without positive pixels gives NaN.
     let (f1, precision) = if positive.is_empty() {
         (f64::NAN, f64::NAN)
     } else {

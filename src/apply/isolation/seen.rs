@@ -1,4 +1,5 @@
-//! One variant as detectors see it: images of all elements of every part of its light, and what is true of each task.
+//! One variant as detectors see it: images of all elements of every part of its light, and the ground truth
+//! of each task.
 
 use super::element::{Element, Part, Space, Time};
 use super::task::Task;
@@ -10,44 +11,40 @@ use std::collections::BTreeMap;
 
 /// Names of the slices.
 pub const POLARIMETRIC: &str = "polarimetric";
-/// Of epipolar light.
+/// Epipolar light.
 pub const EPIPOLAR: &str = "epipolar";
-/// Of all light in bins of travel time: matrices or intensities.
+/// All light in bins of travel time: matrices or intensities.
 pub const TRANSIENT: &str = "transient";
-/// Of epipolar light in the same bins, matrices.
+/// Epipolar light in the same bins, as matrices.
 pub const GATED: &str = "gated";
-/// The truth: intensity by label and bounces.
+/// Ground truth: intensity by label and bounces.
 pub const PATHS: &str = "paths";
 
-/// Bins after a pixel's first light at which time is cut.
+/// Bins after a pixel's first light that separate early and late light.
 pub const CUTS: [usize; 3] = [0, 1, 3];
 
-/// The first bin that holds at least this share of the pixel's brightest is its first light.
+/// The first light is the first bin with at least this share of the pixel's brightest bin.
 const FIRST: f64 = 0.1;
 
-/// A variant.
 pub struct Seen {
-    /// Its number.
     pub variant: u64,
-    /// Columns.
     pub width: usize,
-    /// Rows.
     pub height: usize,
-    /// `[element 4 i + j][pixel]`, one image alone of parts of intensity; Σ over wavelengths.
+    /// `[element 4 i + j][pixel]`, a single image for intensities; summed over wavelengths.
     images: BTreeMap<Part, Vec<Vec<f64>>>,
-    /// Of each task.
+    /// Ground truth of each task.
     pub truth: Vec<Truth>,
 }
 
-/// What is true of a task.
+/// The ground truth of a task.
 pub struct Truth {
-    /// The share of each pixel's light that is to be isolated; none outside the task's region.
+    /// Share of the task's light in each pixel; 0 outside the task's region.
     pub share: Vec<f64>,
-    /// What its pixels are to a detector.
+    /// Class of each pixel for detection.
     pub classes: Vec<Class>,
 }
 
-/// Pixels of whose truth map a test holds.
+/// Returns the pixels whose value in a truth map passes a test.
 ///
 /// # Errors
 /// [`ApplyError::Missing`].
@@ -59,7 +56,7 @@ pub fn within(o: &Observation, map: &str, holds: impl Fn(&[f64]) -> bool) -> Res
 /// Whether a pixel keeps a bin.
 type Kept<'a> = dyn Fn(usize, usize) -> bool + 'a;
 
-/// `[element][pixel]` of the bins that a pixel keeps.
+/// Returns `[element][pixel]`, summed over the bins that a pixel keeps.
 fn images(p: &Pixels, keep: impl Fn(usize, usize) -> bool) -> Vec<Vec<f64>> {
     let image = |e: usize| {
         let value = |pixel: usize| {
@@ -79,7 +76,7 @@ fn less(all: &[Vec<f64>], part: &[Vec<f64>]) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// The bin of each pixel's first light.
+/// Returns the bin of each pixel's first light.
 fn first_light(p: &Pixels) -> Vec<usize> {
     let light =
         |pixel: usize, bin: usize| -> f64 { (0..p.wavelengths).map(|lane| p.at(pixel, bin, 0, lane)).sum() };
@@ -93,14 +90,14 @@ fn first_light(p: &Pixels) -> Vec<usize> {
         .collect()
 }
 
-/// Which slices there are.
+/// The available slices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
     /// [`POLARIMETRIC`] and [`EPIPOLAR`], and [`TRANSIENT`] of all light.
     Space,
-    /// The same, and [`GATED`].
+    /// Those of `Space`, and [`GATED`].
     SpaceAndTime,
-    /// [`TRANSIENT`] alone, matrices, as a coaxial rig has it.
+    /// Only [`TRANSIENT`], as matrices, for a coaxial rig.
     Coaxial,
 }
 
@@ -113,7 +110,7 @@ fn sizes(o: &Observation, what: &str) -> ApplyError {
 
 type Images = BTreeMap<Part, Vec<Vec<f64>>>;
 
-/// Parts of what a camera and a projector see, and its size.
+/// Returns the parts of a rig of camera and projector, and the image size.
 fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyError> {
     let polarimetric = o.pixels(POLARIMETRIC, true)?;
     let size = [polarimetric.width, polarimetric.height];
@@ -160,7 +157,7 @@ fn in_space(o: &Observation, timed: bool) -> Result<(Images, [usize; 2]), ApplyE
     Ok((parts, size))
 }
 
-/// Bins of what comes back where it went, and their sum.
+/// Returns the bins of a coaxial rig, and their sum.
 fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
     let transient = o.pixels(TRANSIENT, true)?;
     let mut parts = BTreeMap::new();
@@ -172,8 +169,6 @@ fn coaxial(o: &Observation) -> Result<(Images, [usize; 2]), ApplyError> {
 }
 
 impl Seen {
-    /// Reads a variant.
-    ///
     /// # Errors
     /// [`ApplyError`].
     pub fn new(o: &Observation, tasks: &[Task], sight: Sight) -> Result<Self, ApplyError> {
@@ -221,12 +216,12 @@ impl Seen {
         })
     }
 
-    /// The parts of the light that are known, with the number of elements of each.
+    /// Returns the available parts of the light, with the number of elements of each.
     pub fn parts(&self) -> impl Iterator<Item = (Part, usize)> {
         self.images.iter().map(|(part, images)| (*part, images.len()))
     }
 
-    /// An element as an image with its sign; `None` if it is not known.
+    /// Returns an element as a signed image; `None` if it is not available.
     #[must_use]
     pub fn image(&self, e: Element) -> Option<Vec<f64>> {
         let images = self.images.get(&e.part)?;
@@ -235,7 +230,7 @@ impl Seen {
             let plain = images.get(4 * e.index[0] + e.index[1])?;
             return Some(plain.iter().map(|v| sign * v).collect());
         }
-        // Linear parts, 1 and 2, turn into each other.
+        // The linear elements 1 and 2 mix under rotation.
         let mixed = |i: usize| if i == 1 || i == 2 { 1..=2 } else { i..=i };
         let together: Vec<&Vec<f64>> = mixed(e.index[0])
             .flat_map(|i| mixed(e.index[1]).map(move |j| 4 * i + j))
@@ -245,7 +240,7 @@ impl Seen {
         Some((0..self.width * self.height).map(|p| sign * length(p)).collect())
     }
 
-    /// An image over the photograph; 0 where that is dark.
+    /// Returns an image divided by the photograph; 0 where that is dark.
     #[must_use]
     pub fn over_photograph(&self, image: &[f64]) -> Vec<f64> {
         let photograph = &self.images[&(Space::All, Time::All)][0];

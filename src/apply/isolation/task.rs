@@ -1,4 +1,4 @@
-//! Light that is to be isolated, and the numbers of it.
+//! A kind of light to isolate, and its metrics.
 
 use super::element::Element;
 use crate::application::Metric;
@@ -6,27 +6,27 @@ use crate::error::ApplyError;
 use crate::observation::Observation;
 use crate::paths::Path;
 
-/// Pixels of a variant.
+/// Selects pixels of a variant.
 pub type Region = fn(&Observation) -> Result<Vec<bool>, ApplyError>;
 
-/// Light that is to be isolated.
+/// A kind of light to isolate.
 #[derive(Clone, Copy, Debug)]
 pub struct Task {
-    /// What it is called.
     pub name: &'static str,
-    /// Its numbers, by `metrics!`.
+    /// Metrics, from `metrics!`.
     pub metrics: [Metric; 6],
-    /// Paths that it is of.
+    /// Selects the paths of the light.
     pub light: fn(Path) -> bool,
-    /// Only these pixels count as having that light.
+    /// Only these pixels count as having the light.
     pub region: Option<Region>,
-    /// A pixel of which it is at least this share is to be found.
+    /// Minimum share of the light in a positive pixel.
     pub share: f64,
-    /// The element that the paper names for it, if it does.
+    /// The paper's element for the light, if any.
     pub named: Option<Element>,
 }
 
-/// The numbers of a task by its name: area under the curve, F1, precision, recall, correlation, error.
+/// Returns the metrics of a task by its name: area under the curve, F1, precision, recall, correlation,
+/// error.
 macro_rules! metrics {
     ($name:literal) => {{
         const fn metric(name: &'static str, more_is_better: bool) -> $crate::application::Metric {
@@ -48,7 +48,7 @@ macro_rules! metrics {
 }
 pub(crate) use metrics;
 
-/// Numbers of all tasks.
+/// Returns the metrics of all tasks.
 pub(crate) fn metrics_of(tasks: &[Task]) -> Vec<Metric> {
     tasks.iter().flat_map(|t| t.metrics).collect()
 }

@@ -1,4 +1,5 @@
-//! Rooms of pixels that each hold one kind of light, kinds that differ in one known way: every family tells what it may look at.
+//! Tests with pixels that each contain one kind of light, where kinds differ in one known way: every family
+//! separates what its dimensions resolve.
 
 use super::element::{Element, Space};
 use super::*;
@@ -8,15 +9,14 @@ use crate::paths::Path;
 use crate::paths::tests::labelled;
 use crate::regression::least_squares::tests::{normal, random};
 
-/// A kind of light as it is seen.
+/// The appearance of a kind of light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kind {
     pub path: Path,
-    /// Its brightness.
     pub bright: f64,
-    /// Elements 4 i + j over (0,0), beside (0,0).
+    /// Elements 4 i + j relative to (0,0), without (0,0).
     pub shares: &'static [(usize, f64)],
-    /// Whether it keeps to epipolar lines.
+    /// Whether the light is epipolar.
     pub epipolar: bool,
     /// Bins after the first light.
     pub delay: usize,
@@ -38,12 +38,13 @@ pub(crate) const SIZE: [usize; 2] = [24, 20];
 const BINS: usize = 8;
 const NOISE: f64 = 0.02;
 
-/// The kind that a pixel holds nine tenths of; the rest is the first.
+/// Returns the kind that makes up nine tenths of a pixel; the rest is the first kind.
 pub(crate) fn kind_of(pixel: usize, kinds: usize) -> usize {
     pixel % kinds
 }
 
-/// Variants of a room whose pixels hold the kinds in turn, under light that rises and falls tenfold between pixels by chance.
+/// Variants of a room whose pixels contain the kinds in turn, under light that varies tenfold between pixels
+/// at random.
 pub(crate) fn observations(kinds: &[Kind], variants: u64) -> Vec<Observation> {
     let mut r = random(33);
     let n = SIZE[0] * SIZE[1];
@@ -96,7 +97,7 @@ pub(crate) fn observations(kinds: &[Kind], variants: u64) -> Vec<Observation> {
         .collect()
 }
 
-/// The mean of a number of a method over variants.
+/// Returns the mean of a metric of a method over variants.
 pub(crate) fn mean(scores: &[Score], method: &str, metric: &str) -> f64 {
     let mine: Vec<f64> = scores
         .iter()
@@ -139,7 +140,7 @@ const METHODS: [Isolation; 8] = [
     Isolation::new("azimuth", "", Family::NamedAnyAzimuth),
 ];
 
-/// Light of no other kind that is alike in all but its label, and what differs in it.
+/// Returns the areas for two kinds of light that differ only as given.
 fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
     let all = observations(&[Kind::new(8, 1), kind], 8);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
@@ -149,8 +150,8 @@ fn areas(kind: Kind) -> Vec<(&'static str, f64)> {
         .collect()
 }
 
-/// 4 variants with 240 pixels of either kind: an area of one half has an error of √(1/12 · 2/960) = 0.013; the best of many candidates
-/// that tell nothing tells nothing of other variants.
+/// 4 variants with 240 pixels of either kind: an area of one half has an error of √(1/12 · 2/960) = 0.013;
+/// the best of many uninformative candidates is uninformative on other variants.
 const NONE: std::ops::Range<f64> = 0.43..0.57;
 
 fn only(table: &[(&'static str, f64)], tell: &[&str]) {
@@ -179,7 +180,7 @@ fn every_family_tells_its_own_dimension() {
     only(&areas(elsewhere), &["all", "space"]);
     let late = Kind { delay: 3, ..plain };
     only(&areas(late), &["all", "time"]);
-    // Brightness is what a photograph tells, and with it every family.
+    // A photograph measures brightness, so every family does.
     let bright = Kind {
         bright: 60.0,
         ..plain
@@ -198,7 +199,7 @@ fn a_named_element_needs_its_sign() {
     };
     let right = areas(turned);
     only(&right, &["all", "polarization", "named", "either", "azimuth"]);
-    // The planted error: metal that keeps the hand of circular light.
+    // The planted error: metal that preserves the handedness of circular light.
     let kept = Kind {
         shares: &[(15, 0.8)],
         ..turned
@@ -209,18 +210,19 @@ fn a_named_element_needs_its_sign() {
     assert!(of("named", "it: area") < 0.05 && of("either", "it: area") > 0.95);
     assert!(of("named", "it: correlation") < -0.5 && of("either", "it: correlation") > 0.9);
     assert_eq!(of("named", "it: error"), 1.0);
-    // Light of 0.9, of which the image tells all but noise: 0.02 √3 a pixel of 0.8 · 0.9 and more.
+    // Light of 0.9, and an image with noise only: 0.02 √3 per pixel of 0.8 · 0.9 and more.
     assert!(of("either", "it: error") < 0.1, "{}", of("either", "it: error"));
     assert!(
         of("either", "it: F1") > 0.9
             && of("either", "it: precision") > 0.9
             && of("either", "it: recall") > 0.9
     );
-    // (5,5) of the same pixels would do as well; intensity says "all of it".
+    // (5,5) of the same pixels would be as good; intensity classifies all pixels as positive.
     assert!((of("intensity", "it: recall") - 1.0).abs() < 0.1 && of("intensity", "it: precision") < 0.6);
 }
 
-/// Gloss whose plane of incidence turns from pixel to pixel has no sign, but the magnitude tells it.
+/// Gloss whose plane of incidence varies between pixels has no consistent sign, but its magnitude is
+/// detected.
 #[test]
 fn what_turns_is_told_by_its_magnitude() {
     let task = Task {
@@ -264,7 +266,8 @@ fn two_disturbances_need_two_dimensions() {
     let outcome = run(&[TASK], &methods, Sight::SpaceAndTime, &all[..4], &all[4..]).expect("it runs");
     let of = |method| mean(&outcome.scores, method, "it: area");
     assert!(of("space and polarization") > 0.95);
-    // Space alone tells it from the mirrored kind, polarization alone from the matt one: three quarters each.
+    // Space alone separates it from the mirrored kind, polarization alone from the matte kind: three quarters
+    // each.
     for alone in ["space", "polarization"] {
         assert!((of(alone) - 0.75).abs() < 0.07, "{alone} {}", of(alone));
     }
@@ -292,7 +295,7 @@ fn light_outside_the_region_is_not_it() {
         o.truth.insert("left".into(), map);
     }
     let outcome = run(&[task], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]).expect("it runs");
-    // Positives are half of what is polarized: a third of what is not positive scores as they do.
+    // Positives are half of the polarized pixels: a third of the negatives has the same scores.
     let area = mean(&outcome.scores, "named", "it: area");
     assert!((area - (1.0 - 0.5 / 3.0)).abs() < 0.05, "{area}");
     let precision = mean(&outcome.scores, "named", "it: precision");

@@ -1,17 +1,17 @@
-//! Linear discriminants of several numbers of a pixel ([`crate::regression::discriminant`]).
+//! Linear discriminants of several features of a pixel ([`crate::regression::discriminant`]).
 
 use super::seen::{Scoring, Seen};
 use crate::error::ApplyError;
 use crate::regression::discriminant::Discriminant;
 
-/// What a classifier looks at.
+/// The features of a classifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Features {
-    /// T00 of full light, a number a wavelength, and its logarithm (brightness apart from colour).
+    /// T00 of all light per wavelength, and its logarithm (which separates brightness from colour).
     Colour,
-    /// The same of epipolar light.
+    /// The same for epipolar light.
     EpipolarColour,
-    /// T00 as above and the 15 other elements over T00, of epipolar light, a set a wavelength.
+    /// For epipolar light, per wavelength: T00 as above, and the 15 other elements divided by T00.
     All,
 }
 
@@ -47,7 +47,7 @@ impl Scoring for Classifier {
     }
 }
 
-/// Darker than this share of the brightest, a pixel's logarithm says no more.
+/// Minimum value for the logarithm, relative to the brightest pixel.
 const DARK: f64 = 1e-6;
 
 impl Features {

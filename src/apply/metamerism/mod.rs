@@ -1,9 +1,11 @@
-//! Breaking metamerism: Baek & Heide (2021), section 6.5, Fig. 14. Fruit of flesh against painted plastic of the same colour.
+//! Breaking metamerism: Baek & Heide (2021), section 6.5, Fig. 14. Separates real fruit from painted plastic
+//! of the same colour.
 //!
-//! Their score is -T22 of epipolar light: "plastic fake objects have low intensity" there, flesh has subsurface scattering.
-//! Baselines are colour, epipolar colour and the degree of polarization; the bound is a linear classifier of all 16 epipolar
-//! elements. Each gives a score to a pixel, and is judged by the chance that a pixel of a real fruit scores above one of a fake
-//! one. Classifiers, and the sign of the degree of polarization, are learnt from the training variants.
+//! The paper's score is -T22 of epipolar light: "plastic fake objects have low intensity" there, and real
+//! fruit has subsurface scattering. Baselines are colour, epipolar colour and the degree of polarization. The
+//! bound is a linear classifier of all 16 epipolar elements. Each method gives a score per pixel. The metric
+//! is the probability that a pixel of a real fruit scores above one of a fake fruit. Classifiers, and the
+//! sign of the degree of polarization, are learned from the training variants.
 
 mod classifier;
 mod scores;
@@ -19,11 +21,10 @@ use classifier::{Classifier, Features};
 use scores::{DegreeOfPolarization, Element22, NormalizedElement22};
 use seen::{Scoring, Seen, group};
 
-/// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct Metamerism;
 
-/// Draws of a bootstrap.
+/// Number of bootstrap draws.
 const DRAWS: usize = 1000;
 
 const METRICS: [Metric; 1] = [Metric {
@@ -35,7 +36,7 @@ const METRICS: [Metric; 1] = [Metric {
 /// Learns a score from training variants.
 type Learn = fn(&[Seen]) -> Result<Box<dyn Scoring>, ApplyError>;
 
-/// A method: what it is, and how it learns to score.
+/// A method, and how its score is learned.
 struct Learning {
     method: Method,
     learn: Learn,
@@ -166,7 +167,7 @@ fn picture(method: &'static str, scoring: &dyn Scoring, seen: &Seen) -> Picture 
     }
 }
 
-/// Both intervals of the area of all variants' pixels together.
+/// Formats both confidence intervals of the area for the pixels of all variants together.
 fn intervals(method: &str, seed: u64, groups: &[Group]) -> String {
     let all = |f: fn(&Group) -> &Vec<f64>| {
         groups

@@ -1,16 +1,16 @@
-//! Scores of single elements, and of the degree of polarization: nothing of them is learnt but a sign.
+//! Scores of single elements, and of the degree of polarization. At most a sign is learned.
 
 use super::seen::{Scoring, Seen, group};
 use crate::metrics::roc::area;
 use crate::observation::Pixels;
 
-/// Sum of an element over wavelengths (and bins).
+/// Sums an element over wavelengths (and bins).
 fn sum(p: &Pixels, pixel: usize, element: usize) -> f64 {
     let lanes = (0..p.wavelengths).flat_map(|lane| (0..p.bins).map(move |bin| (bin, lane)));
     lanes.map(|(bin, lane)| p.at(pixel, bin, element, lane)).sum()
 }
 
-/// -T22 of epipolar light: 45° linear polarization that is kept, as a mirror would turn it round.
+/// -T22 of epipolar light: preserved 45° linear polarization, whose sign is that of a mirror.
 pub(super) struct Element22;
 
 impl Scoring for Element22 {
@@ -19,7 +19,7 @@ impl Scoring for Element22 {
     }
 }
 
-/// The same over T00: not brightness, but what share of it is polarized so.
+/// -T22 divided by T00, independent of brightness.
 pub(super) struct NormalizedElement22;
 
 impl Scoring for NormalizedElement22 {
@@ -33,7 +33,7 @@ impl Scoring for NormalizedElement22 {
     }
 }
 
-/// √(T10² + T20² + T30²)/T00 under full, unpolarized light, with the sign that is right for the training variants.
+/// √(T10² + T20² + T30²)/T00 under full, unpolarized light, with a sign learned from the training variants.
 pub(super) struct DegreeOfPolarization {
     sign: f64,
 }

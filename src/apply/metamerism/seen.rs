@@ -1,16 +1,15 @@
-//! One variant of the fruits, and what gives scores to its pixels.
+//! One variant of the fruits, and the interface of scores.
 
 use crate::error::ApplyError;
 use crate::metrics::roc::Group;
 use crate::observation::{Observation, Pixels};
 
-/// A variant of the fruits.
 pub(super) struct Seen {
     pub variant: u64,
     pub seed: u64,
     pub polarimetric: Pixels,
     pub epipolar: Pixels,
-    /// Pixels that are wholly of a real fruit, and of a fake one.
+    /// Pixels that a real fruit covers completely, and those of a fake one.
     pub real: Vec<usize>,
     pub fake: Vec<usize>,
 }
@@ -49,12 +48,12 @@ impl Seen {
     }
 }
 
-/// A score of a pixel: the higher, the more real.
+/// A score of a pixel; higher means real.
 pub(super) trait Scoring {
     fn score(&self, seen: &Seen, pixel: usize) -> f64;
 }
 
-/// Scores of the pixels of a variant.
+/// Returns the scores of the pixels of a variant.
 pub(super) fn group(scoring: &dyn Scoring, seen: &Seen) -> Group {
     let of = |pixels: &[usize]| pixels.iter().map(|p| scoring.score(seen, *p)).collect();
     Group {

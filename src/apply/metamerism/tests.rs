@@ -1,15 +1,15 @@
-//! Fruit that differs in one known way: each score tells what it is meant to tell, and no other does.
+//! Tests with fruit that differs in one known way: each score detects only its own difference.
 
 use super::*;
 use crate::observation::tests::slice;
 use crate::regression::least_squares::tests::{normal, random};
 
-/// How real fruit differs from fake.
+/// The difference of real and fake fruit.
 #[derive(Clone, Copy, Default)]
 struct Difference {
     /// In -T22/T00.
     element22: f64,
-    /// In brightness of the reddest wavelength, of full light and of epipolar light.
+    /// In brightness of the longest wavelength, of full light and of epipolar light.
     red: [f64; 2],
     /// In T10/T00 of full light.
     polarized: f64,
@@ -89,7 +89,8 @@ fn areas(d: Difference) -> Vec<(&'static str, f64)> {
         .collect()
 }
 
-/// 640 pixels of a kind: an area of one half is known to √(1/12 · 2/640) = 0.0161, classifiers that learnt noise no worse.
+/// 640 pixels of a kind: the standard error of an area of one half is √(1/12 · 2/640) = 0.0161, also for
+/// classifiers trained on noise.
 const NONE: std::ops::Range<f64> = 0.42..0.58;
 
 fn only(table: &[(&'static str, f64)], tell: &[&str]) {
@@ -120,7 +121,8 @@ fn each_score_tells_its_own_difference() {
         red: [0.5, 0.0],
         ..Difference::default()
     };
-    // A brighter red has another degree of polarization too: the polarized part does not grow with it.
+    // A brighter red also changes the degree of polarization, because the polarized part does not grow with
+    // it.
     let table = of(full);
     assert!(
         table[2].1 > 0.9 && NONE.contains(&table[3].1) && NONE.contains(&table[5].1),
@@ -151,7 +153,7 @@ fn each_score_tells_its_own_difference() {
 
 #[test]
 fn a_fake_with_more_of_it_is_told_the_wrong_way_round() {
-    // The planted error: fruit swapped.
+    // The planted error: exchanged fruit.
     let d = Difference {
         element22: -0.05,
         ..Difference::default()
@@ -177,7 +179,7 @@ fn without_fruit_it_says_so() {
     ));
 }
 
-/// Few captures are chosen for what the methods of the table look at.
+/// Captures are optimized for the elements that the first method uses.
 #[test]
 fn the_task_is_that_of_the_first_method() {
     let task = Metamerism

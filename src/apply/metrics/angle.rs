@@ -1,6 +1,7 @@
-//! Angles between directions: how far off normals are.
+//! Angles between directions, for the errors of normals.
 
-/// Angle between two directions, degrees, as atan2(|a × b|, a · b): exact near 0 and 180° too. NaN of nothing.
+/// Returns the angle between two directions in degrees, as atan2(|a × b|, a · b), which is also accurate near
+/// 0 and 180°. NaN for zero vectors.
 #[must_use]
 pub fn angle_deg(a: &[f64], b: &[f64]) -> f64 {
     let cross = |i: usize, j: usize| a[i] * b[j] - a[j] * b[i];

@@ -1,13 +1,13 @@
 //! Contrast of marks: Michelson's (bright - dark) / (bright + dark), by depth.
 //!
-//! Which pixels are bright and which dark is known from the truth; so noise does not pass for contrast, as it would if the
-//! brightest and the darkest pixels of the image itself were taken.
+//! Bright and dark pixels are selected by the ground truth. Otherwise, with the brightest and darkest pixels
+//! of the image itself, noise would count as contrast.
 
 use crate::map::Map;
 
-/// Contrast of `image` at the bright and dark places that `truth` shows, in `bins` equal steps of `depth` from the least to
-/// the largest among the pixels of the mask. A step in which the truth's contrast is below `least`, or that has fewer than four
-/// pixels of a kind, is NaN.
+/// Returns the contrast of `image` at the bright and dark places of `truth`, in `bins` equal intervals of
+/// `depth` from the minimum to the maximum within the mask. An interval is NaN if the truth's contrast is
+/// below `least`, or if it has fewer than four pixels of a kind.
 #[must_use]
 pub fn by_depth(image: &Map, truth: &Map, depth: &[f64], mask: &[bool], bins: usize, least: f64) -> Vec<f64> {
     let mean = |m: &Map, i: usize| {
@@ -38,7 +38,7 @@ pub fn by_depth(image: &Map, truth: &Map, depth: &[f64], mask: &[bool], bins: us
             let (Some(first), Some(last)) = (sorted.first(), sorted.last()) else {
                 return f64::NAN;
             };
-            // What lies between the two says little of either.
+            // Values between the two are ambiguous.
             let third = (last - first) / 3.0;
             let (dark, bright): (Vec<_>, Vec<_>) = (
                 here.iter()
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn stripes_under_a_veil_have_the_contrast_of_the_closed_form() {
-        // Stripes of 1 and 3 under a veil that grows with depth (rows): contrast 2 / (4 + 2 v).
+        // Stripes of 1 and 3 under a veil that increases with depth (rows): contrast 2 / (4 + 2 v).
         let truth = Map::from_fn(16, 40, 1, |x, _, out| out[0] = if x % 2 == 0 { 1.0 } else { 3.0 });
         let veil = |y: usize| (y / 10) as f64;
         let seen = Map::from_fn(16, 40, 1, |x, y, out| out[0] = truth.at(x, y)[0] + veil(y));
@@ -77,7 +77,7 @@ mod tests {
         for (bin, c) in got.iter().enumerate() {
             approx::assert_relative_eq!(*c, 2.0 / (4.0 + 2.0 * bin as f64), epsilon = 1e-12);
         }
-        // No marks, no contrast to speak of.
+        // Without marks, there is no contrast.
         let plain = Map::from_fn(16, 40, 1, |_, _, out| out[0] = 1.0);
         assert!(
             by_depth(&seen, &plain, &depth, &mask, 4, 0.1)
@@ -95,7 +95,8 @@ mod tests {
             out[0] = 1.0 + state as f64 / f64::from(1_u32 << 31);
         });
         let depth: Vec<f64> = (0..4096).map(|i| f64::from(i % 64)).collect();
-        // The noise has a spread of 1/√12 about 1.5; 4096 pixels in two halves: 5 σ = 5 · (0.289 / 1.5) / √4096.
+        // The noise has a spread of 1/√12 about 1.5; 4096 pixels in two halves: 5 σ = 5 · (0.289 / 1.5) /
+        // √4096.
         let c = by_depth(&noise, &truth, &depth, &[true; 4096], 1, 0.1)[0];
         assert!(c.abs() < 5.0 * 0.289 / 1.5 / 64.0, "{c}");
     }

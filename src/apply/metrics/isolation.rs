@@ -1,26 +1,25 @@
-//! How well an image of signed values isolates one kind of light, whose image is known.
+//! Metrics of an image of signed values that isolates one kind of light with a known image.
 //!
-//! As a detector: pixels of which that light is at least a share are to be found by values above a threshold, which is learnt
-//! elsewhere ([`threshold`]); see [`super::roc`] and [`super::precision_recall`] for what is counted. As an image: its correlation
-//! with the light, and what is left of the light when the image, times a gain learnt elsewhere, is taken from it.
+//! As a detector: pixels in which the light has at least a given share are positive, and are found by values
+//! above a learned threshold ([`threshold`]); see [`super::roc`] and [`super::precision_recall`]. As an
+//! image: its correlation with the light, and the residual of the light after subtracting the image times a
+//! learned gain.
 
 use super::precision_recall::Counts;
 
-/// What a pixel is to a detector.
+/// The class of a pixel for detection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
-    /// To be found.
     Positive,
-    /// Not to be found.
     Negative,
-    /// Too dark to be either.
+    /// Too dark for either.
     Dark,
 }
 
-/// Darker than this share of the mean over the image, a pixel is neither positive nor negative.
+/// Pixels darker than this share of the image's mean are neither positive nor negative.
 pub const DARK: f64 = 1e-3;
 
-/// Pixels of which `light` is at least `share` of `all`, the others, and those too dark for either.
+/// Returns the class of each pixel: positive if `light` is at least `share` of `all`.
 #[must_use]
 pub fn classes(light: &[f64], all: &[f64], share: f64) -> Vec<Class> {
     let mean = all.iter().sum::<f64>() / all.len() as f64;
@@ -38,7 +37,7 @@ pub fn classes(light: &[f64], all: &[f64], share: f64) -> Vec<Class> {
         .collect()
 }
 
-/// Scores of positives and of negatives.
+/// Returns the scores of positives and of negatives.
 #[must_use]
 pub fn parted(values: &[f64], classes: &[Class]) -> (Vec<f64>, Vec<f64>) {
     let of = |class: Class| {
@@ -48,8 +47,8 @@ pub fn parted(values: &[f64], classes: &[Class]) -> (Vec<f64>, Vec<f64>) {
     (of(Class::Positive), of(Class::Negative))
 }
 
-/// The threshold, a score of a positive, whose decision "at least as much" has the largest F1 on these scores; the larger of equals.
-/// `None` without positives.
+/// Returns the threshold, a score of a positive, for which the decision "at least the threshold" has the
+/// largest F1 on these scores; the larger of equal ones. `None` without positives.
 #[must_use]
 pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     let mut all: Vec<(f64, bool)> = positive.iter().map(|v| (*v, true)).collect();
@@ -60,7 +59,7 @@ pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     for (i, (value, is)) in all.iter().enumerate() {
         found += u64::from(*is);
         wrong += u64::from(!*is);
-        // Equal scores are decided alike.
+        // Equal scores have the same decision.
         if all.get(i + 1).is_some_and(|next| next.0 == *value) {
             continue;
         }
@@ -72,14 +71,14 @@ pub fn threshold(positive: &[f64], negative: &[f64]) -> Option<f64> {
     best.1
 }
 
-/// Counts of the decision "at least as much as the threshold".
+/// Counts the decisions "at least the threshold".
 #[must_use]
 pub fn decided(values: &[f64], classes: &[Class], threshold: f64) -> Counts {
     let kept = values.iter().zip(classes).filter(|(_, c)| **c != Class::Dark);
     Counts::of(kept.map(|(v, c)| (*v >= threshold, *c == Class::Positive)))
 }
 
-/// Pearson's correlation; 0 of an image that is the same everywhere, NaN of light that is.
+/// Returns Pearson's correlation; 0 for a constant image, NaN for constant light.
 #[must_use]
 pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     let n = image.len() as f64;
@@ -95,15 +94,16 @@ pub fn correlation(image: &[f64], light: &[f64]) -> f64 {
     }
 }
 
-/// The cosine between image and light as vectors of pixels: with the image's best gain √(1 - cosine²) of the light is left. Unlike
-/// [`correlation`] it wants an image that is dark where the light is not. NaN where either is nothing.
+/// Returns the cosine between image and light as vectors of pixels: with the best gain, the residual is √(1 -
+/// cosine²) of the light. Unlike [`correlation`], it requires an image that is dark where the light is dark.
+/// NaN if either is zero.
 #[must_use]
 pub fn cosine(image: &[f64], light: &[f64]) -> f64 {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     product(image, light) / (product(image, image) * product(light, light)).sqrt()
 }
 
-/// The gain that brings images nearest to the light in the least squares of all pixels, and never a negative one.
+/// Returns the least-squares gain of images to the light over all pixels, at least 0.
 #[must_use]
 pub fn gain<'a>(pairs: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 {
     let (mut both, mut own) = (0.0, 0.0);
@@ -114,7 +114,7 @@ pub fn gain<'a>(pairs: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 
     if both > 0.0 { both / own } else { 0.0 }
 }
 
-/// ‖gain · image - light‖ / ‖light‖: 0 of the light itself, 1 of nothing; NaN where there is no such light.
+/// Returns ‖gain · image - light‖ / ‖light‖: 0 for the light itself, 1 for a black image, NaN without light.
 #[must_use]
 pub fn error(image: &[f64], light: &[f64], gain: f64) -> f64 {
     let left: f64 = image.iter().zip(light).map(|(i, l)| (gain * i - l).powi(2)).sum();
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
     use crate::metrics::roc::area;
 
-    /// Light of 2 on every second of 8 columns, over a background.
+    /// Light of 2 in every second of 8 columns, over a background.
     fn columns(background: impl Fn(usize) -> f64) -> [Vec<f64>; 2] {
         let light: Vec<f64> = (0..64).map(|i| if i % 2 == 0 { 2.0 } else { 0.0 }).collect();
         let all = light.iter().enumerate().map(|(i, l)| l + background(i)).collect();
@@ -150,7 +150,7 @@ mod tests {
         let c = decided(&light, &classes, t);
         assert_eq!((c.precision(), c.recall(), c.f1()), (1.0, 1.0, 1.0));
         approx::assert_relative_eq!(correlation(&light, &light), 1.0, epsilon = 1e-12);
-        // Half as much of it: the gain says so.
+        // Half of the light: the gain is 2.
         let half: Vec<f64> = light.iter().map(|l| 0.5 * l).collect();
         let g = gain([(&half[..], &light[..])]);
         assert_eq!((g, error(&half, &light, g)), (2.0, 0.0));
@@ -159,7 +159,8 @@ mod tests {
 
     #[test]
     fn a_photograph_is_less() {
-        // Over an even background all that a photograph gets wrong is the background: gain 6/10, left (0.2, 0.6) of (2, 0).
+        // Over a uniform background, the only error of a photograph is the background: gain 6/10, residual
+        // (0.2, 0.6) of (2, 0).
         let [light, all] = columns(|_| 1.0);
         let g = gain([(&all[..], &light[..])]);
         approx::assert_relative_eq!(g, 0.6, epsilon = 1e-12);
@@ -169,14 +170,14 @@ mod tests {
             (1.0 - cosine(&all, &light).powi(2)).sqrt(),
             epsilon = 1e-12
         );
-        // Over a background of 1 above and 4 below the light is 2/3 and 1/3 of its pixels.
+        // Over a background of 1 above and 4 below, the light is 2/3 and 1/3 of its pixels.
         let [light, all] = columns(|i| if i < 32 { 1.0 } else { 4.0 });
         let classes = classes(&light, &all, 0.5);
         let (p, n) = parted(&all, &classes);
         assert_eq!((p.len(), n.len()), (16, 48));
-        // Positives are 3; negatives 16 of 1, 16 of 6, 16 of 4: a third of them is below.
+        // Positives are 3; negatives are 16 of 1, 16 of 6, 16 of 4: a third of them is below.
         approx::assert_relative_eq!(area(&p, &n), 1.0 / 3.0, epsilon = 1e-12);
-        // The best that it can say is "all of 3 and more": 16 right, 32 wrong.
+        // The best decision is "at least 3": 16 right, 32 wrong.
         let c = decided(&all, &classes, threshold(&p, &n).expect("one"));
         approx::assert_relative_eq!(c.precision(), 1.0 / 3.0, epsilon = 1e-12);
         assert_eq!(c.recall(), 1.0);
@@ -198,7 +199,7 @@ mod tests {
         approx::assert_relative_eq!(correlation(&turned, &light), -1.0, epsilon = 1e-12);
         let g = gain([(&turned[..], &light[..])]);
         assert_eq!((g, error(&turned, &light, g)), (0.0, 1.0));
-        // A threshold learnt of the light finds nothing in it.
+        // A threshold learned from the light finds nothing in it.
         let c = decided(&turned, &classes, 2.0);
         assert!(c.recall() == 0.0 && c.f1() == 0.0 && c.precision().is_nan());
     }
@@ -210,7 +211,7 @@ mod tests {
         assert_eq!(correlation(&flat, &light), 0.0);
         assert!(correlation(&light, &flat).is_nan() && error(&light, &vec![0.0; 64], 1.0).is_nan());
         assert_eq!(threshold(&[], &[1.0]), None);
-        // Ties are decided alike: 1 right and 2 wrong at 5, against 2 right and 3 wrong at 4.
+        // Ties have the same decision: 1 right and 2 wrong at 5, against 2 right and 3 wrong at 4.
         assert_eq!(threshold(&[5.0, 4.0], &[5.0, 5.0, 4.0]), Some(4.0));
         assert_eq!(threshold(&[5.0, 1.0], &[4.0, 3.0, 2.0]), Some(5.0));
         // Pixels without light are neither.

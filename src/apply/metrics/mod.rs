@@ -1,4 +1,4 @@
-//! Numbers that methods are judged by.
+//! Metrics for methods.
 
 pub mod angle;
 pub mod contrast;

@@ -1,22 +1,23 @@
-//! Differences between two methods on the same renders, and how surely they are known.
+//! Differences between two methods on the same renders, and their standard errors.
 //!
-//! With d(v, s) the difference on variant v at seed s, variants and seeds are two crossed random effects:
-//! d = μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is σa²/V + σb²/S + σe²/(V S), estimated
-//! without bias by (MSa + MSb - MSe)/(V S) from the mean squares of the two-way analysis of variance (Searle, Casella &
-//! McCulloch 1992, section 4.3), and by MSe/(V S) at least. With one seed it is the usual MSa/V.
+//! With the difference d(v, s) on variant v at seed s, variants and seeds are two crossed random effects: d =
+//! μ + a(v) + b(s) + e. The variance of the mean over V variants and S seeds is σa²/V + σb²/S + σe²/(V S).
+//! Its unbiased estimate is (MSa + MSb - MSe)/(V S), from the mean squares of the two-way analysis of
+//! variance (Searle, Casella & McCulloch 1992, section 4.3), and at least MSe/(V S). With one seed, it is the
+//! usual MSa/V.
 
-/// A mean with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     /// Mean over variants and seeds.
     pub mean: f64,
-    /// Its standard error; NaN of a single number.
+    /// Standard error; NaN for a single number.
     pub error: f64,
-    /// Variants, and seeds, that it is of.
+    /// Numbers of variants and seeds.
     pub counts: [usize; 2],
 }
 
-/// The mean of a table, a row a variant, a column a seed. Rows that are not finite throughout are left out; NaN of no row.
+/// Returns the mean of a table with a row per variant and a column per seed. Rows with a non-finite value are
+/// ignored; NaN without rows.
 #[must_use]
 pub fn estimate(table: &[Vec<f64>]) -> Estimate {
     let seeds = table.iter().map(Vec::len).min().unwrap_or(0);
@@ -51,7 +52,7 @@ pub fn estimate(table: &[Vec<f64>]) -> Estimate {
     Estimate { mean, error, counts }
 }
 
-/// The mean difference of two tables of one shape.
+/// Returns the mean difference of two tables of equal shape.
 #[must_use]
 pub fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> Estimate {
     let rows = a.iter().zip(b);
@@ -75,13 +76,13 @@ mod tests {
         assert!(estimate(&[vec![1.0]]).error.is_nan() && estimate(&[]).mean.is_nan());
     }
 
-    /// Crossed effects whose variances are known: the estimated variance is right on average.
+    /// Crossed effects with known variances: the estimated variance is unbiased.
     #[test]
     fn crossed_effects_are_covered() {
         let (variants, seeds) = (6, 5);
         let mut state = 12345_u64;
         let mut normal = || {
-            // Sum of twelve uniform numbers, less six: variance 1.
+            // The sum of twelve uniform numbers minus six has variance 1.
             let mut sum = -6.0;
             for _ in 0..12 {
                 state = state
@@ -115,9 +116,9 @@ mod tests {
             "{} ± {error}, truth {truth}",
             said / n
         );
-        // And the means do scatter so: a variance from n draws is known to √(2/n).
+        // The means scatter accordingly: the relative error of a variance from n draws is √(2/n).
         assert!((seen / n / truth - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
-        // Treating all numbers as independent, the planted error, would be far off.
+        // The planted error: treating all numbers as independent would be far off.
         assert!(truth > 2.0 * (sa * sa + sb * sb + se * se) / 30.0);
     }
 

@@ -1,20 +1,16 @@
-//! Precision and recall of a decision, pixel by pixel.
+//! Precision and recall of a decision per pixel.
 
-/// Counts of a decision against the truth.
+/// Counts of decisions against the ground truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Said so, and is so.
     pub true_positive: u64,
-    /// Said so, and is not.
     pub false_positive: u64,
-    /// Not said so, and is so.
     pub false_negative: u64,
-    /// Not said so, and is not.
     pub true_negative: u64,
 }
 
 impl Counts {
-    /// Of (said, is) pairs.
+    /// Counts (decision, truth) pairs.
     #[must_use]
     pub fn of(pairs: impl IntoIterator<Item = (bool, bool)>) -> Self {
         let mut c = Self::default();
@@ -29,26 +25,26 @@ impl Counts {
         c
     }
 
-    /// Share of what was said that is so; NaN if nothing was said.
+    /// Returns the share of correct positive decisions; NaN without positive decisions.
     #[must_use]
     pub fn precision(&self) -> f64 {
         self.true_positive as f64 / (self.true_positive + self.false_positive) as f64
     }
 
-    /// Share of what is so that was said; NaN if nothing is so.
+    /// Returns the share of positives that were found; NaN without positives.
     #[must_use]
     pub fn recall(&self) -> f64 {
         self.true_positive as f64 / (self.true_positive + self.false_negative) as f64
     }
 
-    /// Harmonic mean of the two (van Rijsbergen 1979): 2 TP / (2 TP + FP + FN).
+    /// Returns the harmonic mean of precision and recall (van Rijsbergen 1979): 2 TP / (2 TP + FP + FN).
     #[must_use]
     pub fn f1(&self) -> f64 {
         let right = 2 * self.true_positive;
         right as f64 / (right + self.false_positive + self.false_negative) as f64
     }
 
-    /// Share of all that was decided rightly.
+    /// Returns the share of correct decisions.
     #[must_use]
     pub fn accuracy(&self) -> f64 {
         let right = self.true_positive + self.true_negative;

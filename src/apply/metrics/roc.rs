@@ -1,7 +1,8 @@
-//! Area under the receiver operating characteristic: the chance that a positive scores above a negative (ties count half).
+//! Area under the receiver operating characteristic: the probability that a positive scores above a negative
+//! (ties count half).
 //!
-//! Its variance after DeLong, DeLong & Clarke-Pearson (1988, eq. 5), with placements from ranks (Sun & Xu 2014); and by
-//! bootstrap over groups, for scores that are not independent of each other, as pixels of one object are not.
+//! Its variance is that of DeLong, DeLong & Clarke-Pearson (1988, eq. 5), with placements from ranks (Sun &
+//! Xu 2014). For dependent scores, such as pixels of one object, it is estimated by bootstrap over groups.
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
@@ -11,7 +12,6 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 pub struct Area {
     /// The area, 0..1; NaN without positives or negatives.
     pub area: f64,
-    /// Its standard error.
     pub error: f64,
     /// Lower and upper end, within 0..1.
     pub interval: [f64; 2],
@@ -20,14 +20,14 @@ pub struct Area {
 /// Half the width of a 95 % interval of a normal distribution, in standard deviations.
 const NORMAL_95: f64 = 1.959963984540054;
 
-/// The area of scores of positives and negatives: the Mann–Whitney statistic.
+/// Returns the area for scores of positives and negatives: the Mann–Whitney statistic.
 #[must_use]
 pub fn area(positive: &[f64], negative: &[f64]) -> f64 {
     let places = placements(positive, negative);
     places.0.iter().sum::<f64>() / places.0.len() as f64
 }
 
-/// The area with DeLong's error; the scores must be independent of each other.
+/// Returns the area with DeLong's error; the scores must be independent.
 #[must_use]
 pub fn delong(positive: &[f64], negative: &[f64]) -> Area {
     let (of_positive, of_negative) = placements(positive, negative);
@@ -46,7 +46,8 @@ pub fn delong(positive: &[f64], negative: &[f64]) -> Area {
     }
 }
 
-/// For each positive the share of negatives below it, and for each negative the share of positives above it; ties half.
+/// Returns for each positive the share of negatives below it, and for each negative the share of positives
+/// above it; ties count half.
 fn placements(positive: &[f64], negative: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let sorted = |v: &[f64]| {
         let mut v = v.to_vec();
@@ -64,17 +65,16 @@ fn placements(positive: &[f64], negative: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (of_positive, of_negative)
 }
 
-/// Scores of one group, an object or a scene: positives and negatives.
+/// Scores of one group, such as an object or a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Group {
-    /// Scores of positives.
     pub positive: Vec<f64>,
-    /// Scores of negatives.
     pub negative: Vec<f64>,
 }
 
-/// The area of all groups' scores together, with error and percentile interval from `draws` bootstrap samples of whole groups
-/// (Efron & Tibshirani 1993, chapter 13). Samples that lack positives or negatives are drawn again.
+/// Returns the area for the scores of all groups together, with error and percentile interval from `draws`
+/// bootstrap samples of whole groups (Efron & Tibshirani 1993, chapter 13). Samples without positives or
+/// negatives are drawn again.
 #[must_use]
 pub fn bootstrap(groups: &[Group], draws: usize, seed: u64) -> Area {
     let pooled = |chosen: &[usize]| {
@@ -159,20 +159,20 @@ mod tests {
             seen += (a.area - truth).powi(2);
         }
         let n = trials as f64;
-        // The stated variance is that of the areas, which n draws tell to √(2/n).
+        // The estimated variance equals that of the areas, which n draws determine to √(2/n).
         assert!(
             (said / seen - 1.0).abs() < 5.0 * (2.0 / n).sqrt(),
             "{}",
             said / seen
         );
         let share = f64::from(covered) / n;
-        // 95 %, less what the normal distribution is off by at these counts.
+        // 95 %, minus the error of the normal approximation at these counts.
         assert!((0.92..0.97).contains(&share), "{share}");
     }
 
     #[test]
     fn groups_that_hang_together_are_less_sure_than_delong_says() {
-        // Every group has a shift of its own that its twenty scores share.
+        // Every group has a separate shift that its twenty scores share.
         let shifts = numbers(5, 40);
         let groups: Vec<Group> = shifts
             .chunks_exact(2)
@@ -185,7 +185,7 @@ mod tests {
         let naive = delong(&take(|g| &g.positive), &take(|g| &g.negative));
         let grouped = bootstrap(&groups, 2000, 1);
         assert_eq!(naive.area, grouped.area);
-        // As many independent scores as groups: DeLong of one score a group.
+        // The equivalent number of independent scores is that of groups: DeLong with one score per group.
         let single = delong(
             &groups.iter().map(|g| g.positive[0]).collect::<Vec<_>>(),
             &groups.iter().map(|g| g.negative[0]).collect::<Vec<_>>(),

@@ -1,8 +1,9 @@
 //! Structural similarity (Wang, Bovik, Sheikh & Simoncelli 2004, eq. 13), with its published parameters.
 //!
-//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)), C1 = (0.01 L)², C2 = (0.03 L)², means and
-//! covariances under a Gaussian window of 11 × 11 pixels with a standard deviation of 1.5, weights of sum 1 (population
-//! covariances). Pixels whose window leaves the image say nothing, as in the authors' program; channels are averaged.
+//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)), C1 = (0.01 L)², C2 = (0.03 L)².
+//! Means and covariances use a Gaussian window of 11 × 11 pixels with a standard deviation of 1.5 and weights
+//! of sum 1 (population covariances). Pixels whose window leaves the image are ignored, as in the authors'
+//! program; channels are averaged.
 
 use crate::map::Map;
 
@@ -12,8 +13,9 @@ const SIGMA: f64 = 1.5;
 const K1: f64 = 0.01;
 const K2: f64 = 0.03;
 
-/// Mean of SSIM over the pixels of `mask` whose window lies within the image, and over channels; `range` is L, the largest
-/// possible value less the smallest. NaN if there is no such pixel or sizes differ.
+/// Returns the mean of SSIM over channels and over the pixels of `mask` whose window lies within the image.
+/// `range` is L, the difference of the largest and the smallest possible value. NaN without such pixels or if
+/// sizes differ.
 #[must_use]
 pub fn ssim(image: &Map, truth: &Map, mask: &[bool], range: f64) -> f64 {
     if image.data.len() != truth.data.len() || mask.len() * image.channels != image.data.len() {
@@ -36,7 +38,7 @@ pub fn ssim(image: &Map, truth: &Map, mask: &[bool], range: f64) -> f64 {
     sum / n
 }
 
-/// SSIM of every pixel of a channel; what a window that leaves the image gives is without meaning.
+/// Returns the SSIM of every pixel of a channel; values whose window leaves the image are meaningless.
 fn channel_map(image: &Map, truth: &Map, channel: usize, range: f64) -> Vec<f64> {
     let of = |m: &Map| -> Vec<f64> { m.data.iter().skip(channel).step_by(m.channels).copied().collect() };
     let (x, y) = (of(image), of(truth));
@@ -58,7 +60,7 @@ fn channel_map(image: &Map, truth: &Map, channel: usize, range: f64) -> Vec<f64>
         .collect()
 }
 
-/// The Gaussian window along rows and columns; zero beyond the image.
+/// Applies the Gaussian window along rows and columns; zero beyond the image.
 fn blurred(values: &[f64], width: usize) -> Vec<f64> {
     let half = WINDOW as isize / 2;
     let weight = |d: isize| (-0.5 * (d as f64 / SIGMA).powi(2)).exp();
@@ -85,7 +87,7 @@ mod tests {
     use super::*;
 
     fn picture(seed: u64, w: usize, h: usize) -> Map {
-        // A linear congruential generator, so that other programs can make the same picture.
+        // A linear congruential generator, so that other programs can reproduce the image.
         let mut state = seed;
         Map::from_fn(w, h, 1, |x, y, out| {
             state = (state * 1103515245 + 12345) % (1 << 31);
@@ -99,7 +101,7 @@ mod tests {
         let a = picture(1, 32, 24);
         let all = vec![true; a.data.len()];
         approx::assert_relative_eq!(ssim(&a, &a, &all, 1.0), 1.0, epsilon = 1e-12);
-        // Constants: only the luminance term is left.
+        // Constants: only the luminance term remains.
         let flat = |v: f64| Map::from_fn(20, 20, 2, |_, _, out| out.fill(v));
         let c1 = 1e-4;
         let expected = (2.0 * 0.3 * 0.6 + c1) / (0.09 + 0.36 + c1);
@@ -108,7 +110,7 @@ mod tests {
             expected,
             epsilon = 1e-9
         );
-        // A negative: covariances change sign.
+        // A negative image changes the sign of covariances.
         let mirrored = Map {
             data: a.data.iter().map(|v| 1.0 - v).collect(),
             ..a.clone()
@@ -117,8 +119,8 @@ mod tests {
         assert!(ssim(&a, &picture(2, 8, 8), &all, 1.0).is_nan());
     }
 
-    /// `structural_similarity(.., gaussian_weights=True, sigma=1.5, use_sample_covariance=False)` of scikit-image 0.26.0 on the same
-    /// pictures.
+    /// `structural_similarity(.., gaussian_weights=True, sigma=1.5, use_sample_covariance=False)` of
+    /// scikit-image 0.26.0 for the same images.
     #[test]
     fn scikit_image_gives_the_same() {
         let (a, b) = (picture(1, 32, 24), picture(2, 32, 24));

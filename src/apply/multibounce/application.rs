@@ -1,4 +1,4 @@
-//! Both scenes of camera and projector as applications: what they need, and how they are run.
+//! The two scenes of camera and projector as applications.
 
 use super::methods::METHODS;
 use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth, itself};
@@ -7,13 +7,13 @@ use crate::isolation::seen::Sight;
 use crate::isolation::{self, Task, metrics_of, seen};
 use crate::observation::Observation;
 
-/// One of the scenes, with the light that is to be isolated in it.
+/// One of the scenes, with its kinds of light to isolate.
 #[derive(Clone, Copy, Debug)]
 pub struct Multibounce {
     pub(super) name: &'static str,
     pub(super) shows: &'static str,
     pub(super) scene: &'static str,
-    /// Truth maps that regions of tasks are of.
+    /// Truth maps for the regions of tasks.
     pub(super) maps: &'static [Truth],
     pub(super) tasks: &'static [Task],
 }
@@ -37,7 +37,7 @@ impl Application for Multibounce {
         Plan {
             scene: self.scene,
             train: (0..3).collect(),
-            // 3 to 9 were seen while tasks and numbers were settled.
+            // Variants 3 to 9 were used to define the tasks and metrics.
             test: (10..17).collect(),
             slices: vec![seen::POLARIMETRIC, seen::EPIPOLAR, seen::TRANSIENT],
             truth: [&[paths], self.maps].concat(),

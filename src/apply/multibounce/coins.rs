@@ -1,8 +1,10 @@
-//! Coins of four metals before a mirror (Fig. 13; section 6.4: "specular interreflection often flips the circular polarization").
+//! Coins of four metals in front of a mirror (Fig. 13; section 6.4: "specular interreflection often flips the
+//! circular polarization").
 //!
-//! The captions name no element for coins, so those of the disco ball stand for what they are said to be of. One reflection by
-//! metal turns the hand of circular light, two turn it back, three turn it again: the sign of (3,3) tells odd from even, and
-//! whether camera and projector see the same room, or one of them a mirrored one, tells epipolar from other light.
+//! The captions name no elements for coins, so those of the disco ball with the same meaning are used. One
+//! reflection by metal reverses the handedness of circular light, two restore it, three reverse it again: the
+//! sign of (3,3) separates odd from even. Epipolar light is separated from other light by whether camera and
+//! projector both see the same room, or one of them a mirrored one.
 
 use super::application::Multibounce;
 use crate::application::Truth;
@@ -10,7 +12,7 @@ use crate::isolation::element::{Element, Space};
 use crate::isolation::{Task, metrics, seen};
 use crate::paths::Path;
 
-/// Reflections by metal alone, so many.
+/// Selects paths of exactly `bounces` reflections by metal.
 fn metal(p: Path, bounces: u32) -> bool {
     p.all_specular() && p.bounces == bounces
 }
@@ -40,7 +42,7 @@ const TASKS: [Task; 5] = [
         share: 0.2,
         named: Some(Element::of(Space::Epipolar, [3, 3]).negative()),
     },
-    // As -(1,0) of the floor under the disco ball.
+    // Like -(1,0) of the floor under the disco ball.
     Task {
         name: "mirror to table",
         metrics: metrics!("mirror to table"),
@@ -49,7 +51,7 @@ const TASKS: [Task; 5] = [
         share: 0.2,
         named: Some(Element::of(Space::NonEpipolar, [1, 0]).negative()),
     },
-    // As (2,1), which "removes the specular reflection".
+    // Like (2,1), which "removes the specular reflection".
     Task {
         name: "table alone",
         metrics: metrics!("table alone"),
@@ -60,7 +62,6 @@ const TASKS: [Task; 5] = [
     },
 ];
 
-/// The application.
 pub const COINS: Multibounce = Multibounce {
     name: "multibounce-coins",
     shows: "which element isolates which light between coins and a mirror (Fig. 13)",

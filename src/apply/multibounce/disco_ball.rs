@@ -1,4 +1,4 @@
-//! A disco ball among painted walls (Fig. 13 a to j).
+//! A disco ball between painted walls (Fig. 13 a to j).
 
 use super::application::Multibounce;
 use crate::application::Truth;
@@ -9,12 +9,13 @@ use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::{DIFFUSE, SPECULAR};
 
-/// From a facet to a wall and from there to the camera, or the other way round; by the wall's gloss too.
+/// Selects paths from a facet to a wall to the camera, or reversed, including the wall's gloss.
 fn patch(p: Path) -> bool {
     p.label & SPECULAR != 0 && p.label != SPECULAR && p.bounces == 2
 }
 
-/// Pixels of the walls that are up to the right of the ball's centre or down to the left of it (`side` = 1), or on the other diagonal.
+/// Returns the pixels of the walls in the upper right or lower left of the ball's centre (`side` = 1), or on
+/// the other diagonal.
 pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyError> {
     let value = |name: &str| o.values.get(name).copied().unwrap_or(f64::NAN);
     let [x, y] = [value("ball_x"), value("ball_y")];
@@ -25,7 +26,7 @@ pub(super) fn diagonal(o: &Observation, side: f64) -> Result<Vec<bool>, ApplyErr
     Ok(on_it.iter().zip(&walls).map(|(a, b)| *a && *b).collect())
 }
 
-/// What the captions of Fig. 13 say.
+/// The tasks from the captions of Fig. 13.
 const TASKS: [Task; 6] = [
     // c: "isolates the remaining specular reflection on the diffuse planes".
     Task {
@@ -63,9 +64,9 @@ const TASKS: [Task; 6] = [
         share: 0.2,
         named: Some(Element::of(Space::NonEpipolar, [1, 0]).negative()),
     },
-    // i, j: "the reflections with different directions from the disco ball to the planes". A facet that sends light up to the right or
-    // down to the left has its plane of incidence at +45°, one that sends it along the other diagonal at -45°: of all directions those
-    // are what the sign of (0,2) can tell.
+    // i, j: "the reflections with different directions from the disco ball to the planes". The plane of
+    // incidence of a facet is at +45° for light to the upper right or lower left, and at -45° for light along
+    // the other diagonal. The sign of (0,2) distinguishes these two directions best.
     Task {
         name: "ball along one diagonal",
         metrics: metrics!("ball along one diagonal"),
@@ -84,7 +85,6 @@ const TASKS: [Task; 6] = [
     },
 ];
 
-/// The application.
 pub const DISCO_BALL: Multibounce = Multibounce {
     name: "multibounce",
     shows: "which element isolates which light between a disco ball and painted walls (Fig. 13)",

@@ -1,4 +1,4 @@
-//! Methods that the scenes of camera and projector share.
+//! Methods that both scenes of camera and projector use.
 
 use crate::isolation::{Family, Isolation};
 

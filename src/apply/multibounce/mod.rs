@@ -1,9 +1,10 @@
-//! Untangling multi-bounce light: Baek & Heide (2021), section 6.4, Fig. 13, on a disco ball among painted walls, on coins before
-//! a mirror, and on a statue and a mirror before a coaxial rig.
+//! Multi-bounce light: Baek & Heide (2021), section 6.4, Fig. 13, for a disco ball between painted walls, for
+//! coins in front of a mirror, and for a statue and a mirror in front of a coaxial rig.
 //!
-//! The paper names an element of the tensor for each kind of light. Here each is judged as a detector and as an image of the light
-//! that it is said to isolate, against the renderer's labels, as it is written and with the sign that suits the training variants;
-//! beside it what any element of space and polarization reaches, and what polarization, space, time or intensity alone do.
+//! The paper names an element of the tensor for each kind of light. Here each element is tested against the
+//! renderer's labels, as a detector and as an image of the light that it should isolate, with the paper's
+//! sign and with a sign learned from the training variants. The comparison includes any element of space and
+//! polarization, and polarization, space, time or intensity alone.
 
 mod application;
 mod coins;

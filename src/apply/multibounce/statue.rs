@@ -1,9 +1,11 @@
-//! A statue beside a mirror before a coaxial rig (Fig. 13, "temporal-polarimetric imaging"): "the diffuse transient reflections
-//! as T(s,s,3,3,t1)" and "specular transient reflections from metallic surfaces as T(s,s,3,3,t2)".
+//! A statue next to a mirror in front of a coaxial rig (Fig. 13, "temporal-polarimetric imaging"): "the
+//! diffuse transient reflections as T(s,s,3,3,t1)" and "specular transient reflections from metallic surfaces
+//! as T(s,s,3,3,t2)".
 //!
-//! The paper shows two times without saying how they were chosen: here each task's bin of travel time is learnt, as all that is free
-//! is. Every reflection by metal turns the hand of circular light, so that the statue's leaf has -(3,3) as it is seen and in the mirror
-//! (three reflections), which (3,3) as the caption writes it cannot show.
+//! The paper shows two times but not how they were chosen: here each task's bin of travel time is learned,
+//! like all free parameters. Every reflection by metal reverses the handedness of circular light. The
+//! statue's gold leaf therefore has -(3,3), both directly and in the mirror (three reflections), which the
+//! caption's (3,3) cannot show.
 
 use super::methods::any;
 use crate::application::{Application, Method, Metric, Outcome, Plan, Size, Truth, itself};
@@ -15,11 +17,10 @@ use crate::observation::Observation;
 use crate::paths::Path;
 use tensor::label::SPECULAR;
 
-/// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct Statue;
 
-/// The way there and the way back over the mirror.
+/// Selects paths to the statue and back via the mirror.
 fn in_the_mirror(p: Path) -> bool {
     p.bounces == 3 && p.label & SPECULAR != 0
 }

@@ -1,4 +1,4 @@
-//! Rooms in which each light answers to the element that the paper names for it, and rooms in which it does not.
+//! Tests with rooms in which each light matches the paper's element, and rooms in which it does not.
 
 use super::*;
 use crate::application::{Application, Outcome};
@@ -6,7 +6,8 @@ use crate::isolation::tests::{Kind, SIZE, mean, observations};
 use crate::map::Map;
 use crate::observation::Observation;
 
-/// The named regions are all of the image, the upper half of which is on one diagonal and the lower on the other.
+/// The named regions cover the whole image; its upper half is on one diagonal and its lower half on the
+/// other.
 fn room(application: &dyn Application, kinds: &[Kind]) -> Vec<Observation> {
     let mut all = observations(kinds, 6);
     for o in &mut all {
@@ -15,7 +16,7 @@ fn room(application: &dyn Application, kinds: &[Kind]) -> Vec<Observation> {
                 let map = Map::from_fn(SIZE[0], SIZE[1], 1, |_, _, out| out[0] = 1.0);
                 o.truth.insert(name.into(), map);
             }
-            // Up to the right of a ball at (0, 0), or down.
+            // Upper right of a ball at (0, 0), or lower right.
             let position = Map::from_fn(SIZE[0], SIZE[1], 3, |_, y, out| {
                 out.copy_from_slice(&[1.0, if y < SIZE[1] / 2 { 1.0 } else { -1.0 }, 0.0]);
             });
@@ -67,14 +68,15 @@ fn hands_tell_odd_from_even() {
     let outcome = run(&COINS, &coins);
     assert!(area(&outcome, NAMED, "two reflections by metal") > 0.95);
     assert!(area(&outcome, NAMED, "mirror to table") > 0.95);
-    // One and three reflections have the same hand: the element cannot tell them apart, time can.
+    // One and three reflections have the same handedness: time distinguishes them, the element does not.
     let odd = area(&outcome, NAMED, "three reflections by metal");
     assert!((0.8..0.95).contains(&odd), "{odd}");
     assert!(area(&outcome, "time only", "three reflections by metal") > 0.95);
-    // Matt light has no (2,1): nothing there but noise, with which dark pixels are told no better than others.
+    // Matte light has no (2,1), only noise, which does not separate dark pixels.
     let matt = area(&outcome, NAMED, "table alone");
     assert!((matt - 0.5).abs() < 0.1, "{matt}");
-    // The best single element is (0,0) of epipolar light over all: it tells two of four others, and those two by chance.
+    // The best single element is (0,0) of epipolar light over all: it separates two of four other kinds, and
+    // the remaining two at random.
     let bound = area(&outcome, BOUND, "table alone");
     assert!((bound - 0.75).abs() < 0.06, "{bound}");
 }
@@ -101,7 +103,8 @@ fn signs_that_are_not_the_papers_are_told() {
         let outcome = run(&DISCO_BALL, &ball(sign));
         let [left, other] = TURNS.map(|t| area(&outcome, NAMED, t));
         let (good, bad) = if right { (left, other) } else { (other, left) };
-        // A fifth of the negatives are patches of the other diagonal, which have the same sign here: they are told by chance.
+        // A fifth of the negatives are patches of the other diagonal, which have the same sign here: they are
+        // separated at random.
         assert!(
             (good - 0.9).abs() < 0.03 && (bad - 0.1).abs() < 0.03,
             "{good} {bad}"
@@ -113,7 +116,7 @@ fn signs_that_are_not_the_papers_are_told() {
             }
         }
         assert!(area(&outcome, NAMED, "gloss of walls") > 0.95);
-        // Nothing of the room is lit by several matt surfaces: that task says so and has no numbers.
+        // The room has no interreflection of matte surfaces: that task reports it and has no metrics.
         assert!(
             outcome
                 .notes
@@ -143,11 +146,12 @@ fn diagonals_are_of_the_ball() {
             .extend([("ball_x".into(), 0.5), ("ball_y".into(), 2.0)]);
         disco_ball::diagonal(&all[0], side).expect("maps")
     });
-    // (1, ±1) is to the right of (0.5, 2), and below.
+    // (1, ±1) is to the lower right of (0.5, 2).
     assert!(up_right.iter().all(|v| !v) && other.iter().all(|v| *v));
 }
 
-/// Matt paint and metal, each as it is seen (bin 1) and in the mirror (bin 5), where metal has this share of (3,3).
+/// Matte paint and metal, each directly (bin 1) and in the mirror (bin 5), where metal has this share of
+/// (3,3).
 fn statue(mirrored: &'static [(usize, f64)]) -> Outcome {
     let kinds = [
         Kind::new(8, 1),
@@ -173,13 +177,14 @@ fn times_and_hands_together_tell_metal_in_a_mirror() {
     let (at_a_time, either) = ("(3,3) at a time", "(3,3) at a time, either sign");
     let metal = "metal in the mirror";
     let outcome = statue(&[(15, -0.7)]);
-    // The sign of the caption is that of no reflection by metal here: the best that it does is to tell where no direct metal is, a third
-    // of what is not looked for, and the rest by chance.
+    // The caption's sign is wrong for metal here. At best, it detects where there is no direct metal, a third
+    // of the negatives; the rest is random.
     let wrong = area(&outcome, at_a_time, metal);
     assert!((wrong - 2.0 / 3.0).abs() < 0.08, "{wrong}");
     assert!(area(&outcome, either, metal) > 0.95);
     assert!(area(&outcome, either, "metal, direct") > 0.95);
-    // Without time the metal that is seen is above one negative of three, without polarization paint in the mirror is alike.
+    // Without time, directly seen metal is above one negative in three; without polarization, paint in the
+    // mirror is equal to metal.
     for (method, expected) in [
         ("(3,3) without time, either sign", 5.0 / 6.0),
         ("time only", 5.0 / 6.0),
@@ -187,10 +192,10 @@ fn times_and_hands_together_tell_metal_in_a_mirror() {
         let found = area(&outcome, method, metal);
         assert!((found - expected).abs() < 0.08, "{method}: {found}");
     }
-    // What differs in time alone is told by time alone.
+    // Differences in time are detected by time alone.
     for task in ["direct light", "light by way of the mirror"] {
         assert!(area(&outcome, "time only", task) > 0.95, "{task}");
     }
-    // And with the caption's sign it is found as it is written.
+    // With the caption's sign, the element detects it.
     assert!(area(&statue(&[(15, 0.7)]), at_a_time, metal) > 0.95);
 }

@@ -1,16 +1,17 @@
-//! Fisher's linear discriminant (Fisher 1936): w = Sw⁻¹ (μ₁ - μ₀), Sw the covariance within the two kinds.
+//! Fisher's linear discriminant (Fisher 1936): w = Sw⁻¹ (μ₁ - μ₀), with the covariance Sw within the two
+//! kinds.
 //!
-//! Sw is drawn toward its diagonal by a trifle, Sw + 1e-6 diag(Sw), so that features may depend on each other.
+//! Sw is slightly regularized, Sw + 1e-6 diag(Sw), so that features may be dependent.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Share of the diagonal that is added.
+/// Added share of the diagonal.
 const RIDGE: f64 = 1e-6;
 
 /// A variance below this share of the squared mean is rounding.
 const ROUNDING: f64 = 1e-13;
 
-/// A direction along which one kind lies above the other.
+/// A direction along which one kind has larger values than the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Discriminant {
     /// One weight for each feature.
@@ -18,8 +19,8 @@ pub struct Discriminant {
 }
 
 impl Discriminant {
-    /// From examples of both kinds, each a vector of features; `None` if there are fewer than two of a kind, or if nothing tells
-    /// them apart.
+    /// Computes the discriminant from examples of both kinds, each a vector of features. `None` if there are
+    /// fewer than two of a kind, or if they cannot be separated.
     #[must_use]
     pub fn new(positive: &[Vec<f64>], negative: &[Vec<f64>]) -> Option<Self> {
         let features = positive.first()?.len();
@@ -37,7 +38,7 @@ impl Discriminant {
         };
         let (above, below) = (mean(positive), mean(negative));
         let count = (positive.len() + negative.len()) as f64;
-        // A spread that is the rounding of the mean is none.
+        // A spread of the size of the mean's rounding is zero.
         let scale = DVector::from_fn(features, |i, _| {
             let v = within[(i, i)];
             let rounding = ROUNDING * count * (above[i].powi(2) + below[i].powi(2));
@@ -47,7 +48,7 @@ impl Discriminant {
         let units = DMatrix::from_diagonal(&scale);
         let mut standard = &units * within * &units;
         for i in 0..features {
-            // A feature that never changes gets no weight.
+            // A constant feature has no weight.
             standard[(i, i)] = (1.0 + RIDGE) * standard[(i, i)].max(1.0);
         }
         let solved = standard.cholesky()?.solve(&(&units * between));
@@ -55,7 +56,7 @@ impl Discriminant {
         weights.iter().all(|w| w.is_finite()).then_some(Self { weights })
     }
 
-    /// The score of features: the higher, the more like the positive kind.
+    /// Returns the score of features; higher values mean the positive kind.
     #[must_use]
     pub fn score(&self, features: &[f64]) -> f64 {
         features.iter().zip(self.weights.iter()).map(|(x, w)| x * w).sum()
@@ -70,8 +71,8 @@ mod tests {
 
     #[test]
     fn it_reaches_the_best_that_normal_kinds_allow() {
-        // Two normal kinds of one covariance: the area is Φ(d/√2), d the Mahalanobis distance (here 1 along a + b, where each
-        // alone tells less).
+        // Two normal kinds with one covariance: the area is Φ(d/√2) with the Mahalanobis distance d (here 1
+        // along a + b, while each feature alone separates less).
         let mut r = random(4);
         let mut kind = |shift: f64, n: usize| -> Vec<Vec<f64>> {
             (0..n)
@@ -86,7 +87,7 @@ mod tests {
         let scores = |all: &[Vec<f64>]| all.iter().map(|x| found.score(x)).collect::<Vec<_>>();
         // a + b = shift + noise of 0.5: d = 1, and Φ(1/√2) = 0.760250.
         let a = area(&scores(&positive), &scores(&negative));
-        // An area of 4000 and 4000 is known to about 0.0053.
+        // The standard error of an area of 4000 and 4000 is about 0.0053.
         assert!((a - 0.760250).abs() < 5.0 * 0.0053, "{a}");
         let alone = |i: usize| {
             let take = |all: &[Vec<f64>]| all.iter().map(|x| x[i]).collect::<Vec<_>>();

@@ -1,20 +1,20 @@
-//! Weights and biases of equation (descattering) of Baek & Heide (2021) by L-BFGS (Liu & Nocedal 1989; crate argmin), as the
-//! paper finds them.
+//! Weights and biases of equation (descattering) of Baek & Heide (2021) by L-BFGS (Liu & Nocedal 1989; crate
+//! argmin), as in the paper.
 //!
-//! minimize over W, b: mean of (Σₑ Wₑ (xₑ + bₑ) - y)². The biases act by Σ Wₑ bₑ alone, one number, so the problem has no more
-//! to it than linear least squares ([`super::least_squares`] is the best that it can reach), but it is not convex. The paper
-//! states no starting point; ours is the image itself: W = 1 for M00, 0 for the others, b = 0.
+//! Minimizes over W, b the mean of (Σₑ Wₑ (xₑ + bₑ) - y)². The biases act only through the number Σ Wₑ bₑ, so
+//! the problem has the same minimum as linear least squares ([`super::least_squares`]), but it is not convex.
+//! The paper gives no starting point; ours is the image itself: W = 1 for M00, 0 for the others, b = 0.
 
 use super::moments::{Linear, Moments};
 use nalgebra::{DMatrix, DVector};
 use polarimetry::reconstruct::optimize::{Smooth, quasi_newton};
 use std::cmp::Ordering;
 
-/// Steps at most.
+/// Maximum number of steps.
 const ITERATIONS: u64 = 2000;
 
-/// The mean squared difference as a sum of squares, which no rounding makes negative: Σᵢ (rowᵢ · (W, Σ W b, -1))², in units in
-/// which the first feature's root mean square is 1, and so is y's.
+/// The mean squared difference as a sum of squares, which rounding cannot make negative: Σᵢ (rowᵢ · (W, Σ W
+/// b, -1))², in units in which the root mean squares of the first feature and of y are 1.
 struct Problem {
     rows: DMatrix<f64>,
 }
@@ -39,7 +39,7 @@ impl Problem {
             };
             moment / m.count * unit[i] * unit[j]
         });
-        // A trifle on the diagonal, more where rounding asks for it, makes it positive definite.
+        // Regularization, larger if rounding requires it, makes the matrix positive definite.
         let trace = second.trace();
         let loaded =
             |k: i32| (&second + DMatrix::identity(n + 2, n + 2) * (trace * 10_f64.powi(k))).cholesky();
@@ -67,7 +67,7 @@ impl Smooth for Problem {
     }
 }
 
-/// Weights and biases, and what they come to.
+/// The weights and biases of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightsAndBiases {
     /// W, one for each feature.
@@ -78,10 +78,10 @@ pub struct WeightsAndBiases {
     pub fit: Linear,
 }
 
-/// Minimizes from the image itself: weight 1 for the first feature.
+/// Minimizes with the image itself as start: weight 1 for the first feature.
 ///
 /// # Errors
-/// If the images or what they are to become are dark or not finite.
+/// If the images or targets are dark or not finite.
 pub fn minimize(moments: &Moments) -> Result<WeightsAndBiases, String> {
     let n = moments.x.len();
     let first = (moments.xx[(0, 0)] / moments.count).sqrt();
@@ -90,7 +90,7 @@ pub fn minimize(moments: &Moments) -> Result<WeightsAndBiases, String> {
         return Err("the images are dark".into());
     }
     let mut start = vec![0.0; 2 * n];
-    // One in the features' own unit.
+    // Weight 1 in the features' unit.
     start[0] = first / target;
     let problem = Problem::new(moments, first, target).ok_or("the images are not finite")?;
     let p = quasi_newton(&problem, &start, ITERATIONS).x;

@@ -1,33 +1,38 @@
 //! Linear least squares in closed form, with a free offset: w = (Σxx + R)⁻¹ σxy.
 //!
-//! R is nothing; λ diag(Σxx), ridge regression of standardized features (Hoerl & Kennard 1970), with λ by leaving one group of
-//! examples out after the other; or minus the features' own noise (Fuller 1987, section 2.2): noise in x makes weights too
-//! small, and taken away it leaves the weights that noise-free features have. For examples as noisy as those learnt from, the
-//! plain solution predicts best.
+//! R is one of three:
+//!
+//! - zero;
+//! - λ diag(Σxx), ridge regression of standardized features (Hoerl & Kennard 1970), with λ from
+//!   leave-one-group-out cross-validation;
+//! - minus the features' noise (Fuller 1987, section 2.2). Noise in x makes weights too small, and
+//!   subtracting it gives the weights of noise-free features. For test examples with the same noise, the
+//!   plain solution predicts best.
 
 use super::moments::{Centred, Linear, Moments};
 use nalgebra::{DMatrix, DVector};
 
-/// What is added to the diagonal of standardized covariances at least: features that depend on each other share their weight.
+/// Minimum regularization of the diagonal of standardized covariances, so that dependent features share their
+/// weight.
 const LOADING: f64 = 1e-10;
 
 /// A variance below this share of the squared mean is rounding.
 const ROUNDING: f64 = 1e-13;
 
-/// Of the noise that leaves covariances positive definite, so much is taken away.
+/// Subtracted share of the largest noise that leaves covariances positive definite.
 const TAKEN: f64 = 0.95;
 
-/// Halvings of the interval in which that lies.
+/// Bisection steps for that largest noise.
 const HALVINGS: usize = 30;
 
-/// Least squares; where features depend on each other, standardized weights of least norm.
+/// Fits by least squares; for dependent features, standardized weights of least norm.
 #[must_use]
 pub fn least_squares(moments: &Moments) -> Linear {
     let c = moments.centred();
     solve(&c, c.xx.clone())
 }
 
-/// Ridge regression.
+/// Fits by ridge regression.
 #[must_use]
 pub fn ridge(moments: &Moments, lambda: f64) -> Linear {
     let c = moments.centred();
@@ -38,8 +43,8 @@ pub fn ridge(moments: &Moments, lambda: f64) -> Linear {
     solve(&c, xx)
 }
 
-/// Ridge regression with the λ, among powers of √10 from 1e-8 to 10, of least mean loss on groups of examples that it was not
-/// learnt from; with that λ.
+/// Fits by ridge regression with the λ, among powers of √10 from 1e-8 to 10, of least mean loss on left-out
+/// groups of examples. Also returns that λ.
 #[must_use]
 pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     let all = Moments::sum(groups);
@@ -59,8 +64,8 @@ pub fn ridge_by_cross_validation(groups: &[Moments]) -> (Linear, f64) {
     (ridge(&all, best), best)
 }
 
-/// Least squares as if the features had no noise of their own: as much of it is taken away as leaves the covariances positive
-/// definite; with the share that was. Errors of different features are taken as independent.
+/// Fits by least squares with the features' noise subtracted, limited so that covariances stay positive
+/// definite. Also returns the subtracted share. Errors of different features are treated as independent.
 #[must_use]
 pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     let c = moments.centred();
@@ -83,7 +88,8 @@ pub fn without_noise(moments: &Moments) -> (Linear, f64) {
     (solve(&c, xx), share)
 }
 
-/// Weights from covariances, standardized; features that never change get none. NaN of what is not finite.
+/// Returns the weights from covariances, standardized; constant features have no weight. NaN for non-finite
+/// input.
 fn solve(c: &Centred, xx: DMatrix<f64>) -> Linear {
     let n = c.mean.len();
     let changes = |i: &usize| xx[(*i, *i)] > ROUNDING * c.mean[*i].powi(2);
@@ -115,7 +121,7 @@ pub(crate) mod tests {
     use rand_pcg::Pcg64Mcg;
     use rand_pcg::rand_core::{Rng, SeedableRng};
 
-    /// A normal number by Box and Muller.
+    /// A normally distributed number by Box and Muller.
     pub(crate) fn normal(random: &mut Pcg64Mcg) -> f64 {
         let mut uniform = || ((random.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64;
         (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
@@ -125,7 +131,7 @@ pub(crate) mod tests {
         Pcg64Mcg::seed_from_u64(seed)
     }
 
-    /// Examples y = 2 a - 3 b + 1, of which a and b are seen with noise.
+    /// Examples of y = 2 a - 3 b + 1, where a and b are measured with noise.
     fn examples(n: usize, noise: f64) -> Moments {
         let mut r = random(1);
         let (mut x, mut y) = (vec![], vec![]);
@@ -153,7 +159,7 @@ pub(crate) mod tests {
 
     #[test]
     fn noise_shrinks_weights_and_its_correction_restores_them() {
-        // Attenuation in closed form: w = σ²/(σ² + noise²) of the true one, for independent features.
+        // Attenuation in closed form: w = σ²/(σ² + noise²) of the true weight, for independent features.
         let n = 200_000;
         let moments = examples(n, 0.3);
         let plain = least_squares(&moments);
@@ -164,10 +170,11 @@ pub(crate) mod tests {
         assert!((plain.weights[1] + 1.5).abs() < 5.0 * error(0.18_f64.sqrt()));
         let (fit, share) = without_noise(&moments);
         assert!(share > 0.9);
-        // Twice as far off for the feature that is half noise; share of the correction that was held back included.
+        // Twice the error for the feature that is half noise; includes the part of the correction that was
+        // not applied.
         assert!((fit.weights[0] - 2.0).abs() < 0.03, "{fit:?} {share}");
         assert!((fit.weights[1] + 3.0).abs() < 0.3, "{fit:?} {share}");
-        // And the plain solution predicts better what is as noisy.
+        // The plain solution predicts data with the same noise better.
         assert!(moments.loss(&plain) < moments.loss(&fit));
     }
 
@@ -186,7 +193,7 @@ pub(crate) mod tests {
 
     #[test]
     fn cross_validation_shrinks_what_is_noise() {
-        // Forty features that say nothing, few examples: plain least squares follows the noise.
+        // Forty uninformative features and few examples: plain least squares fits the noise.
         let mut r = random(3);
         let mut group = |n: usize| {
             let (mut x, mut y) = (vec![], vec![]);

@@ -1,4 +1,4 @@
-//! Linear estimates of a number from others, learnt from examples.
+//! Linear regression and classification, learned from examples.
 
 pub mod discriminant;
 pub mod lbfgs;

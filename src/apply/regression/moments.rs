@@ -1,11 +1,12 @@
-//! First and second moments of examples: all that linear least squares needs, and small however many examples there are.
+//! First and second moments of examples: the sufficient statistics of linear least squares, whose size does
+//! not depend on the number of examples.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Sums over examples (x, y), x a vector of features and y what is to be found from it.
+/// Sums over examples (x, y), with a vector of features x and a target y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moments {
-    /// Examples.
+    /// Number of examples.
     pub count: f64,
     /// Σ x.
     pub x: DVector<f64>,
@@ -21,17 +22,16 @@ pub struct Moments {
     pub noise: DVector<f64>,
 }
 
-/// y ≈ weights · x + offset.
+/// A linear model: y ≈ weights · x + offset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linear {
     /// One weight for each feature.
     pub weights: DVector<f64>,
-    /// What is added.
     pub offset: f64,
 }
 
 impl Linear {
-    /// The estimate from features.
+    /// Returns the estimate from features.
     #[must_use]
     pub fn of(&self, features: &[f64]) -> f64 {
         self.offset
@@ -44,7 +44,7 @@ impl Linear {
 }
 
 impl Moments {
-    /// Of no examples of so many features.
+    /// Returns the moments of no examples.
     #[must_use]
     pub fn none(features: usize) -> Self {
         Self {
@@ -58,7 +58,7 @@ impl Moments {
         }
     }
 
-    /// Of examples: features and their standard errors, an example after the other, and what is to be found.
+    /// Returns the moments of examples: features and their standard errors, example by example, and targets.
     #[must_use]
     pub fn of(features: usize, x: &[f64], errors: &[f64], y: &[f64]) -> Self {
         let all = DMatrix::from_column_slice(features, y.len(), x);
@@ -78,7 +78,7 @@ impl Moments {
         }
     }
 
-    /// Adds those of other examples.
+    /// Adds the moments of other examples.
     pub fn add(&mut self, other: &Self) {
         self.count += other.count;
         self.x += &other.x;
@@ -89,7 +89,7 @@ impl Moments {
         self.noise += &other.noise;
     }
 
-    /// Those of all parts but one.
+    /// Returns the moments of all parts except one.
     #[must_use]
     pub fn without(parts: &[Self], left_out: usize) -> Self {
         let mut all = Self::none(parts.first().map_or(0, |p| p.x.len()));
@@ -101,13 +101,13 @@ impl Moments {
         all
     }
 
-    /// Those of all parts.
+    /// Returns the moments of all parts.
     #[must_use]
     pub fn sum(parts: &[Self]) -> Self {
         Self::without(parts, usize::MAX)
     }
 
-    /// Those of the single feature Σ wᵢ xᵢ.
+    /// Returns the moments of the single feature Σ wᵢ xᵢ.
     #[must_use]
     pub fn projected(&self, w: &DVector<f64>) -> Self {
         Self {
@@ -121,7 +121,7 @@ impl Moments {
         }
     }
 
-    /// Mean squared difference between y and its estimate.
+    /// Returns the mean squared difference between y and its estimate.
     #[must_use]
     pub fn loss(&self, fit: &Linear) -> f64 {
         let (w, b) = (&fit.weights, fit.offset);
@@ -129,11 +129,12 @@ impl Moments {
             - 2.0 * w.dot(&self.xy)
             - 2.0 * b * self.y;
         let mean = sum / self.count;
-        // Rounding may go below zero; what is not a number stays so.
+        // Rounding may give a negative value; NaN is kept.
         if mean < 0.0 { 0.0 } else { mean }
     }
 
-    /// Covariances of the features, of the features with y, and the means: what is left when an offset is free.
+    /// Returns the covariances of the features and of the features with y, and the means, for a fit with a
+    /// free offset.
     #[must_use]
     pub fn centred(&self) -> Centred {
         let n = self.count;
@@ -149,7 +150,6 @@ impl Moments {
     }
 }
 
-/// Covariances and means.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Centred {
     /// Covariances of the features.
@@ -185,14 +185,14 @@ mod tests {
             / 4.0;
         approx::assert_relative_eq!(moments.loss(&fit), direct, epsilon = 1e-12);
         approx::assert_relative_eq!(moments.noise[1], 0.04, epsilon = 1e-12);
-        // Parts add up, and one left out is one left out.
+        // Parts add up, with and without a left-out part.
         let parts: Vec<Moments> = (0..4)
             .map(|i| Moments::of(2, &x[2 * i..2 * i + 2], &[0.1; 2], &y[i..=i]))
             .collect();
         approx::assert_relative_eq!(Moments::sum(&parts).xx, moments.xx, epsilon = 1e-12);
         let three = Moments::of(2, &x[2..], &[0.1; 6], &y[1..]);
         approx::assert_relative_eq!(Moments::without(&parts, 0).xy, three.xy, epsilon = 1e-12);
-        // A projection is the moments of the projected examples.
+        // A projection has the moments of the projected examples.
         let w = DVector::from_row_slice(&[2.0, -1.0]);
         let line: Vec<f64> = x.chunks_exact(2).map(|x| 2.0 * x[0] - x[1]).collect();
         let direct = Moments::of(1, &line, &[0.0; 4], &y);

@@ -1,5 +1,5 @@
-//! Epipolar confocal imaging (O'Toole, Raskar & Kutulakos 2012): light from each camera pixel's epipolar line alone, which
-//! leaves out what was scattered off its plane.
+//! Epipolar confocal imaging (O'Toole, Raskar & Kutulakos 2012): light only from each camera pixel's epipolar
+//! line, which excludes light that was scattered out of its plane.
 
 use super::linear::{Descattering, apart, weighed};
 use super::seen::Seen;

@@ -1,4 +1,4 @@
-//! What all methods have in common: a linear estimate of the clear image from some numbers of a pixel.
+//! The common form of all methods: a linear estimate of the clear image from several features of a pixel.
 
 use super::seen::Seen;
 use crate::application::Method;
@@ -7,25 +7,24 @@ use crate::observation::Pixels;
 use crate::regression::least_squares::least_squares;
 use crate::regression::moments::{Linear, Moments};
 
-/// A method that sees through scattering.
+/// A method that recovers the image behind a scattering medium.
 pub(super) trait Descattering: Sync {
-    /// What it is.
     fn method(&self) -> Method;
 
-    /// The numbers of a pixel at a wavelength that it looks at, and their standard errors.
+    /// Returns the features of a pixel at a wavelength, and their standard errors.
     fn features(&self, seen: &Seen, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>);
 
-    /// Learns its weights at a wavelength: by least squares, unless a method says otherwise.
+    /// Learns the weights at a wavelength, by least squares unless a method overrides it.
     fn learn(&self, train: &[Seen], lane: usize) -> Result<Linear, ApplyError> {
         Ok(least_squares(&Moments::sum(&self.moments(train, lane))))
     }
 
-    /// What a reader should know of what was learnt.
+    /// Returns a note on the learned weights.
     fn note(&self, _fits: &[Linear]) -> Option<String> {
         None
     }
 
-    /// Moments of the pixels that count, a variant at a time.
+    /// Returns the moments of the pixels in the mask, one per variant.
     fn moments(&self, train: &[Seen], lane: usize) -> Vec<Moments> {
         train
             .iter()
@@ -45,7 +44,8 @@ pub(super) trait Descattering: Sync {
     }
 }
 
-/// Σₑ wₑ Tₑ over elements of a pixel (over all bins), and its standard error with the elements' taken as independent.
+/// Returns Σₑ wₑ Tₑ over elements of a pixel (and all bins), and its standard error for independent errors of
+/// the elements.
 pub(super) fn weighed(p: &Pixels, pixel: usize, lane: usize, weights: &[(usize, f64)]) -> (f64, f64) {
     let (mut sum, mut variance) = (0.0, 0.0);
     for bin in 0..p.bins {
@@ -57,7 +57,7 @@ pub(super) fn weighed(p: &Pixels, pixel: usize, lane: usize, weights: &[(usize, 
     (sum, variance.sqrt())
 }
 
-/// Numbers and errors apart.
+/// Separates values and errors.
 pub(super) fn apart(pairs: impl IntoIterator<Item = (f64, f64)>) -> (Vec<f64>, Vec<f64>) {
     pairs.into_iter().unzip()
 }

@@ -1,11 +1,13 @@
-//! Seeing through scattering: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for W and b.
+//! Imaging through scattering media: Baek & Heide (2021), section 6.3, Fig. 12 and its equation for W and b.
 //!
-//! What is seen is light that came back from the milk, T_b, and light that came back from the things behind it, T_o. Every method
-//! here estimates the image without milk linearly from some numbers of a pixel, wavelength by wavelength; the methods differ in
-//! the numbers. Gains and offsets of all of them, the baselines' too, are learnt from the training variants alone.
+//! The camera receives light from the milk, T_b, and light from the objects behind it, T_o. Every method here
+//! is a linear estimate of the image without milk from several features of a pixel, for each wavelength;
+//! methods differ in the features. The gains and offsets of all methods, including the baselines, are learned
+//! from the training variants only.
 //!
-//! The numbers carry the render's noise, which makes learnt weights too small (see [`crate::regression::least_squares`]): as
-//! noise in captures does. Ridge regression and the errors-in-variables solution stand beside plain least squares for that.
+//! The features contain the render's noise, which makes learned weights too small (see
+//! [`crate::regression::least_squares`]), like noise in captures. Therefore ridge regression and the
+//! errors-in-variables solution are compared with plain least squares.
 
 mod confocal;
 mod conventional;
@@ -27,17 +29,16 @@ use linear::Descattering;
 use rayon::prelude::*;
 use seen::Seen;
 
-/// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct Scattering;
 
-/// Variants of one arrangement of things: the first without milk, then five concentrations.
+/// Number of variants of one arrangement of objects: the first without milk, then five concentrations.
 const CONCENTRATIONS: u64 = 6;
 
-/// Parts of the ruler, by depth.
+/// Number of parts of the ruler, by depth.
 const PARTS: usize = 3;
 
-/// Contrast that marks have in clear water at least, to be counted.
+/// Minimum contrast in clear water of marks that count.
 const LEAST_CONTRAST: f64 = 0.2;
 
 const METRICS: [Metric; 2 + PARTS] = [
@@ -56,7 +57,7 @@ const fn metric(name: &'static str, unit: &'static str) -> Metric {
     }
 }
 
-/// All methods, ours first.
+/// Returns all methods, ours first.
 fn descatterings() -> Vec<Box<dyn Descattering>> {
     vec![
         Box::new(weights::Weights(weights::Solver::Lbfgs)),
@@ -199,7 +200,7 @@ impl Application for Scattering {
     }
 }
 
-/// What a method sees of a variant; never below zero, as radiance is not.
+/// Returns the image of a method for a variant. Negative radiance is set to 0.
 fn image(method: &dyn Descattering, fits: &[Linear], seen: &Seen) -> Map {
     let (w, h) = (seen.truth.width, seen.truth.height);
     Map::from_fn(w, h, fits.len(), |x, y, out| {
@@ -211,7 +212,8 @@ fn image(method: &dyn Descattering, fits: &[Linear], seen: &Seen) -> Map {
     })
 }
 
-/// The weights of 16 elements, or of their bins side by side: four rows, four columns a bin, a channel a wavelength.
+/// Draws the weights of 16 elements, or of all their bins side by side: four rows, four columns per bin, a
+/// channel per wavelength.
 fn weight_map(fits: &[Linear]) -> Option<Map> {
     let n = fits.first()?.weights.len();
     if n % 16 != 0 {

@@ -4,29 +4,29 @@ use crate::error::ApplyError;
 use crate::map::Map;
 use crate::observation::{Observation, Pixels};
 
-/// Name of the truth slice: the same things in clear water.
+/// Name of the truth slice: the same objects in clear water.
 pub(super) const CLEAR: &str = "clear";
 
-/// Slices of a variant, and the truth.
+/// Slices and ground truth of a variant.
 pub(super) struct Seen {
     pub variant: u64,
-    /// Σ over all projector pixels.
+    /// Summed over all projector pixels.
     pub polarimetric: Pixels,
-    /// Σ over the projector pixels of each camera pixel's epipolar line.
+    /// Summed over the projector pixels of each camera pixel's epipolar line.
     pub epipolar: Pixels,
     /// The same in bins of travel time.
     pub gated: Pixels,
-    /// M00 over all projector pixels, in bins of travel time.
+    /// M00 summed over all projector pixels, in bins of travel time.
     pub transient: Pixels,
-    /// The image without milk, a channel a wavelength.
+    /// The image without milk, one channel per wavelength.
     pub truth: Map,
-    /// Largest value of the truth among the pixels that count.
+    /// Maximum of the truth in the mask.
     pub peak: f64,
-    /// Pixels that count: those of what stands in the milk.
+    /// Mask of the objects in the milk.
     pub mask: Vec<bool>,
-    /// Those of the ruler.
+    /// Mask of the ruler.
     pub ruler: Vec<bool>,
-    /// Place along the ruler, from its near end: 0..1.
+    /// Position along the ruler, from its near end: 0..1.
     pub depth: Vec<f64>,
 }
 
@@ -88,7 +88,8 @@ impl Seen {
     }
 }
 
-/// How many wavelengths, and that all variants have as many, and as many bins.
+/// Returns the number of wavelengths, after checking that all variants have equal numbers of wavelengths and
+/// bins.
 pub(super) fn wavelengths(train: &[Seen], test: &[Seen]) -> Result<usize, ApplyError> {
     let Some(first) = train.first() else {
         return Err(ApplyError::Empty("give variants to learn from".into()));

@@ -1,7 +1,8 @@
-//! Polarized light striping (Gupta, Narasimhan & Schechner 2008): lines are projected one after the other, which leaves out light
-//! scattered off the line's plane, and what is left of the backscatter is taken away by its polarization.
+//! Polarized light striping (Gupta, Narasimhan & Schechner 2008): lines are projected one after the other,
+//! which excludes light scattered out of the line's plane. The remaining backscatter is subtracted by means
+//! of its polarization.
 //!
-//! The lines here are the epipolar ones, as in the comparison of Baek & Heide (2021); the two images are those of
+//! The lines are epipolar lines, as in the comparison of Baek & Heide (2021); the two images are those of
 //! [`super::cross_polarization`].
 
 use super::cross_polarization::along_and_across;

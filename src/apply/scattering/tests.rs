@@ -1,4 +1,4 @@
-//! Each method on a tank whose backscatter is of the kind that it takes away, known in closed form.
+//! Tests each method with a synthetic tank whose backscatter the method removes exactly.
 
 use super::cross_polarization::recovered;
 use super::linear::weighed;
@@ -6,25 +6,25 @@ use super::*;
 use crate::observation::tests::slice;
 use crate::regression::least_squares::tests::{normal, random};
 
-/// What a synthetic tank's milk sends back.
+/// The backscatter of a synthetic tank's milk.
 #[derive(Clone, Copy)]
 struct Milk {
-    /// Degree of linear polarization that it keeps.
+    /// Preserved degree of linear polarization.
     linear: f64,
-    /// Degree of circular polarization that it keeps, below zero if it turns the hand round.
+    /// Preserved degree of circular polarization, negative if the handedness is reversed.
     circular: f64,
-    /// Degree of linear polarization that the things keep.
+    /// Degree of linear polarization that the objects preserve.
     things: f64,
-    /// Share of its light that comes along epipolar lines.
+    /// Share of its light that is epipolar.
     epipolar: f64,
-    /// Bins that its light comes in, of [`BINS`]; that of the things comes in the last.
+    /// Number of bins of its light, out of [`BINS`]; the light of the objects is in the last.
     bins: usize,
 }
 
 const SIZE: [usize; 2] = [24, 16];
 const BINS: usize = 4;
 
-/// Two training variants and two for the test, of random things and random milk, pixel by pixel.
+/// Two training variants and two test variants, with random objects and random milk in each pixel.
 fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
     let mut r = random(seed);
     let n = SIZE[0] * SIZE[1];
@@ -39,7 +39,7 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
                 15 => circular,
                 _ => 0.0,
             };
-            // Of full light, what comes from beside the epipolar lines is without polarization.
+            // Non-epipolar light is unpolarized.
             let of = |p: usize, element: usize, lane: usize, full: bool, bin: Option<usize>| {
                 let i = 3 * p + lane;
                 let s = if bin.is_none_or(|b| b == BINS - 1) {
@@ -109,7 +109,7 @@ fn observations(milk: Milk, seed: u64) -> Vec<Observation> {
         .collect()
 }
 
-/// PSNR of every method, the mean of the two test variants.
+/// Returns the PSNR of every method, averaged over the two test variants.
 fn psnr_of(milk: Milk) -> Vec<(&'static str, f64)> {
     let all = observations(milk, 11);
     let outcome = Scattering.run(&all[..2], &all[2..]).expect("it runs");
@@ -131,7 +131,7 @@ fn of(table: &[(&'static str, f64)], name: &str) -> f64 {
     table.iter().find(|(n, _)| *n == name).expect("a method").1
 }
 
-/// Exact to single precision, against a veil that is not taken away.
+/// Minimum for results exact to single precision, and maximum for a veil that is not removed.
 const EXACT: f64 = 80.0;
 const VEILED: f64 = 25.0;
 
@@ -146,7 +146,7 @@ const PLAIN: Milk = Milk {
 #[test]
 fn without_polarization_or_space_or_time_nothing_helps() {
     for (name, value) in psnr_of(PLAIN) {
-        // Bins by themselves tell what the veil is: all but the last hold nothing else.
+        // Time bins determine the veil, because all except the last contain nothing else.
         let by_time = name.starts_with("time");
         assert!(by_time || value < VEILED, "{name}: {value}");
     }
@@ -169,12 +169,13 @@ fn treibitz_and_schechner_take_linearly_polarized_backscatter_away() {
         ] {
             assert!(of(&table, other) < VEILED, "{other} {table:?}");
         }
-        // Ours holds it as a special case.
+        // Our method includes it as a special case.
         assert!(
             of(&table, "W, b by least squares") > EXACT && of(&table, "W, b by L-BFGS") > 50.0,
             "{table:?}"
         );
-        // Their formula with the known degrees is exact pixel by pixel; with the wrong ones, the planted error, it is not.
+        // Their formula with the known degrees is exact per pixel; with wrong degrees, the planted error, it
+        // is not.
         let all = observations(milk, 11);
         let seen = Seen::new(&all[0]).expect("seen");
         for pixel in [0, 17, 200] {
@@ -220,7 +221,7 @@ fn epipolar_light_takes_backscatter_off_the_plane_away() {
 
 #[test]
 fn striping_needs_both_lines_and_polarization() {
-    // The veil beside the lines has another degree of polarization than that along them.
+    // The non-epipolar veil has another degree of polarization than the epipolar one.
     let table = psnr_of(Milk {
         linear: 0.6,
         epipolar: 0.5,
@@ -274,7 +275,7 @@ fn what_is_missing_is_said() {
     ));
 }
 
-/// Few captures are chosen for what the methods of the table look at.
+/// Captures are optimized for the elements that the first method uses.
 #[test]
 fn the_task_is_that_of_the_first_method() {
     let milk = Milk {

@@ -1,7 +1,7 @@
-//! Time gating: light of one window of travel time, under full light.
+//! Time gating: light in one window of travel time, under full light.
 //!
-//! The window is that of least loss on the training variants, for each wavelength; a gate that follows the depth of things, as
-//! a scan in depth would, is not searched for.
+//! The window minimizes the loss on the training variants, for each wavelength. A gate that follows the depth
+//! of objects, as in a scan over depth, is not included.
 
 use super::linear::{Descattering, apart};
 use super::seen::Seen;

@@ -1,5 +1,5 @@
-//! Weights and biases of all Mueller elements of epipolar light (Baek & Heide 2021, the equation of section 6.3):
-//! S = Σᵢⱼ Wᵢⱼ (Σₜ T(s, sₑ, i, j, t) + bᵢⱼ); and the same with a weight for every bin of travel time, which was not tried before.
+//! Weights and biases of all Mueller elements of epipolar light (Baek & Heide 2021, the equation of section
+//! 6.3): S = Σᵢⱼ Wᵢⱼ (Σₜ T(s, sₑ, i, j, t) + bᵢⱼ). A new variant has a weight for every bin of travel time.
 
 use super::linear::{Descattering, apart};
 use super::seen::Seen;
@@ -10,23 +10,23 @@ use crate::regression::lbfgs::minimize;
 use crate::regression::least_squares::{least_squares, ridge_by_cross_validation, without_noise};
 use crate::regression::moments::{Linear, Moments};
 
-/// How weights are found.
+/// The algorithm for the weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Solver {
-    /// As in the paper.
+    /// L-BFGS, as in the paper.
     Lbfgs,
-    /// In closed form: the least loss on the training variants that there is.
+    /// Closed form: the minimum loss on the training variants.
     LeastSquares,
     /// Ridge regression, cross-validated over training variants.
     Ridge,
-    /// Least squares as if the images had no noise.
+    /// Least squares with the noise of the images subtracted.
     WithoutNoise,
 }
 
-/// Of the sum over time.
+/// Weights for the sum over time.
 pub(super) struct Weights(pub Solver);
 
-/// Of every bin of travel time.
+/// Weights for every bin of travel time.
 pub(super) struct Gated;
 
 fn elements(p: &Pixels, pixel: usize, lane: usize) -> (Vec<f64>, Vec<f64>) {

@@ -1,7 +1,7 @@
-//! Fig. 11 as an application: normals and depths of statues of translucent stone, by every method.
+//! Fig. 11 as an application: normals and depths of statues of translucent stone by every method.
 //!
-//! All methods are told which pixels are wholly of the statue. Errors are means over those of them that a method says something
-//! of; `coverage` is their share.
+//! All methods know the pixels that the statue covers completely. Errors are means over those of these pixels
+//! for which a method has a result; `coverage` is their share.
 
 use super::errors::{Errors, angular, depth_errors};
 use super::joint::Surface;
@@ -14,7 +14,6 @@ use crate::map::Map;
 use crate::observation::{self, Observation};
 use rayon::prelude::*;
 
-/// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct ShapeScan;
 
@@ -30,7 +29,7 @@ const fn route(name: &'static str, source: &'static str, method: Way, sprayed: b
     (Method { name, source }, Route { method, sprayed })
 }
 
-/// Ours first; the pseudo truth of the paper last.
+/// Our method first; the paper's pseudo truth last.
 pub(super) const METHODS: [(Method, Route); 9] = [
     route(
         "epipolar micro phase shift + polarization",
@@ -88,7 +87,7 @@ pub(super) const METHODS: [(Method, Route); 9] = [
     ),
 ];
 
-/// The number of a variant's twin ([`Truth::Slice`]).
+/// Returns the number of a variant's sprayed twin ([`Truth::Slice`]).
 fn sprayed(variant: u64) -> u64 {
     variant + 1
 }
@@ -109,7 +108,8 @@ impl Application for ShapeScan {
         "normals and depths of translucent statues, by epipolar structured light and polarization together (Fig. 11)"
     }
 
-    /// Even variants are translucent, odd ones their sprayed twins; in a round of six are all materials and statues.
+    /// Even variants are translucent, odd ones their sprayed twins; each six variants include all materials
+    /// and statues.
     fn plan(&self) -> Plan {
         let layer = |name, layer| Truth::Layer {
             name,
@@ -189,11 +189,11 @@ fn scores(method: &'static str, seen: &Seen, surface: &Surface) -> Vec<Score> {
     Score::each(method, seen.variant, &METRICS, values).collect()
 }
 
-/// Normals as colours: ½(1 + n), x to the right red, y up green, z toward the camera blue.
+/// Draws normals as colours: ½(1 + n), with x to the right red, y up green, z toward the camera blue.
 fn colours(method: &'static str, variant: u64, normals: &Map) -> Picture {
     let map = Map::from_fn(normals.width, normals.height, 3, |x, y, out| {
         let n = normals.at(x, y);
-        // Channels of pictures rise in wavelength: blue comes first.
+        // Channels of pictures are sorted by wavelength: blue comes first.
         out.copy_from_slice(&[-n[2], -n[1], n[0]].map(|v| 0.5 * (1.0 + v)));
     });
     Picture {
@@ -205,7 +205,7 @@ fn colours(method: &'static str, variant: u64, normals: &Map) -> Picture {
     }
 }
 
-/// Normals as colours, and how far each is off.
+/// Draws normals as colours, and their angular errors.
 fn pictures(method: &'static str, seen: &Seen, surface: &Surface) -> [Picture; 2] {
     let (w, h) = (surface.normals.width, surface.normals.height);
     let off = Map::from_fn(w, h, 1, |x, y, out| {

@@ -1,4 +1,4 @@
-//! The application on a sphere of which all is known.
+//! Tests of the application with a known sphere.
 
 use super::application::{METHODS, METRICS, ShapeScan};
 use super::methods::tests::scene;
@@ -30,7 +30,7 @@ fn slice(map: &Map, kinds: &[(AxisKind, usize)]) -> Slice {
     }
 }
 
-/// A sphere with the light that comes from elsewhere, and its twin without it.
+/// A sphere with indirect light from other columns, and its twin without it.
 fn observation(variant: u64, inputs: &Inputs, sprayed: &Inputs, shape: &Shape) -> Observation {
     let columns = [
         (AxisKind::U, inputs.columns.light.channels),
@@ -81,7 +81,7 @@ fn run(elsewhere: f64) -> Outcome {
     ShapeScan.run(&[of(0)], &[of(1)]).expect("it runs")
 }
 
-/// Without light from elsewhere.
+/// Without indirect light.
 static CLEAR: LazyLock<Outcome> = LazyLock::new(|| run(0.0));
 
 fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
@@ -90,7 +90,7 @@ fn score(outcome: &Outcome, method: &str, metric: usize) -> f64 {
     found.expect("a score").value
 }
 
-/// Codes of all light, in the order of the table.
+/// Returns the scans with this light, in the order of the table.
 fn scans(light: Light) -> impl Iterator<Item = &'static str> {
     METHODS
         .iter()
@@ -98,8 +98,8 @@ fn scans(light: Light) -> impl Iterator<Item = &'static str> {
         .map(|m| m.0.name)
 }
 
-/// On paint Gray code, and every other code, is right to what half a column is (0.13 mm on the mean), its normals tie with the
-/// best of them, and the pseudo truth is the same scan.
+/// On paint, Gray code, like every other code, is accurate to half a column (0.13 mm on average). Its normals
+/// tie with the best of the codes, and the pseudo truth is the same scan.
 #[test]
 fn gray_code_ties_on_a_diffuse_object() {
     let outcome = &*CLEAR;
@@ -129,8 +129,8 @@ fn gray_code_ties_on_a_diffuse_object() {
     assert!(normals(METHODS[0].0.name) < 3.0, "{}", normals(METHODS[0].0.name));
 }
 
-/// Planted: two thirds of the light come from columns beside, off the epipolar lines. Gray code and phase shift are led astray,
-/// epipolar codes, ours and the scan of the sprayed twin are what they were.
+/// Planted: two thirds of the light come from neighbouring columns, off the epipolar lines. Gray code and
+/// phase shift fail; epipolar codes, our method and the scan of the sprayed twin do not change.
 #[test]
 fn light_from_beside_is_found_where_it_is() {
     let (clear, blurred) = (&*CLEAR, run(0.67));

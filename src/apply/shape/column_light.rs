@@ -1,30 +1,30 @@
-//! T(s, u): what camera pixel s sees of projector column u alone, and captures under patterns of columns.
+//! T(s, u), the light from projector column u to camera pixel s, and captures under patterns of columns.
 //!
-//! Light is linear in the drive, so the capture under a pattern P that is the same in all rows is
-//! I(s) = Σ_u T(s, u) P(u), where T(s, u) sums all rows, or, for epipolar structured light, those near the epipolar line
-//! of s (O'Toole et al. 2012, 2014).
+//! Light is linear in the drive, so the capture under a pattern P that is equal in all rows is I(s) = Σ_u
+//! T(s, u) P(u). T(s, u) is a sum over all rows or, for epipolar structured light, over those near the
+//! epipolar line of s (O'Toole et al. 2012, 2014).
 
 use crate::map::Map;
 use thiserror::Error;
 
-/// The light of every projector column in every camera pixel, radiance per unit drive.
+/// The light from every projector column to every camera pixel, radiance per unit drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnLight {
-    /// A channel for each projector column.
+    /// One channel for each projector column.
     pub light: Map,
 }
 
-/// Patterns of columns: drives in 0..1, one list a capture.
+/// Patterns of columns: drives in 0..1, one list per capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patterns {
-    /// Projector columns.
+    /// Number of projector columns.
     pub columns: usize,
-    /// Drive of every column, capture by capture.
+    /// Drive of every column, for each capture.
     pub drives: Vec<Vec<f64>>,
 }
 
 impl Patterns {
-    /// Patterns by a function of capture and column.
+    /// Returns patterns from a function of capture and column.
     #[must_use]
     pub fn from_fn(captures: usize, columns: usize, drive: impl Fn(usize, usize) -> f64) -> Self {
         let drives = (0..captures).map(|k| (0..columns).map(|u| drive(k, u)).collect());
@@ -35,35 +35,36 @@ impl Patterns {
     }
 }
 
-/// Why captures cannot be made or decoded.
+/// The reason why captures cannot be made or decoded.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum CodeError {
-    /// Light of other columns than the patterns'.
+    /// The light and the patterns have different numbers of columns.
     #[error(
         "the light is of {light} projector columns, the patterns are of {patterns}: make them for one projector"
     )]
     Columns {
-        /// Those of the light.
+        /// Number of columns of the light.
         light: usize,
-        /// Those of the patterns.
+        /// Number of columns of the patterns.
         patterns: usize,
     },
-    /// Captures of another code.
+    /// The number of captures does not match the code.
     #[error("{got} captures, and the code has {want}: capture its patterns")]
     Captures {
-        /// Given.
+        /// Given number.
         got: usize,
-        /// Needed.
+        /// Required number.
         want: usize,
     },
-    /// Periods that no code has.
+    /// The periods are invalid for the code.
     #[error("{0}")]
     Periods(String),
 }
 
 impl ColumnLight {
-    /// The light of a coarser projector, whose columns are `n` of these each (the last, smaller one is kept). Stripes that
-    /// are finer than what a camera pixel sees fade in any scene: codes want columns about as wide as camera pixels.
+    /// Returns the light of a coarser projector, each of whose columns combines `n` of these (a last, smaller
+    /// one is kept). Stripes narrower than a camera pixel's footprint lose contrast in any scene, so codes
+    /// need columns about as wide as camera pixels.
     #[must_use]
     pub fn binned(&self, n: usize) -> Self {
         let (light, n) = (&self.light, n.max(1));
@@ -77,10 +78,10 @@ impl ColumnLight {
         }
     }
 
-    /// The captures under patterns, one a channel.
+    /// Returns the captures under patterns, one per channel.
     ///
     /// # Errors
-    /// If the patterns are of another number of columns.
+    /// If the patterns have another number of columns.
     pub fn capture(&self, patterns: &Patterns) -> Result<Map, CodeError> {
         let (light, columns) = (&self.light, patterns.columns);
         if light.channels != columns || patterns.drives.iter().any(|d| d.len() != columns) {
@@ -103,17 +104,17 @@ impl ColumnLight {
     }
 }
 
-/// What a code says of every camera pixel.
+/// The decoded columns of all camera pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoded {
-    /// Coordinate of the projector's column (centres at i + ½), NaN where the code says nothing; one channel.
+    /// Projector column coordinate (centres at i + ½), NaN where the code is invalid; one channel.
     pub column: Map,
-    /// How clear the code is: its contrast, 0 (none) to 1 (direct light alone); one channel.
+    /// Contrast of the code, 0 (none) to 1 (direct light only); one channel.
     pub confidence: Map,
 }
 
 impl Decoded {
-    /// Decodes pixel by pixel: a function of the captures gives column and confidence.
+    /// Decodes each pixel with a function from captures to column and confidence.
     pub(super) fn by_pixel(
         captures: &Map,
         want: usize,

@@ -1,20 +1,20 @@
-//! How far a shape is off: angles between normals, and differences of depth, over the pixels of an object.
+//! Errors of a shape: angles between normals, and differences of depth, over the pixels of an object.
 
 use crate::map::Map;
 use crate::metrics::angle::angle_deg;
 
-/// Errors over the pixels where truth and estimate are known.
+/// Errors over the pixels with a known truth and estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Mean of the absolute errors: degrees of normals, metres of depths. NaN of no pixels.
+    /// Mean of the absolute errors: degrees for normals, metres for depths. NaN without pixels.
     pub mean: f64,
-    /// Their median (the lower of the middle two).
+    /// Median of the absolute errors (the lower of the middle two).
     pub median: f64,
-    /// Share of the pixels of which truth is known that have an estimate.
+    /// Share of the pixels with a known truth that have an estimate.
     pub coverage: f64,
 }
 
-/// Summary of errors where truth is known, NaN those without estimate.
+/// Summarizes errors of the pixels with a known truth; NaN means no estimate.
 fn summary(errors: impl Iterator<Item = f64>) -> Errors {
     let all: Vec<f64> = errors.collect();
     let mut known: Vec<f64> = all.iter().copied().filter(|e| e.is_finite()).collect();
@@ -27,12 +27,13 @@ fn summary(errors: impl Iterator<Item = f64>) -> Errors {
     }
 }
 
-/// True where a mask (one channel, not 0) is, or there is none.
+/// Returns whether a pixel is in the mask (one channel, nonzero); true without a mask.
 fn inside(mask: Option<&Map>, pixel: usize) -> bool {
     mask.is_none_or(|m| m.data.get(pixel).is_some_and(|v| *v != 0.0))
 }
 
-/// Angles between normals, degrees, over the pixels of `mask` (all if there is none) that have a true normal.
+/// Returns the angles between normals, degrees, over the pixels of `mask` (all without a mask) that have a
+/// true normal.
 #[must_use]
 pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = normals
@@ -46,7 +47,8 @@ pub fn angular(normals: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     summary(pairs.filter_map(of))
 }
 
-/// Absolute differences of depths, metres, over the pixels of `mask` (all if there is none) that have a true depth.
+/// Returns the absolute differences of depths, metres, over the pixels of `mask` (all without a mask) that
+/// have a true depth.
 #[must_use]
 pub fn depth_errors(depth: &Map, truth: &Map, mask: Option<&Map>) -> Errors {
     let pairs = depth.data.iter().zip(&truth.data).enumerate();

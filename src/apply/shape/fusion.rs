@@ -1,13 +1,13 @@
-//! Depth and normals together: the surface that is near the depths and perpendicular to the normals (Nehab et al. 2005;
-//! perspective and logarithmic after Durou & Courteille 2007 and Cao et al. 2022; as Baek et al. 2018 join scan and
-//! polarization).
+//! Fusion of depth and normals: the surface close to the depths and perpendicular to the normals (Nehab et
+//! al. 2005; perspective and logarithmic after Durou & Courteille 2007 and Cao et al. 2022; applied to scan
+//! and polarization as in Baek et al. 2018).
 //!
-//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, have log z_j - log z_i = log(n·r_i / n·r_j):
-//! linear in ℓ = log z. A pair of neighbours takes the sum of its two normals, to which the chord of a sphere is
-//! perpendicular, as that of a plane. Weights are inverse variances: (z/σ_z)²
-//! of a depth, and of a step, which a normal turned by σ_n moves by h σ_n/cos²α (h the angle between the rays, α that
-//! between normal and ray). Depths that are beside their neighbours and steps over edges are taken out by Cauchy's weights,
-//! 1/(1 + r²/(c²σ²)), c = 2.385, refitted in rounds.
+//! Points z_i r_i and z_j r_j of one tangent plane, n·(z_j r_j - z_i r_i) = 0, have log z_j - log z_i =
+//! log(n·r_i / n·r_j): linear in ℓ = log z. For a pair of neighbours, n is the sum of their two normals,
+//! which is perpendicular to the chord of a sphere and of a plane. Weights are inverse variances. That of a
+//! depth is (z/σ_z)². A normal rotated by σ_n changes a step by h σ_n/cos²α, with the angle h between the
+//! rays and the angle α between normal and ray. Outlier depths and steps across edges are suppressed by
+//! Cauchy's weights, 1/(1 + r²/(c²σ²)), c = 2.385, which are updated iteratively.
 
 use super::log_depth::{LogDepth, Step};
 use crate::map::Map;
@@ -17,27 +17,27 @@ use nalgebra::Vector3;
 /// Cauchy's constant for 95 % efficiency under normal errors.
 const CAUCHY: f64 = 2.385;
 
-/// Rounds of weights.
+/// Number of weight updates.
 const ROUNDS: usize = 10;
 
 /// Residual of the solver.
 const TOLERANCE: f64 = 1e-9;
 
-/// Least cosine between normal and view direction: a normal at grazing angle says nothing of the step.
+/// Minimum cosine between normal and view direction: a normal at grazing angle does not determine the step.
 const LEAST_COSINE: f64 = 0.1;
 
-/// How far depths and normals are believed.
+/// The uncertainties of depths and normals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Believed {
-    /// Standard deviation of every depth, metres; one channel. Where it is not above 0, the depth is not used.
+    /// Standard deviation of every depth, metres; one channel. A depth without a positive value is not used.
     pub depth: Map,
     /// Standard deviation of the normals, radians.
     pub normals: f64,
-    /// Take out outliers.
+    /// Suppress outliers.
     pub robust: bool,
 }
 
-/// The step from pixel to pixel by their normals (either may be unknown).
+/// Returns the step between two pixels from their normals (either may be unknown).
 fn step(normals: &Map, pixels: [[usize; 2]; 2], rays: [Vector3<f64>; 2], sigma: f64) -> Step {
     let of =
         |[x, y]: [usize; 2]| Some(Vector3::from_column_slice(normals.at(x, y))).filter(|n| n.x.is_finite());
@@ -60,7 +60,7 @@ fn step(normals: &Map, pixels: [[usize; 2]; 2], rays: [Vector3<f64>; 2], sigma: 
     }
 }
 
-/// The problem without robust weights.
+/// Returns the problem without robust weights.
 fn problem(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -> LogDepth {
     let (w, h) = (depth.width, depth.height);
     let pixels = || (0..h).flat_map(|y| (0..w).map(move |x| [x, y]));
@@ -94,12 +94,12 @@ fn problem(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) ->
     }
 }
 
-/// Cauchy's weight of a residual of weight `weight`.
+/// Returns Cauchy's weight for a residual with weight `weight`.
 fn trusted(weight: f64, residual: f64) -> f64 {
     weight / (1.0 + weight * residual * residual / (CAUCHY * CAUCHY))
 }
 
-/// The pixels that are joined to a known depth.
+/// Returns the pixels that are connected to a known depth.
 fn reached(p: &LogDepth) -> Vec<bool> {
     let mut known: Vec<bool> = p.values.iter().map(|v| v.weight > 0.0).collect();
     loop {
@@ -115,7 +115,8 @@ fn reached(p: &LogDepth) -> Vec<bool> {
     }
 }
 
-/// Depths, metres, of the surface of least squares; NaN where neither a depth is known nor normals lead to one.
+/// Returns the depths, metres, of the least-squares surface; NaN for pixels without a known depth or a
+/// connection to one by normals.
 #[must_use]
 pub fn fuse(camera: &Pinhole, depth: &Map, normals: &Map, believed: &Believed) -> Map {
     let plain = problem(camera, depth, normals, believed);
@@ -173,8 +174,8 @@ mod tests {
         f64::sqrt(sum / n)
     }
 
-    /// Exact normals of a plane leave one unknown, the scale: noise of σ in N depths becomes σ/√N (its mean square is
-    /// z² σ²/Σz², Σ over the plane). 40 seeds, five standard errors.
+    /// Exact normals of a plane leave one unknown, the scale: noise of σ in N depths becomes σ/√N (its mean
+    /// square is z² σ²/Σz², summed over the plane). 40 seeds, five standard errors.
     #[test]
     fn exact_normals_of_a_plane_leave_one_unknown() {
         let camera = rig(40, 256).camera;
@@ -197,12 +198,13 @@ mod tests {
             })
             .collect();
         let mean = ratios.iter().sum::<f64>() / 40.0;
-        // A squared normal number has mean 1 and variance 2.
+        // A squared normally distributed number has mean 1 and variance 2.
         assert!((mean - 1.0).abs() < 5.0 * (2.0_f64 / 40.0).sqrt(), "{mean}");
         assert!(mean > 0.05);
     }
 
-    /// A sphere with depth noise of 1 mm and exact normals: the noise falls to a tenth; without normals it stays.
+    /// A sphere with depth noise of 1 mm and exact normals: the noise decreases to a tenth; without normals
+    /// it stays.
     #[test]
     fn normals_take_the_noise_off_a_sphere() {
         let camera = rig(64, 256).camera;
@@ -221,8 +223,8 @@ mod tests {
         assert!(rms(&alone, &noisy) < 1e-12);
     }
 
-    /// A tenth of the depths 3 cm off: robust weights find the surface, plain least squares does not. Pixels without any
-    /// depth are filled in by normals; those without both stay unknown.
+    /// A tenth of the depths have an error of 3 cm: robust weights find the surface, plain least squares does
+    /// not. Pixels without a depth are filled in by normals; those without both stay unknown.
     #[test]
     fn outliers_are_taken_out_and_holes_filled() {
         let camera = rig(40, 256).camera;
@@ -238,7 +240,7 @@ mod tests {
         let mut normals = shape.normals.clone();
         normals.data[..3].fill(f64::NAN);
         depth.data[0] = f64::NAN;
-        // The corner's neighbours still have normals, so it is reached; cut it off.
+        // The corner's neighbours have normals, so it is connected; disconnect it.
         normals.data[3..6].fill(f64::NAN);
         normals.data[120..123].fill(f64::NAN);
         let believed = |robust| Believed {

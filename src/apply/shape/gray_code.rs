@@ -1,27 +1,28 @@
-//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982): one bit of the column's number a pattern, each with its
-//! inverse.
+//! Gray code (Inokuchi et al. 1984; Posdamer & Altschuler 1982): one pattern for each bit of the column's
+//! number, and its inverse.
 //!
-//! The Gray code of i is i ⊕ ⌊i/2⌋: neighbours differ in one bit. A bit is read by comparing a capture with that of the
-//! inverse pattern, so neither albedo nor a constant background moves the threshold. Its contrast |I - Ī|/(I + Ī) says how
-//! sure it is: where the light of the lit stripe is spread over many stripes, the narrow codes fade and bits are chance; a
-//! pixel with a bit below the least contrast has no column (the classification of Xu & Aliaga 2007 in its simplest form).
+//! The Gray code of i is i ⊕ ⌊i/2⌋: neighbours differ in one bit. A bit is read by comparing a capture with
+//! that of the inverse pattern, so neither albedo nor a constant background affects the threshold. Its
+//! contrast |I - Ī|/(I + Ī) is a measure of reliability: if the light of a stripe spreads over many stripes,
+//! narrow codes lose contrast and bits are random. A pixel with a bit below the minimum contrast has no
+//! column (the classification of Xu & Aliaga 2007 in its simplest form).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
 
-/// Bits that number so many columns.
+/// Returns the number of bits for `columns` columns.
 #[must_use]
 pub fn bits(columns: usize) -> usize {
     columns.max(2).next_power_of_two().trailing_zeros() as usize
 }
 
-/// Bit `k` (0 the finest) of the Gray code of column `u`.
+/// Returns bit `k` (0 is the finest) of the Gray code of column `u`.
 #[must_use]
 pub fn gray_bit(u: usize, k: usize) -> bool {
     (u ^ (u >> 1)) >> k & 1 == 1
 }
 
-/// The column whose Gray code has these bits, the coarsest first.
+/// Returns the column whose Gray code has these bits, the coarsest first.
 pub(super) fn column_of(bits: impl IntoIterator<Item = bool>) -> usize {
     let (mut column, mut last) = (0, false);
     for bit in bits {
@@ -31,14 +32,14 @@ pub(super) fn column_of(bits: impl IntoIterator<Item = bool>) -> usize {
     column
 }
 
-/// Bit patterns and inverses by turns, by a function of the pattern's number and the column.
+/// Returns alternating bit patterns and inverses, from a function of pattern number and column.
 pub(super) fn with_inverses(columns: usize, bit: impl Fn(usize, usize) -> bool) -> Patterns {
     Patterns::from_fn(2 * bits(columns), columns, |k, u| {
         f64::from(u8::from(bit(k / 2, u) ^ (k % 2 == 1)))
     })
 }
 
-/// Bits of captures with their inverses, and the least contrast among them.
+/// Returns the bits of captures with their inverses, and the minimum contrast.
 pub(super) fn read_bits(captures: &[f64]) -> (Vec<bool>, f64) {
     let mut least = 1.0_f64;
     let bits = captures.chunks_exact(2).map(|pair| {
@@ -50,7 +51,7 @@ pub(super) fn read_bits(captures: &[f64]) -> (Vec<bool>, f64) {
     (bits.collect(), least)
 }
 
-/// The column's centre, if it is one and its bits are sure.
+/// Returns the column's centre, or NaN if it is outside or the contrast is too low.
 pub(super) fn checked(column: usize, columns: usize, contrast: f64, least: f64) -> f64 {
     if column < columns && contrast > 0.0 && contrast >= least {
         column as f64 + 0.5
@@ -59,7 +60,7 @@ pub(super) fn checked(column: usize, columns: usize, contrast: f64, least: f64) 
     }
 }
 
-/// The patterns: bits from the coarsest on, each followed by its inverse.
+/// Returns the patterns: bits from the coarsest, each followed by its inverse.
 #[must_use]
 pub fn patterns(columns: usize) -> Patterns {
     let n = bits(columns);
@@ -69,7 +70,7 @@ pub fn patterns(columns: usize) -> Patterns {
 /// Decodes captures of [`patterns`]. Pixels with a bit of less than `least_contrast` have no column.
 ///
 /// # Errors
-/// If there are not as many captures as patterns.
+/// If the number of captures does not match the patterns.
 pub fn decode(captures: &Map, columns: usize, least_contrast: f64) -> Result<Decoded, CodeError> {
     Decoded::by_pixel(captures, 2 * bits(columns), |pixel| {
         let (read, contrast) = read_bits(pixel);
@@ -108,8 +109,8 @@ mod tests {
         }
     }
 
-    /// Light that comes half the image away is brighter than the direct: exactly the bits in which the two columns differ
-    /// are wrong, so what is decoded is the other column.
+    /// Light from half the image away is brighter than the direct light: exactly the bits in which the two
+    /// columns differ are wrong, so the decoded column is the other one.
     #[test]
     fn brighter_indirect_light_is_taken_for_direct() {
         let light = Light::direct(1.0).plus_at(1.5, |c, n| (c + n / 2) % n);
@@ -121,8 +122,9 @@ mod tests {
         );
     }
 
-    /// Light blurred by σ columns has contrast about exp(-2π²σ²/16)·4/π of the finest stripes, whose period is 4: at σ = 3,
-    /// 2e-5. Such bits are refused where contrast is asked for, and a direct part of 1/10 brings them back.
+    /// Light blurred by σ columns has contrast about exp(-2π²σ²/16)·4/π of the finest stripes, whose period
+    /// is 4: at σ = 3, 2e-5. A contrast threshold rejects such bits; with a direct part of 1/10 they are
+    /// valid again.
     #[test]
     fn narrow_codes_fade_in_blurred_light() {
         let blurred = Light::direct(0.0).plus_blurred(1.0, 3.0, 0.0);
@@ -140,8 +142,8 @@ mod tests {
         );
     }
 
-    /// 20,000 pixels with noise of 1/8 of the amplitude: a bit's difference is 8/√2 = 5.7 standard errors, so none of
-    /// 160,000 bits is expected to be wrong (8e-9 each); at 1/2 it is √2 errors, and 7.9 % are.
+    /// 20,000 pixels with noise of 1/8 of the amplitude: a bit's difference is 8/√2 = 5.7 standard errors, so
+    /// none of 160,000 bits is expected to be wrong (8e-9 each); at 1/2 it is √2 errors, and 7.9 % are wrong.
     #[test]
     fn bits_are_wrong_as_often_as_noise_says() {
         let n = 256;

@@ -1,14 +1,15 @@
-//! Scan and polarization by joint optimization (Baek & Heide 2021, section 8.1; with all light: Baek et al. 2018).
+//! Joint optimization of scan and polarization (Baek & Heide 2021, section 8.1; with all light: Baek et al.
+//! 2018).
 //!
-//! Unknown are the depths and, per pixel, which of the two normals of polarization is true. By turns the normals of the present
-//! surface choose the candidates and the surface of least squares is fitted to depths and chosen normals
-//! ([`super::fusion`]), until no choice changes or ten times.
+//! The unknowns are the depths and, per pixel, which of polarization's two candidate normals is true. The
+//! normals of the current surface select the candidates, and the least-squares surface is fitted to depths
+//! and selected normals ([`super::fusion`]). This is repeated until no selection changes, at most ten times.
 //!
-//! A window of finite differences cannot see what is bent within it, which polarization sees pixel by pixel; so the normals are
-//! the means of both, weighted by their variances.
+//! Finite differences cannot resolve curvature within their window, while polarization gives a normal for
+//! each pixel. Therefore the final normals are the means of both, weighted by their variances.
 //!
-//! The refractive index, which polarization alone leaves open, may be fitted as well: the one whose zenith angles agree best with
-//! those of the coarse surface (median of the absolute differences).
+//! The refractive index, which polarization alone does not determine, may be fitted too: the fitted index
+//! gives the zenith angles closest to those of the coarse surface (median of the absolute differences).
 
 use super::fusion::{Believed, fuse};
 use super::polarization::{Cues, Reflection, cues, frame, nearest};
@@ -17,33 +18,32 @@ use crate::map::Map;
 use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 
-/// Most rounds.
+/// Maximum number of iterations.
 const ROUNDS: usize = 10;
 
-/// Indices that are tried: 1.15 to 2.5.
+/// Search range and step of indices: 1.15 to 2.5.
 const INDICES: [f64; 3] = [1.15, 2.5, 0.05];
 
-/// Depths and normals of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     /// Depth along the camera's axis, metres; one channel.
     pub depth: Map,
-    /// Unit normals, camera's frame; three channels.
+    /// Unit normals, camera frame; three channels.
     pub normals: Map,
 }
 
-/// What the joint optimization finds.
+/// The result of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Depths of least squares, and the means of their normals and the chosen ones.
+    /// Least-squares depths, and the means of their normals and the selected ones.
     pub surface: Surface,
-    /// The normal of polarization that was chosen in each pixel, camera's frame; three channels.
+    /// Selected normal of polarization in each pixel, camera frame; three channels.
     pub chosen: Map,
-    /// Refractive index that was told or fitted.
+    /// Refractive index, given or fitted.
     pub index: f64,
 }
 
-/// How the joint optimization goes.
+/// Options of the joint optimization.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Refractive index of the object; `None` to fit it.
@@ -54,11 +54,11 @@ pub struct Options {
     pub fine: Window,
     /// Standard deviation of polarization's normals, radians.
     pub sigma_normals: f64,
-    /// Standard deviation of the fused surface's own normals (finite differences of what is bent within the window), radians.
+    /// Standard deviation of the fused surface's normals (due to curvature within the window), radians.
     pub sigma_surface: f64,
 }
 
-/// Index for which polarization's zenith angles differ least from those of a coarse surface.
+/// Returns the index for which polarization's zenith angles are closest to those of a coarse surface.
 #[must_use]
 pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     let [first, last, step] = INDICES;
@@ -80,7 +80,8 @@ pub fn fit_index(camera: &Pinhole, stokes: &Map, coarse: &Map) -> f64 {
     all.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(1.5)
 }
 
-/// Normals weighted by inverse variances: unit vectors, one alone where the other is unknown.
+/// Returns the mean of normals weighted by inverse variances, as unit vectors; one of them if the other is
+/// unknown.
 fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
     Map::from_fn(a.width, a.height, 3, |x, y, out| {
         let weighted = |map: &Map, sigma: f64| {
@@ -96,8 +97,8 @@ fn mean(a: &Map, sigma_a: f64, b: &Map, sigma_b: f64) -> Map {
     })
 }
 
-/// The surface of a scan (`depth`, and how far it is believed, `sigma_depth`, both in metres) and Stokes vectors of
-/// diffuse light.
+/// Reconstructs the surface from a scan (`depth` and its standard deviation `sigma_depth`, both in metres)
+/// and Stokes vectors of diffuse light.
 #[must_use]
 pub fn reconstruct(
     camera: &Pinhole,
@@ -120,7 +121,7 @@ pub fn reconstruct(
     let mut fused = fuse(camera, depth, &chosen, &believed);
     for _ in 1..ROUNDS {
         let better = nearest(camera, &cues, &normals(camera, &fused, options.fine));
-        // NaN is not itself: compare what is known.
+        // NaN differs from itself, so only known values are compared.
         let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();
         if better.data.iter().zip(&chosen.data).all(same) {
             break;
@@ -162,8 +163,8 @@ mod tests {
         }
     }
 
-    /// A sphere with depth noise of 1 mm, whose own normals are off by tens of degrees: with exact Stokes vectors both are
-    /// right, whether the index is told or fitted.
+    /// A sphere with depth noise of 1 mm, whose scan normals are wrong by tens of degrees: with exact Stokes
+    /// vectors, depths and normals are right, for a given or a fitted index.
     #[test]
     fn a_noisy_scan_and_exact_polarization_make_a_sphere() {
         let camera = rig(96, 256).camera;

@@ -1,5 +1,5 @@
-//! Free numbers of methods, learnt on training variants: by turns each is set to the value of a short list that gives the least
-//! mean angular error of normals, a pixel without normal counting as a right angle.
+//! Learns free parameters of methods on training variants: each in turn is set to the value of a short list
+//! with the least mean angular error of normals. A pixel without a normal counts as 90°.
 
 use super::errors::angular;
 use super::joint::Surface;
@@ -7,15 +7,15 @@ use super::methods::{Code, Method, Parameters, ShapeError, run};
 use super::seen::Seen;
 use rayon::prelude::*;
 
-/// A method and whose light it sees.
+/// A method and the twin that it uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Route {
     pub method: Method,
-    /// Of the sprayed twin.
+    /// Whether it uses the sprayed twin.
     pub sprayed: bool,
 }
 
-/// A number that is learnt.
+/// A learned parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Free {
     /// Radius of the window for normals of scans, pixels.
@@ -24,20 +24,20 @@ pub(super) enum Free {
     FusedRadius,
     /// Mean period of micro phase shifting, columns.
     MicroPeriod,
-    /// Refractive index where no scan tells it.
+    /// Refractive index, for methods without a scan.
     Index,
-    /// Whether mirrored light is left out of the degree of polarization, 0 or 1.
+    /// Whether specular light is excluded from the degree of polarization, 0 or 1.
     MirroredOff,
     /// Standard deviation of columns, columns.
     SigmaColumns,
-    /// Of polarization's normals, degrees.
+    /// Standard deviation of polarization's normals, degrees.
     SigmaNormals,
-    /// Of the fused surface's normals, degrees.
+    /// Standard deviation of the fused surface's normals, degrees.
     SigmaSurface,
 }
 
 impl Free {
-    /// What is tried.
+    /// Returns the values to try.
     pub(super) const fn values(self) -> &'static [f64] {
         match self {
             Self::ScanRadius => &[1.0, 2.0, 3.0, 4.0, 5.0],
@@ -79,7 +79,7 @@ impl Free {
 }
 
 impl Route {
-    /// What is free, in the order in which it is learnt.
+    /// Returns the free parameters, in the order of learning.
     pub(super) const fn free(self) -> &'static [Free] {
         match self.method {
             Method::StructuredLight(Code::Micro, _) => &[Free::ScanRadius, Free::MicroPeriod],
@@ -95,7 +95,7 @@ impl Route {
         }
     }
 
-    /// Depth and normals of a variant.
+    /// Returns depth and normals of a variant.
     pub(super) fn run(self, seen: &Seen, parameters: &Parameters) -> Result<Surface, ShapeError> {
         let inputs = if self.sprayed { &seen.sprayed } else { &seen.inputs };
         run(self.method, inputs, parameters)
@@ -111,9 +111,9 @@ impl Route {
         Ok(all?.iter().sum::<f64>() / train.len() as f64)
     }
 
-    /// The parameters of least loss on training variants, and what they are in words.
+    /// Returns the parameters of least loss on training variants, and a description of them.
     pub(super) fn learn(self, train: &[Seen]) -> Result<(Parameters, String), ShapeError> {
-        // A joint method scans as its scan alone does best, which is far quicker to find.
+        // A joint method uses the best parameters of its scan, which are much faster to find.
         let (mut best, mut words) = match self.method {
             Method::Joint(code, light) => {
                 let scan = Self {
@@ -135,7 +135,7 @@ impl Route {
                     Ok((self.loss(train, &p)?, *value, p))
                 })
                 .collect();
-            // The first of equals, whatever the number of threads.
+            // The first of equal ones, for any number of threads.
             if let Some((_, value, p)) = tried?.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
                 words.push(format!("{} {value}", free.name()));
                 best = p;

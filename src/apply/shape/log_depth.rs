@@ -1,29 +1,31 @@
-//! Least squares over the logarithm of depth: values at pixels and steps between them, by conjugate gradients.
+//! Least squares over the logarithm of depth by conjugate gradients, with values at pixels and steps between
+//! them:
 //!
 //! > E(ℓ) = Σ_i w_i (ℓ_i - v_i)² + Σ_{i→j} w_ij (ℓ_j - ℓ_i - g_ij)²
 //!
-//! over the pixels i and their right and lower neighbours j. The normal equations are a diagonal plus a graph's Laplacian,
-//! symmetric and positive; conjugate gradients with the diagonal as preconditioner (Saad 2003, alg. 9.1) need no matrix.
+//! over the pixels i and their right and lower neighbours j. The normal equations are a diagonal plus a graph
+//! Laplacian, symmetric and positive. Conjugate gradients with the diagonal as preconditioner (Saad 2003,
+//! alg. 9.1) need no matrix.
 
-/// A step to a neighbour, and its weight; 0 for none.
+/// A value or a step to a neighbour, with its weight; 0 for none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Step {
-    /// g: the neighbour's value less that of the pixel.
+    /// g: the neighbour's value minus that of the pixel.
     pub step: f64,
-    /// Weight, the inverse of the step's variance.
+    /// Weight, the inverse of the variance.
     pub weight: f64,
 }
 
-/// What is known of the values.
+/// The least-squares problem.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogDepth {
-    /// Columns of pixels.
+    /// Number of pixel columns.
     pub width: usize,
     /// v and its weight, row by row.
     pub values: Vec<Step>,
-    /// Steps to the right neighbour; the last column's are not read.
+    /// Steps to the right neighbour; those of the last column are ignored.
     pub right: Vec<Step>,
-    /// Steps to the lower neighbour; the last row's are not read.
+    /// Steps to the lower neighbour; those of the last row are ignored.
     pub down: Vec<Step>,
 }
 
@@ -41,7 +43,7 @@ impl LogDepth {
         }
     }
 
-    /// A x of the normal equations A ℓ = b.
+    /// Returns A x of the normal equations A ℓ = b.
     fn times(&self, x: &[f64]) -> Vec<f64> {
         let mut out: Vec<f64> = self.values.iter().zip(x).map(|(v, x)| v.weight * x).collect();
         self.pairs(|i, j, s| {
@@ -52,8 +54,9 @@ impl LogDepth {
         out
     }
 
-    /// The least-squares values, from a start, until the residual has fallen to `tolerance` of the right side's length, or
-    /// after four times as many rounds as pixels. Pixels without any weight keep their start.
+    /// Returns the least-squares values, iterating from `start` until the residual is below `tolerance` times
+    /// the norm of the right side, with at most four iterations per pixel. Pixels without any weight keep
+    /// their start.
     #[must_use]
     pub fn solve(&self, start: &[f64], tolerance: f64) -> Vec<f64> {
         let mut right: Vec<f64> = self.values.iter().map(|v| v.weight * v.step).collect();
@@ -115,7 +118,7 @@ mod tests {
         }
     }
 
-    /// Random weights and steps: the same as Cholesky's solution of the dense normal equations.
+    /// Random weights and steps: equal to Cholesky's solution of the dense normal equations.
     #[test]
     fn conjugate_gradients_agree_with_cholesky() {
         let mut stream = Stream::new(3, 1, 4);
@@ -141,9 +144,9 @@ mod tests {
         assert!(got.iter().zip(want.iter()).all(|(g, w)| (g - w).abs() < 1e-9));
     }
 
-    /// Values with noise of variance 1 and exact steps of weight q: by the Laplacian's eigenvalues on a grid,
-    /// μ = 4 - 2cos(πk/w) - 2cos(πl/h), the error's mean square is Σ 1/(1 + qμ)² / (wh). 60 grids of 24 × 20 pixels; the
-    /// bound is five standard errors of the measured mean.
+    /// Values with noise of variance 1 and exact steps of weight q: with the Laplacian's eigenvalues on a
+    /// grid, μ = 4 - 2cos(πk/w) - 2cos(πl/h), the mean squared error is Σ 1/(1 + qμ)² / (wh). 60 grids of 24
+    /// × 20 pixels; the bound is five standard errors of the measured mean.
     #[test]
     fn exact_steps_take_as_much_noise_away_as_theory_says() {
         let (w, h) = (24, 20);

@@ -1,18 +1,19 @@
-//! XOR codes: Gray codes that long-range indirect light does not break (Gupta, Agrawal, Veeraraghavan & Narasimhan 2011,
-//! "Structured light 3D scanning in the presence of global illumination").
+//! XOR codes: Gray codes that are robust to long-range indirect light (Gupta, Agrawal, Veeraraghavan &
+//! Narasimhan 2011, "Structured light 3D scanning in the presence of global illumination").
 //!
-//! Wide stripes are lit by their neighbourhood, so that strong indirect light turns their bits. Every pattern is therefore
-//! combined by exclusive or with one fine pattern, the base, which alone is shown as it is: all shown patterns have narrow
-//! stripes, under which indirect light of wide reach is the same as under the inverse. The true bits are the read ones
-//! combined with the read base once more. XOR-02 takes the stripes of 2 columns as its base, XOR-04 those of 4, which short
-//! blur fades less. Of their four codes this is the pair for long reach and the conventional one; [`consensus`] keeps columns
-//! of which two codes agree (their ensemble, without its fourth code, of wide stripes alone).
+//! Strong indirect light from the neighbourhood of a wide stripe inverts its bits. Therefore every pattern is
+//! combined by exclusive or with one fine pattern, the base, which is also projected itself. All projected
+//! patterns then have narrow stripes, under which long-range indirect light is equal to that under the
+//! inverse. Decoding combines the read bits with the read base again. The base of XOR-02 has stripes of 2
+//! columns, that of XOR-04 stripes of 4, which are more robust to short-range blur. [`consensus`] keeps
+//! columns on which two codes agree: these two long-range codes and the conventional Gray code (their
+//! ensemble without its fourth code, which has only wide stripes).
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::gray_code::{bits, checked, column_of, gray_bit, read_bits, with_inverses};
 use crate::map::Map;
 
-/// Which stripes are combined with all others.
+/// The stripes that are combined with all others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
     /// Stripes of 2 columns.
@@ -22,7 +23,7 @@ pub enum Base {
 }
 
 impl Base {
-    /// The bit that it is of a code of `bits` bits.
+    /// Returns the index of the base in a code of `bits` bits.
     fn bit(self, bits: usize) -> usize {
         match self {
             Self::Xor02 => 0,
@@ -31,7 +32,7 @@ impl Base {
     }
 }
 
-/// The patterns, each followed by its inverse, in the order of the bits, the coarsest first.
+/// Returns the patterns, each followed by its inverse, from the coarsest bit to the finest.
 #[must_use]
 pub fn patterns(columns: usize, base: Base) -> Patterns {
     let n = bits(columns);
@@ -45,7 +46,7 @@ pub fn patterns(columns: usize, base: Base) -> Patterns {
 /// Decodes captures of [`patterns`]. Pixels with a bit of less than `least_contrast` have no column.
 ///
 /// # Errors
-/// If there are not as many captures as patterns.
+/// If the number of captures does not match the patterns.
 pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -> Result<Decoded, CodeError> {
     let n = bits(columns);
     let base = base.bit(n);
@@ -63,7 +64,8 @@ pub fn decode(captures: &Map, columns: usize, base: Base, least_contrast: f64) -
     })
 }
 
-/// Columns on which at least two codes agree to one column: their mean; elsewhere NaN. Confidence is the larger of the two.
+/// Returns the mean of columns on which at least two codes agree to within one column; otherwise NaN. The
+/// confidence is the larger of the two.
 #[must_use]
 pub fn consensus(codes: &[Decoded]) -> Option<Decoded> {
     let mut out = codes.first()?.clone();
@@ -105,7 +107,7 @@ mod tests {
         }
     }
 
-    /// Every shown pattern has stripes of at most twice the base's columns.
+    /// Every projected pattern has stripes of at most twice the base's columns.
     #[test]
     fn all_stripes_are_narrow() {
         for (base, widest) in [(Base::Xor02, 4), (Base::Xor04, 8)] {
@@ -116,8 +118,8 @@ mod tests {
         }
     }
 
-    /// Indirect light 1.5 times as bright as the direct, spread widely around a column a quarter of the image away: the Gray
-    /// code is wrong in many columns, the XOR codes in none.
+    /// Indirect light 1.5 times as bright as the direct light, spread widely around a column a quarter of the
+    /// image away: the Gray code is wrong in many columns, the XOR codes in none.
     #[test]
     fn long_range_light_does_not_turn_bits() {
         let n = 256;

@@ -1,6 +1,7 @@
-//! The methods of Fig. 11 from inputs to depth and normals: what is compared, and with which parameters.
+//! The methods of Fig. 11, from inputs to depth and normals, with their parameters.
 //!
-//! All methods see the same render: T(s, u) over all light or the epipolar band, and Mueller images of either.
+//! All methods use the same render: T(s, u) over all light or the epipolar band, and Mueller images of
+//! either.
 
 use super::column_light::{CodeError, ColumnLight, Decoded};
 use super::joint::{Options, Surface, reconstruct};
@@ -12,7 +13,6 @@ use crate::map::Map;
 use crate::pinhole::Rig;
 use thiserror::Error;
 
-/// A code of structured light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Code {
     /// Gray code with inverses.
@@ -25,29 +25,29 @@ pub enum Code {
     Logical,
 }
 
-/// Which light is used.
+/// The light that a method uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Light {
-    /// All of it.
+    /// All light.
     All,
-    /// That of projector pixels near the epipolar line.
+    /// Light from projector pixels near the epipolar line.
     Epipolar,
 }
 
-/// A way to the shape.
+/// A method of shape reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Structured light: depth by a code, normals by planes through it.
+    /// Structured light: depth from a code, normals from planes through it.
     StructuredLight(Code, Light),
-    /// Shape from polarization alone: normals, no depth (Atkinson & Hancock 2006).
+    /// Shape from polarization only: normals, no depth (Atkinson & Hancock 2006).
     Polarization(Light),
-    /// Structured light and polarization by joint optimization: of all light (as Baek et al. 2018), or epipolar (Baek &
-    /// Heide 2021).
+    /// Joint optimization of structured light and polarization, with all light (Baek et al. 2018) or epipolar
+    /// light (Baek & Heide 2021).
     Joint(Code, Light),
 }
 
 impl Method {
-    /// What is compared in the paper's figure, "ours" last.
+    /// The methods of the paper's figure, "ours" last.
     pub const FIGURE: [Self; 7] = [
         Self::StructuredLight(Code::Gray, Light::All),
         Self::StructuredLight(Code::Phase, Light::All),
@@ -58,7 +58,7 @@ impl Method {
         Self::Joint(Code::Micro, Light::Epipolar),
     ];
 
-    /// A name for tables.
+    /// Returns the name in tables.
     #[must_use]
     pub fn name(self) -> String {
         let code = |code| match code {
@@ -79,48 +79,47 @@ impl Method {
     }
 }
 
-/// What a render or a rig gives.
+/// Input from a render or a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inputs {
-    /// Camera and projector.
     pub rig: Rig,
-    /// T(s, u), rows summed.
+    /// T(s, u), summed over rows.
     pub columns: ColumnLight,
-    /// The same of the epipolar band.
+    /// T(s, u) of the epipolar band.
     pub epipolar_columns: ColumnLight,
     /// Mueller images under full light: 16 channels, row by row.
     pub mueller: Map,
-    /// The same of the epipolar band (of a time bin, if the rig gates).
+    /// Mueller images of the epipolar band (in a time bin, if the rig gates).
     pub epipolar_mueller: Map,
-    /// The object's pixels: 1 inside, else 0.
+    /// The object's pixels: 1 inside, otherwise 0.
     pub mask: Map,
 }
 
 /// Parameters of all methods.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
-    /// Least contrast of a code's captures.
+    /// Minimum contrast of a code's captures.
     pub least_contrast: f64,
     /// Mean period of micro phase shifting, columns.
     pub micro_period: f64,
-    /// Refractive index; `None` to fit it where a scan is at hand (1.5 where none is).
+    /// Refractive index; `None` to fit it to a scan (1.5 for methods without a scan).
     pub index: Option<f64>,
-    /// Windows for the normals of scans.
+    /// Window for the normals of scans.
     pub scan_window: Window,
-    /// Window for normals of fused surfaces.
+    /// Window for the normals of fused surfaces.
     pub fused_window: Window,
     /// Standard deviation of a code's columns.
     pub sigma_columns: f64,
     /// Standard deviation of polarization's normals, degrees.
     pub sigma_normals_deg: f64,
-    /// Standard deviation of the fused surface's own normals, degrees.
+    /// Standard deviation of the fused surface's normals, degrees.
     pub sigma_surface_deg: f64,
-    /// Leave mirrored light out of the degree of polarization.
+    /// Exclude specular light from the degree of polarization.
     pub mirrored_off: bool,
 }
 
 impl Default for Parameters {
-    /// Those of fusion were chosen on a sphere and a doll of marble, 5 cm high on 64 × 64 pixels.
+    /// The parameters of the fusion were chosen for a sphere and a marble doll, 5 cm high in 64 × 64 pixels.
     fn default() -> Self {
         Self {
             least_contrast: 0.02,
@@ -142,20 +141,18 @@ impl Default for Parameters {
     }
 }
 
-/// Why there is no shape.
+/// The reason why a method fails.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum ShapeError {
-    /// Of a code.
     #[error(transparent)]
     Code(#[from] CodeError),
-    /// Maps of different sizes.
+    /// A map does not have the camera's size.
     #[error("{what} has {got:?} pixels, and the camera {want:?}: give maps of one camera")]
     Size {
-        /// The map.
         what: &'static str,
-        /// Its columns and rows.
+        /// Size of the map.
         got: [usize; 2],
-        /// The camera's.
+        /// Size of the camera.
         want: [usize; 2],
     },
 }
@@ -178,7 +175,7 @@ fn check(inputs: &Inputs) -> Result<(), ShapeError> {
     Ok(())
 }
 
-/// Columns by a code, of captures of its patterns under T(s, u).
+/// Captures the patterns of a code under T(s, u) and decodes the columns.
 ///
 /// # Errors
 /// If the light has too few columns for the code.
@@ -217,7 +214,7 @@ pub fn scan(light: &ColumnLight, code: Code, parameters: &Parameters) -> Result<
     }
 }
 
-/// A map without what is outside the mask.
+/// Replaces values outside the mask by NaN.
 fn masked(map: &Map, mask: &Map) -> Map {
     Map::from_fn(map.width, map.height, map.channels, |x, y, out| {
         if mask.at(x, y)[0] == 0.0 {
@@ -228,10 +225,10 @@ fn masked(map: &Map, mask: &Map) -> Map {
     })
 }
 
-/// Depth and normals by a method. Shape from polarization alone has no depth: NaN.
+/// Runs a method. The depth of shape from polarization only is NaN.
 ///
 /// # Errors
-/// If the maps are of different cameras, or the light of another projector than a code can name.
+/// If the maps belong to different cameras, or the light has too many or too few columns for the code.
 pub fn run(method: Method, inputs: &Inputs, parameters: &Parameters) -> Result<Surface, ShapeError> {
     check(inputs)?;
     let camera = &inputs.rig.camera;
@@ -298,8 +295,9 @@ pub(super) mod tests {
 
     const COLUMNS: usize = 512;
 
-    /// A sphere of diffuse glass whose direct light falls on one or two columns, all other pixels dark; `blurred` of the
-    /// light comes from 36 columns on the left, evenly, in the light that is not epipolar.
+    /// A sphere of diffuse glass. Direct light comes from one or two columns per pixel; other pixels are
+    /// dark. In all light, the share `blurred` comes uniformly from 36 columns to the left and is not
+    /// epipolar.
     pub(in crate::shape) fn scene(blurred: f64) -> (Inputs, Shape) {
         let rig = rig(48, COLUMNS);
         let shape = Shape::sphere(&rig.camera, 0.04);
@@ -338,8 +336,9 @@ pub(super) mod tests {
         (inputs, shape)
     }
 
-    /// Depth is as good as the code: half a column of Gray code is 0.25 mm here (z²/bf), sinusoids are exact to a thirtieth of
-    /// it; the normals of joint methods are right to what a window of 3 × 3 pixels sees of a sphere.
+    /// Depth is as accurate as the code: half a column of Gray code is 0.25 mm here (z²/bf), and sinusoids
+    /// are exact to a thirtieth of it. The normals of joint methods are accurate within the limits of a
+    /// window of 3 × 3 pixels on a sphere.
     #[test]
     fn every_method_finds_a_sphere() {
         let (inputs, shape) = scene(0.0);
@@ -368,7 +367,8 @@ pub(super) mod tests {
         assert!(alone.depth.data.iter().all(|z| z.is_nan()));
     }
 
-    /// Two thirds of the light from elsewhere bias the phase shift and break the Gray code; the epipolar band has none of it.
+    /// Two thirds indirect light biases the phase shift and breaks the Gray code; the epipolar band does not
+    /// contain it.
     #[test]
     fn epipolar_light_is_free_of_what_breaks_codes() {
         let (inputs, shape) = scene(0.67);

@@ -1,9 +1,10 @@
-//! Micro phase shifting (Gupta & Nayar 2012): sinusoids of a few short, nearly equal periods only, so that indirect light and
-//! defocus that vary slowly over them are the same in all captures.
+//! Micro phase shifting (Gupta & Nayar 2012): sinusoids of a few short, nearly equal periods, so that slowly
+//! varying indirect light and defocus are equal in all captures.
 //!
-//! With F periods there are F + 2 captures: three of the first period, I_k = O + A cos(φ_1 - 2πk/3), and one of each other,
-//! I_f = O + A cos φ_f; offset O and amplitude A are common because the periods are close. The F + 1 numbers cos φ_1, sin φ_1,
-//! cos φ_2 … cos φ_F name a column by the nearest of all columns' numbers, and the first phase its place to a fraction.
+//! With F periods there are F + 2 captures: three of the first period, I_k = O + A cos(φ_1 - 2πk/3), and one
+//! of each other, I_f = O + A cos φ_f. Offset O and amplitude A are common because the periods are close. The
+//! F + 1 numbers cos φ_1, sin φ_1, cos φ_2 … cos φ_F identify the column with the closest numbers, and the
+//! first phase gives its subpixel position.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use super::phase_shift::{sinusoid, unwrap};
@@ -11,13 +12,13 @@ use crate::map::Map;
 use optics::sampling::stream::Stream;
 use std::f64::consts::TAU;
 
-/// Captures of the first period.
+/// Number of captures of the first period.
 const STEPS: usize = 3;
 
-/// Sets of periods that [`periods`] tries.
+/// Number of sets of periods that [`periods`] tries.
 const TRIES: usize = 96;
 
-/// cos φ_1, sin φ_1, cos φ_2 … of a coordinate.
+/// Returns the code vector cos φ_1, sin φ_1, cos φ_2 … of a coordinate.
 fn name(coordinate: f64, periods: &[f64]) -> Vec<f64> {
     let phase = |p: f64| TAU * coordinate / p;
     let first = periods.first().map(|p| phase(*p));
@@ -33,7 +34,8 @@ fn distance2(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
 }
 
-/// The least distance of the names of two columns that are half a period or more apart: what noise must not exceed.
+/// Returns the minimum distance between the code vectors of columns that are at least half a period apart,
+/// which bounds the allowed noise.
 #[must_use]
 pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     let names: Vec<_> = (0..columns).map(|u| name(u as f64 + 0.5, periods)).collect();
@@ -47,8 +49,8 @@ pub fn margin(columns: usize, periods: &[f64]) -> f64 {
     least.sqrt()
 }
 
-/// `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the best of sets drawn by chance (the
-/// same on every call), as Gupta & Nayar choose theirs by search.
+/// Returns `count` periods within a twelfth of `mean` with a large [`margin`] over the columns: the best of
+/// random sets (equal on every call). Gupta & Nayar also choose theirs by search.
 #[must_use]
 pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     let mut stream = Stream::new(7, 1, 1);
@@ -65,7 +67,7 @@ pub fn periods(columns: usize, mean: f64, count: usize) -> Vec<f64> {
     best.1
 }
 
-/// The patterns: three of the first period, one of each other.
+/// Returns the patterns: three of the first period, one of each other.
 #[must_use]
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     let captures = if periods.is_empty() {
@@ -82,7 +84,7 @@ pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
 /// Decodes captures of [`patterns`]; pixels with less than `least_contrast` have no column.
 ///
 /// # Errors
-/// If there are not as many captures as patterns, or no or too short periods.
+/// If the number of captures does not match the patterns, or there are no periods, or periods are too short.
 pub fn decode(
     captures: &Map,
     columns: usize,
@@ -151,14 +153,14 @@ mod tests {
         assert_eq!(periods(256, 16.0, 5), periods(256, 16.0, 5));
     }
 
-    /// One period names no column beyond its own first.
+    /// A single period cannot distinguish its repetitions.
     #[test]
     fn one_period_alone_is_ambiguous() {
         assert!(margin(256, &[16.0]) < 1e-9);
     }
 
-    /// The light that biases a period of the image's width by 13 columns (see `phase_shift`) biases no column by 1e-6: at
-    /// periods of 16, a Gaussian of σ = 20 fades to exp(-2π²·400/256) = 4e-14.
+    /// The light that biases a period of the image's width by 13 columns (see `phase_shift`) biases no column
+    /// by more than 1e-6: at periods of 16, a Gaussian of σ = 20 is attenuated by exp(-2π²·400/256) = 4e-14.
     #[test]
     fn smooth_indirect_light_does_not_bias() {
         let n = 1024;
@@ -170,8 +172,9 @@ mod tests {
         }
     }
 
-    /// Indirect light from one other column (a mirror) is of all frequencies: no code of sinusoids is free of its bias, which
-    /// here is the angle of 1 and 0.3 four columns, about a quarter turn, apart.
+    /// Indirect light from one other column (a mirror) contains all frequencies, so it biases every code of
+    /// sinusoids. The bias is the angle of the sum of phasors 1 and 0.3, four columns, or about a quarter
+    /// turn, apart.
     #[test]
     fn mirrored_light_still_biases() {
         let n = 256;
@@ -187,7 +190,8 @@ mod tests {
         assert!(right > 200, "{right}");
     }
 
-    /// Noise σ in three captures of amplitude ½ moves the phase by σ√(2/3)/½: 300 × 256 pixels, within five errors.
+    /// Noise σ in three captures of amplitude ½ changes the phase by σ√(2/3)/½: 300 × 256 pixels, within five
+    /// errors.
     #[test]
     fn noise_moves_columns_as_theory_says() {
         let (n, sigma) = (256, 0.004);

@@ -1,15 +1,15 @@
-//! Shape with subsurface scattering (Baek & Heide 2021, section 8, Fig. 11): depth by structured light, normals by
-//! polarization, and both together, each from all light or from epipolar light alone.
+//! Shape under subsurface scattering (Baek & Heide 2021, section 8, Fig. 11): depth from structured light,
+//! normals from polarization, and both together, each from all light or from epipolar light only.
 //!
 //! > T(s, u) ─ pattern ─► captures ─ code ─► projector column ─ triangulation ─► depth ─► normals
 //! >                                                                       └─ with Stokes images ─► fused depth ─► normals
 //!
-//! Every pattern of structured light drives whole projector columns, so a capture is linear in T(s, u), the tensor summed
-//! over the projector's rows ([`column_light`]): nothing need be rendered for a pattern.
+//! Every pattern of structured light drives whole projector columns, so a capture is linear in T(s, u), the
+//! tensor summed over the projector's rows ([`column_light`]). Hence patterns need no separate renders.
 //!
-//! **Frames.** Depths are z along the camera's axis, metres. Normals are of unit length in the camera's frame (x right, y
-//! down, z forward) and point to the side of the camera. NaN where nothing is known. Pixel (i, j) covers [i, i+1) ×
-//! [j, j+1): the centre of column i is i + ½.
+//! **Frames.** Depths are z along the camera's axis, metres. Normals are unit vectors in the camera's frame
+//! (x right, y down, z forward) that point toward the camera. Unknown values are NaN. Pixel (i, j) covers [i,
+//! i+1) × [j, j+1): the centre of column i is i + ½.
 
 pub mod application;
 #[cfg(test)]

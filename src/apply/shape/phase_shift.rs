@@ -1,20 +1,23 @@
-//! Phase shifting with temporal unwrapping (Srinivasan et al. 1984; Huntley & Saldner 1993): sinusoids of falling period,
-//! four quarter-turns each.
+//! Phase shifting with temporal unwrapping (Srinivasan et al. 1984; Huntley & Saldner 1993): sinusoids of
+//! decreasing period, each shifted by four quarter turns.
 //!
-//! Captures of period P are I_k = O + A cos(φ - kπ/2), φ = 2πu/P, so tan φ = (I_1 - I_3)/(I_0 - I_2), whatever O. The longest
-//! period spans the image and needs no unwrapping; each shorter one takes its number of turns from the one before.
+//! Captures of period P are I_k = O + A cos(φ - kπ/2), φ = 2πu/P, so tan φ = (I_1 - I_3)/(I_0 - I_2),
+//! independent of O. The longest period spans the image and needs no unwrapping; the number of turns of each
+//! shorter period comes from the previous one.
 //!
-//! Indirect light g(u') adds its own phasor to the direct one, A e^{iφ} = d e^{2πiu/P} + Σ g(u') e^{2πiu'/P}: the phase is
-//! off by the angle between the two sums, most for long periods, which blur does not fade.
+//! Indirect light g(u') adds its phasor to the direct one, A e^{iφ} = d e^{2πiu/P} + Σ g(u') e^{2πiu'/P}. The
+//! phase error is the angle between the two sums. It is largest for long periods, because blur does not
+//! attenuate them.
 
 use super::column_light::{CodeError, Decoded, Patterns};
 use crate::map::Map;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Captures a period.
+/// Number of captures per period.
 const STEPS: usize = 4;
 
-/// Periods from the image's width on, each a quarter of the last, down to 16 columns or a little less.
+/// Returns periods from the image's width, each a quarter of the previous one, down to 16 columns or slightly
+/// less.
 #[must_use]
 pub fn periods(columns: usize) -> Vec<f64> {
     let mut all = vec![columns as f64];
@@ -25,7 +28,7 @@ pub fn periods(columns: usize) -> Vec<f64> {
     all
 }
 
-/// Refuses periods that decode nothing.
+/// Refuses invalid periods.
 fn check(periods: &[f64], columns: usize) -> Result<(), CodeError> {
     let falls = periods.windows(2).all(|p| p[0] > p[1]) && periods.iter().all(|p| *p >= 2.0);
     let spans = periods
@@ -39,18 +42,18 @@ fn check(periods: &[f64], columns: usize) -> Result<(), CodeError> {
     )))
 }
 
-/// Drive of column `u` by a sinusoid of period `period`, late by `phase`.
+/// Returns the drive of column `u` by a sinusoid of period `period`, delayed by `phase`.
 pub(super) fn sinusoid(u: usize, period: f64, phase: f64) -> f64 {
     0.5 + 0.5 * (TAU * (u as f64 + 0.5) / period - phase).cos()
 }
 
-/// The coordinate nearest to `near` that has phase `phase` in period `period`.
+/// Returns the coordinate closest to `near` with phase `phase` in period `period`.
 pub(super) fn unwrap(phase: f64, period: f64, near: f64) -> f64 {
     let turn = phase / TAU;
     period * (turn + (near / period - turn).round())
 }
 
-/// The patterns: period by period, four each.
+/// Returns the patterns: period by period, four each.
 #[must_use]
 pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     Patterns::from_fn(STEPS * periods.len(), columns, |k, u| {
@@ -58,10 +61,12 @@ pub fn patterns(columns: usize, periods: &[f64]) -> Patterns {
     })
 }
 
-/// Decodes captures of [`patterns`]; pixels whose shortest period has less than `least_contrast` have no column.
+/// Decodes captures of [`patterns`]; pixels whose shortest period has less than `least_contrast` have no
+/// column.
 ///
 /// # Errors
-/// If there are not as many captures as patterns, or the periods do not fall from the image's width.
+/// If the number of captures does not match the patterns, or the periods do not decrease from at least the
+/// image's width.
 pub fn decode(
     captures: &Map,
     columns: usize,
@@ -119,8 +124,8 @@ mod tests {
         }
     }
 
-    /// A point between two columns lights (1 - a, a) of them: its phasor is the chord's, off by less than
-    /// (2π/P)² a(1 - a)(1 - 2a)/6 columns.
+    /// A point between two columns receives (1 - a, a) from them: its phasor is on the chord, with an error
+    /// below (2π/P)² a(1 - a)(1 - 2a)/6 columns.
     #[test]
     fn between_columns_it_is_exact_to_third_order() {
         let (n, period) = (256, 16.0);
@@ -135,7 +140,8 @@ mod tests {
         }
     }
 
-    /// The bias by a smooth indirect part is the angle of the two phasors' sum, and nearly nothing for a short period.
+    /// The bias by smooth indirect light is the angle of the phasors' sum, and nearly zero for a short
+    /// period.
     #[test]
     fn smooth_indirect_light_biases_by_the_sum_of_phasors() {
         let (n, sigma, shift, g) = (1024, 20.0, 30.0, 0.8);
@@ -158,8 +164,9 @@ mod tests {
         assert!(bias(16.0).abs() < 1e-9);
     }
 
-    /// As bright as the direct light and 80 columns off, the period of 256 is biased by 36 columns, more than half of the next,
-    /// 64, which then takes the wrong turn: all columns are off by exactly 64.
+    /// With indirect light as bright as the direct light and 80 columns away, the period of 256 is biased by
+    /// 36 columns. This is more than half of the next period, 64, which then has the wrong number of turns:
+    /// all columns are wrong by exactly 64.
     #[test]
     fn biased_long_periods_take_the_wrong_turn() {
         let n = 1024;
@@ -170,7 +177,8 @@ mod tests {
         }
     }
 
-    /// White noise σ moves the column by P/(2π)·σ√2/(A·2), A half the light: 500 × 256 pixels, the rms within five of its errors.
+    /// White noise σ changes the column by P/(2π)·σ√2/(A·2), with A half the light: 500 × 256 pixels, the rms
+    /// within five of its errors.
     #[test]
     fn noise_moves_columns_as_theory_says() {
         let (n, p, sigma) = (256, vec![256.0, 64.0, 16.0], 0.005);

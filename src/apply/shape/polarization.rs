@@ -1,14 +1,18 @@
-//! Normals by polarization, up to a half turn (Atkinson & Hancock 2006; Kadambi et al. 2015; Baek et al. 2018).
+//! Normals from polarization, with a 180° ambiguity (Atkinson & Hancock 2006; Kadambi et al. 2015; Baek et
+//! al. 2018).
 //!
-//! A surface seen under unpolarized light gives Stokes vectors (s0, s1, s2) = (T00, T10, T20). The degree √(s1² + s2²)/s0
-//! gives the zenith angle from the view direction ([`super::zenith`]); the angle ½ atan2(s2, s1) is the azimuth of the normal
-//! where light comes from below the surface, and a quarter turn off it where light is mirrored; either way ± a half turn.
+//! A surface under unpolarized light gives Stokes vectors (s0, s1, s2) = (T00, T10, T20). The degree √(s1² +
+//! s2²)/s0 gives the zenith angle from the view direction ([`super::zenith`]). The angle ½ atan2(s2, s1) is
+//! the azimuth of the normal for diffuse light from below the surface, and 90° from it for specular light,
+//! both with a 180° ambiguity.
 //!
-//! Angles belong to the pixel's own frame (`CONVENTIONS.md`): x is the camera's x projected perpendicular to the ray, the
-//! second axis is d × x, d the way of the light, so angles turn counter-clockwise in the image.
+//! Angles refer to the pixel's frame (`CONVENTIONS.md`): x is the camera's x projected perpendicular to the
+//! ray, and the second axis is d × x with the propagation direction d of the light, so angles increase
+//! counter-clockwise in the image.
 //!
-//! With the projector near the camera, light that is mirrored once keeps its circular polarization with the other sign,
-//! T33 = -T00, and light from below the surface has lost it (Baek et al. 2018): T00 + T33 is that from below alone.
+//! With the projector near the camera, light that is reflected specularly once keeps its circular
+//! polarization with the opposite sign, T33 = -T00, and diffuse light loses it (Baek et al. 2018): T00 + T33
+//! is the diffuse light only.
 
 use super::zenith;
 use crate::map::Map;
@@ -16,26 +20,27 @@ use crate::pinhole::Pinhole;
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;
 
-/// Which light polarization is read from.
+/// The light whose polarization is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reflection {
-    /// From below the surface.
+    /// Diffuse light from below the surface.
     Diffuse,
-    /// Mirrored, at zenith angles below Brewster's.
+    /// Specular light, at zenith angles below Brewster's.
     Specular,
 }
 
-/// What polarization says of every pixel.
+/// The polarization cues of every pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cues {
-    /// Degree of polarization, zenith angle from the view direction and azimuth (to a half turn) of the normal, radians;
-    /// NaN where nothing is seen.
+    /// Degree of polarization, zenith angle from the view direction and azimuth (modulo 180°) of the normal,
+    /// radians; NaN for dark pixels.
     pub angles: Map,
 }
 
-/// Stokes vectors (s0, s1, s2) under unpolarized light, of Mueller matrices (16 channels, row by row).
+/// Returns the Stokes vectors (s0, s1, s2) under unpolarized light, from Mueller matrices (16 channels, row
+/// by row).
 ///
-/// `mirrored_off` leaves mirrored light out of s0: s0 = T00 - max(0, -T33).
+/// `mirrored_off` excludes specular light from s0: s0 = T00 - max(0, -T33).
 #[must_use]
 pub fn stokes(mueller: &Map, mirrored_off: bool) -> Map {
     Map::from_fn(mueller.width, mueller.height, 3, |x, y, out| {
@@ -46,7 +51,7 @@ pub fn stokes(mueller: &Map, mirrored_off: bool) -> Map {
     })
 }
 
-/// Angles of Stokes vectors for a surface of refractive index `n`.
+/// Returns the angles from Stokes vectors for a surface of refractive index `n`.
 #[must_use]
 pub fn cues(stokes: &Map, n: f64, reflection: Reflection) -> Cues {
     let angles = Map::from_fn(stokes.width, stokes.height, 3, |x, y, out| {
@@ -65,7 +70,8 @@ pub fn cues(stokes: &Map, n: f64, reflection: Reflection) -> Cues {
     Cues { angles }
 }
 
-/// Axes of the frame of the light that reaches a pixel: x, d × x, and d, its way, toward the camera.
+/// Returns the axes of the frame of the light that reaches a pixel: x, d × x, and its direction d toward the
+/// camera.
 #[must_use]
 pub fn frame(camera: &Pinhole, x: usize, y: usize) -> [Vector3<f64>; 3] {
     let d = -camera.centre(x, y).normalize();
@@ -73,21 +79,21 @@ pub fn frame(camera: &Pinhole, x: usize, y: usize) -> [Vector3<f64>; 3] {
     [horizontal, d.cross(&horizontal), d]
 }
 
-/// The normal of a pixel by zenith angle from the view direction and azimuth, camera's frame.
+/// Returns the normal of a pixel, camera frame, from the zenith angle to the view direction and the azimuth.
 #[must_use]
 pub fn normal(camera: &Pinhole, [x, y]: [usize; 2], zenith: f64, azimuth: f64) -> Vector3<f64> {
     let [right, up, d] = frame(camera, x, y);
     d * zenith.cos() + (right * azimuth.cos() + up * azimuth.sin()) * zenith.sin()
 }
 
-/// Both normals of a pixel that polarization allows; NaN where it says nothing.
+/// Returns both candidate normals of a pixel; NaN without cues.
 #[must_use]
 pub fn candidates(camera: &Pinhole, cues: &Cues, at: [usize; 2]) -> [Vector3<f64>; 2] {
     let angles = cues.angles.at(at[0], at[1]);
     [0.0, std::f64::consts::PI].map(|turn| normal(camera, at, angles[1], angles[2] + turn))
 }
 
-/// The candidates nearest to a guess of the normals (a coarse scan); NaN where there is no guess.
+/// Returns the candidates closest to a guess of the normals (a coarse scan); NaN without a guess.
 #[must_use]
 pub fn nearest(camera: &Pinhole, cues: &Cues, guess: &Map) -> Map {
     Map::from_fn(guess.width, guess.height, 3, |x, y, out| {
@@ -108,7 +114,8 @@ pub(super) mod tests {
     use super::*;
     use crate::shape::synthetic::{Shape, rig};
 
-    /// Mueller matrices of a smooth dielectric that shines from below: Fresnel's degree, in each pixel's frame.
+    /// Returns the Mueller matrices of a smooth dielectric with this reflection: Fresnel's degree of
+    /// polarization, in each pixel's frame.
     pub fn mueller(camera: &Pinhole, shape: &Shape, n: f64, reflection: Reflection) -> Map {
         Map::from_fn(shape.normals.width, shape.normals.height, 16, |x, y, out| {
             let normal = Vector3::from_column_slice(shape.normals.at(x, y));
@@ -116,10 +123,10 @@ pub(super) mod tests {
             let cos = normal.dot(&d);
             let degree = match reflection {
                 Reflection::Diffuse => zenith::diffuse(cos.acos(), n),
-                // Its plane of polarization is across the normal's.
+                // Its plane of polarization is perpendicular to the normal's.
                 Reflection::Specular => -zenith::specular(cos.acos(), n),
             };
-            // (cos 2α, sin 2α) by the normal's own components, without angles.
+            // (cos 2α, sin 2α) from the components of the normal, without angles.
             let (a, b) = (normal.dot(&right), normal.dot(&up));
             let length = (a * a + b * b).max(1e-300);
             out[0] = cos;
@@ -139,7 +146,7 @@ pub(super) mod tests {
             for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x, y))) {
                 let want = Vector3::from_column_slice(shape.normals.at(x, y));
                 let zenith = want.dot(&frame(&camera, x, y)[2]).acos();
-                // Above Brewster's angle mirrored light has the other zenith.
+                // Above Brewster's angle, specular light gives the other zenith angle.
                 if zenith.is_nan() || (reflection == Reflection::Specular && zenith > 0.97) {
                     continue;
                 }
@@ -152,7 +159,7 @@ pub(super) mod tests {
         }
     }
 
-    /// The other way round the azimuth would be mirrored: the frame's second axis is up, so s2 > 0 is up and right.
+    /// Tests the handedness of the azimuth: the frame's second axis is up, so s2 > 0 is upper right.
     #[test]
     fn a_normal_to_the_upper_right_has_positive_s2() {
         let camera = rig(64, 256).camera;
@@ -169,7 +176,8 @@ pub(super) mod tests {
         let shape = Shape::sphere(&camera, 0.04);
         let matrices = mueller(&camera, &shape, 1.5, Reflection::Diffuse);
         let cues = cues(&stokes(&matrices, false), 1.5, Reflection::Diffuse);
-        // A guess turned by 20 degrees about the view direction is good enough but where the normal faces the camera.
+        // A guess rotated by 20 degrees about the view direction is sufficient, except where the normal faces
+        // the camera.
         let (sin, cos) = 20.0_f64.to_radians().sin_cos();
         let mut guess = shape.normals.clone();
         for n in guess.data.chunks_mut(3) {

@@ -1,8 +1,10 @@
-//! The half turn of polarization alone: azimuths propagated from the outline (Miyazaki et al. 2003; Atkinson & Hancock 2006).
+//! Resolves the 180° ambiguity of polarization only: azimuths are propagated from the outline (Miyazaki et
+//! al. 2003; Atkinson & Hancock 2006).
 //!
-//! At the outline of a smooth object the normal is perpendicular to the view and points outward. From there azimuths are
-//! decided pixel by pixel, those of large zenith angle first, each for the candidate nearest to its decided neighbours. True of convex
-//! objects; hollows come out turned by half a turn.
+//! At the outline of a smooth object, the normal is perpendicular to the view direction and points outward.
+//! From there, pixels are decided one by one, those of large zenith angle first, each with the candidate
+//! closest to its decided neighbours. This is correct for convex objects; normals of concave parts have the
+//! wrong sign.
 
 use super::polarization::{Cues, candidates};
 use crate::map::Map;
@@ -11,10 +13,10 @@ use nalgebra::Vector3;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Pixels from a pixel of the outline in which the outside is looked for.
+/// Distance in pixels from the outline in which the outside is searched.
 const REACH: isize = 3;
 
-/// A pixel with decided neighbours, of how large a zenith angle.
+/// A pixel with decided neighbours, and its zenith angle.
 struct Next {
     zenith: f64,
     at: [usize; 2],
@@ -40,14 +42,14 @@ impl PartialEq for Next {
 
 impl Eq for Next {}
 
-/// Pixels within `reach` of one, inside the image or not.
+/// Returns the pixels within `reach` of one, inside the image or not.
 fn around([x, y]: [usize; 2], reach: isize) -> impl Iterator<Item = [isize; 2]> {
     (-reach..=reach)
         .flat_map(move |j| (-reach..=reach).map(move |i| [x as isize + i, y as isize + j]))
         .filter(move |at| *at != [x as isize, y as isize])
 }
 
-/// Normals of the pixels of the object (`inside`, one channel, not 0); NaN outside, and where polarization says nothing.
+/// Returns the normals of the object's pixels (`inside`, one channel, nonzero); NaN outside and without cues.
 #[must_use]
 pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
     let (w, h) = (inside.width, inside.height);
@@ -59,7 +61,7 @@ pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
     let mut normals = Map::from_fn(w, h, 3, |_, _, out| out.fill(f64::NAN));
     let mut queue = BinaryHeap::new();
     let mut queued = vec![false; w * h];
-    // Decides for a direction in the image, and asks the neighbours next.
+    // Decides a pixel for a direction in the image.
     let decide = |at: [usize; 2], toward: Vector3<f64>, normals: &mut Map| {
         let [a, b] = candidates(camera, cues, at);
         let chosen = if b.dot(&toward) > a.dot(&toward) { b } else { a };
@@ -70,7 +72,7 @@ pub fn outward(camera: &Pinhole, cues: &Cues, inside: &Map) -> Map {
         .flat_map(|y| (0..w).map(move |x| [x, y]))
         .filter(|at| known(*at))
     {
-        // Pixels beyond the image tell nothing of the outline.
+        // Pixels outside the image do not define the outline.
         let beside = around(at, 1).any(|n| within(n) && !is_inside(n));
         if beside {
             let outside = around(at, REACH).filter(|n| within(*n) && !is_inside(*n));
@@ -142,7 +144,7 @@ mod tests {
         assert!(seen > 1000, "{seen}");
     }
 
-    /// Without an outline in the image nothing is decided.
+    /// Without an outline in the image, nothing is decided.
     #[test]
     fn no_outline_no_normals() {
         let camera = rig(8, 16).camera;

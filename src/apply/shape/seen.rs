@@ -1,4 +1,4 @@
-//! One variant of the statue: what methods see of it, and its true shape.
+//! One variant of the statue: the input of methods, and its true shape.
 
 use super::column_light::ColumnLight;
 use super::methods::Inputs;
@@ -11,20 +11,22 @@ use tensor::axes::AxisKind;
 /// Wavelength that all methods use, nanometres.
 const WAVELENGTH: f64 = 550.0;
 
-/// A variant of the statue.
 pub(super) struct Seen {
     pub variant: u64,
     pub seed: u64,
-    /// What methods see.
+    /// Input of the methods.
     pub inputs: Inputs,
-    /// T(s, u) of the twin that is sprayed with matt paint, all else as of the statue.
+    /// Input with T(s, u) of the twin that is sprayed with matte paint; everything else is that of the
+    /// statue.
     pub sprayed: Inputs,
-    /// True depth, metres, and normals in the camera's frame, in pixels that are wholly of the statue; NaN beside them.
+    /// True depth, metres, and normals in the camera's frame, for pixels that the statue covers completely;
+    /// otherwise NaN.
     pub depth: Map,
     pub normals: Map,
 }
 
-/// Means of a slice at the wavelength: `y`, `x`, and the rest, of which there are `channels`, as channels.
+/// Returns the means of a slice at the wavelength, over `y` and `x`, with the remaining `channels` entries as
+/// channels.
 fn image(o: &Observation, name: &str, channels: usize, axis: &'static str) -> Result<Map, ApplyError> {
     let wrong = |axis| ApplyError::Axis {
         variant: o.variant,

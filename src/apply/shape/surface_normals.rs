@@ -1,9 +1,10 @@
-//! Normals from a depth map: robust planes through windows.
+//! Normals from a depth map by robust fits of planes to windows.
 //!
-//! On a plane 1/z is linear in the normalized coordinates, 1/z = a·(x, y, 1), and its normal is -a/|a| (n·P = d gives
-//! a = n/d, and a·P = 1 > 0 makes -a point to the camera). a is fitted to a window by weighted least squares, the weights
-//! those of Tukey's biweight at 4.685 robust standard deviations (1.4826 medians of the absolute residuals; Huber 1981), so
-//! that neighbours beyond an edge do not bend it.
+//! On a plane, 1/z is linear in the normalized coordinates, 1/z = a·(x, y, 1), and the normal is -a/|a| (n·P
+//! = d gives a = n/d, and a·P = 1 > 0 means that -a points toward the camera). The vector a is fitted to a
+//! window by weighted least squares. The weights are those of Tukey's biweight at 4.685 robust standard
+//! deviations (1.4826 medians of the absolute residuals; Huber 1981), so that neighbours beyond an edge do
+//! not affect it.
 
 use crate::map::Map;
 use crate::pinhole::Pinhole;
@@ -12,18 +13,18 @@ use nalgebra::{Matrix3, Vector3};
 /// Tukey's constant for 95 % efficiency under normal errors.
 const TUKEY: f64 = 4.685;
 
-/// Refits of the weights.
+/// Number of weight updates.
 const ROUNDS: usize = 5;
 
-/// Depths in a window of 2·`radius` + 1 pixels give a normal if so many of them are known.
+/// Minimum number of known depths in a window.
 const LEAST: usize = 4;
 
-/// How normals are fitted.
+/// Options of the fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
-    /// Pixels from the middle to the edge.
+    /// Pixels from the centre to the edge.
     pub radius: usize,
-    /// Weigh by residuals; plain least squares otherwise.
+    /// Use robust weights; otherwise plain least squares.
     pub robust: bool,
 }
 
@@ -37,7 +38,7 @@ fn fit(points: &[(Vector3<f64>, f64)], weights: &[f64]) -> Option<Vector3<f64>> 
     solution.iter().all(|v| v.is_finite()).then_some(solution)
 }
 
-/// The plane 1/z = a·(x, y, 1) through points (x, y, 1) with their 1/z.
+/// Fits the plane 1/z = a·(x, y, 1) to points (x, y, 1) with their 1/z.
 fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
     let mut weights = vec![1.0; points.len()];
     let mut plane = fit(points, &weights)?;
@@ -51,7 +52,7 @@ fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
         let scale = 1.4826 * sorted[sorted.len() / 2];
         let size = points.iter().map(|(_, i)| i.abs()).fold(0.0, f64::max);
         if scale <= 1e-12 * size {
-            // At least half lie on it: these alone are believed.
+            // At least half of the points are on the plane: use only these.
             for (weight, r) in weights.iter_mut().zip(&residuals) {
                 *weight = f64::from(u8::from(*r <= 1e-9 * size));
             }
@@ -69,8 +70,8 @@ fn plane(points: &[(Vector3<f64>, f64)], robust: bool) -> Option<Vector3<f64>> {
     Some(plane)
 }
 
-/// Normals of a depth map (z along the axis, metres) in the camera's frame; NaN where too few depths are known. Windows are
-/// centred on the middle pixel's own coordinates, where its depth must be known.
+/// Returns the normals of a depth map (z along the axis, metres) in the camera's frame; NaN with too few
+/// depths. Windows are centred on a pixel, whose depth must be known.
 #[must_use]
 pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
     let (w, h) = (depth.width, depth.height);
@@ -87,7 +88,7 @@ pub fn normals(camera: &Pinhole, depth: &Map, window: Window) -> Map {
             for i in x.saturating_sub(r)..(x + r + 1).min(w) {
                 let z = depth.at(i, j)[0];
                 if z > 0.0 {
-                    // Relative coordinates in pixels: the fit is well conditioned.
+                    // Relative coordinates in pixels, so that the fit is well conditioned.
                     let at = camera.centre(i, j) - middle;
                     let at = Vector3::new(at.x * camera.focal[0], at.y * camera.focal[1], 1.0);
                     points.push((at, 1.0 / z));
@@ -147,7 +148,8 @@ mod tests {
             let pairs = got.data.chunks(3).zip(shape.normals.data.chunks(3));
             pairs.filter(|(a, b)| angle(a, b) > 1e-3).count()
         };
-        // 5 of 25 depths wrong on average; a half wrong is rare (p < 1e-3 inside, more in corners of 9).
+        // On average 5 of 25 depths are wrong; more than half are wrong only rarely (p < 1e-3 inside, more in
+        // corners of 9).
         assert!(wrong(robust) < 48 * 48 / 20, "{}", wrong(robust));
         assert!(
             wrong(Window {
@@ -157,8 +159,8 @@ mod tests {
         );
     }
 
-    /// Inverse depths with noise σ: least squares over 5 × 5 pixels have slopes of variance σ²/50 a pixel (Σ i² = 50).
-    /// 150 × 9 windows without common pixels, within five of the variance's errors.
+    /// Inverse depths with noise σ: least squares over 5 × 5 pixels have slopes of variance σ²/50 per pixel
+    /// (Σ i² = 50). 150 × 9 disjoint windows, within five errors of the variance.
     #[test]
     fn noise_turns_normals_as_theory_says() {
         let camera = rig(21, 256).camera;

@@ -1,4 +1,4 @@
-//! Light of which all is known, for tests: rows of T(s, u), a calibrated pair, planes and spheres before it.
+//! Synthetic scenes for tests: rows of T(s, u), a calibrated pair of devices, planes and spheres.
 
 use super::column_light::ColumnLight;
 use crate::map::Map;
@@ -7,10 +7,10 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use optics::sampling::stream::Stream;
 use std::f64::consts::TAU;
 
-/// Another column by a column and how many there are.
+/// Returns another column for a column and the number of columns.
 type Elsewhere = fn(usize, usize) -> usize;
 
-/// T(s, u) of pixels whose direct light comes from the column of their own number.
+/// T(s, u) of pixels whose direct light comes from the column of the same number.
 pub struct Light {
     direct: f64,
     constant: f64,
@@ -28,12 +28,12 @@ impl Light {
         }
     }
 
-    /// So much in all, from every column alike.
+    /// Adds this much light in total, uniformly from all columns.
     pub fn plus_constant(self, constant: f64) -> Self {
         Self { constant, ..self }
     }
 
-    /// So much from one other column.
+    /// Adds this much light from one other column.
     pub fn plus_at(self, light: f64, column: Elsewhere) -> Self {
         Self {
             at: Some((light, column)),
@@ -41,7 +41,7 @@ impl Light {
         }
     }
 
-    /// So much in all from a Gaussian of columns, σ wide, around a column so far off.
+    /// Adds this much light in total from a Gaussian of columns of width σ, around a shifted column.
     pub fn plus_blurred(self, light: f64, sigma: f64, shift: f64) -> Self {
         Self {
             blurred: Some([light, sigma, shift]),
@@ -65,20 +65,20 @@ impl Light {
     }
 }
 
-/// A row of as many pixels as columns.
+/// Returns a row of as many pixels as columns.
 pub fn one_row(columns: usize, light: &Light) -> ColumnLight {
     ColumnLight {
         light: Map::from_fn(columns, 1, columns, |x, _, out| light.of(x, out)),
     }
 }
 
-/// A standard normal number (Box & Muller).
+/// Returns a standard normal number (Box & Muller).
 pub fn normal(stream: &mut Stream) -> f64 {
     let (a, b) = (f64::from(stream.uniform()), f64::from(stream.uniform()));
     (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
 }
 
-/// With white noise of standard deviation `sigma`.
+/// Adds white noise of standard deviation `sigma`.
 pub fn noisy(map: &Map, sigma: f64, seed: u64) -> Map {
     let mut stream = Stream::new(seed, 1, 2);
     let mut out = map.clone();
@@ -88,8 +88,8 @@ pub fn noisy(map: &Map, sigma: f64, seed: u64) -> Map {
     out
 }
 
-/// A camera of `size` × `size` pixels at the origin's left and a projector of `columns` columns 60 mm to its right, both
-/// looking at what stands 0.2 m off.
+/// Returns a camera of `size` × `size` pixels to the left of the origin and a projector of `columns` columns
+/// 60 mm to its right, both directed at a point 0.2 m away.
 pub fn rig(size: usize, columns: usize) -> Rig {
     let toward = |x: f64, n: usize| Pinhole {
         resolution: [n, n],
@@ -105,14 +105,15 @@ pub fn rig(size: usize, columns: usize) -> Rig {
     }
 }
 
-/// Depths and camera-frame normals of what a camera sees; NaN beside it.
+/// Depths and camera-frame normals of a surface in a camera image; NaN outside it.
 pub struct Shape {
     pub depth: Map,
     pub normals: Map,
 }
 
 impl Shape {
-    /// By the depth along each pixel's ray and the world's normal there, of a function of origin and direction.
+    /// Returns the shape from a function of origin and direction, which gives the depth along each pixel's
+    /// ray and the normal in world coordinates.
     fn seen(
         camera: &Pinhole,
         hit: impl Fn(Vector3<f64>, Vector3<f64>) -> Option<(f64, Vector3<f64>)>,
@@ -128,7 +129,7 @@ impl Shape {
         }
     }
 
-    /// The plane through (0, 0, 0.22) with this normal.
+    /// Returns the plane through (0, 0, 0.22) with this normal.
     pub fn plane(camera: &Pinhole, normal: Vector3<f64>) -> Self {
         let n = normal.normalize();
         Self::seen(camera, |o, d| {
@@ -137,7 +138,7 @@ impl Shape {
         })
     }
 
-    /// The sphere of radius `r` about (0, 0, 0.22).
+    /// Returns the sphere of radius `r` about (0, 0, 0.22).
     pub fn sphere(camera: &Pinhole, r: f64) -> Self {
         Self::seen(camera, |o, d| {
             let q = o - Vector3::new(0.0, 0.0, 0.22);
@@ -148,7 +149,7 @@ impl Shape {
         })
     }
 
-    /// Coordinates of the projector's columns that light it.
+    /// Returns the coordinates of the projector columns that light the shape.
     pub fn columns(&self, rig: &Rig) -> Map {
         Map::from_fn(self.depth.width, self.depth.height, 1, |x, y, out| {
             let z = self.depth.at(x, y)[0];

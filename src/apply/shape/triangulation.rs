@@ -1,14 +1,15 @@
-//! Depth from a projector column: where the camera's ray meets the plane of the column (Hartley & Zisserman 2004, ch. 12).
+//! Depth from a projector column: the intersection of the camera's ray with the plane of the column (Hartley
+//! & Zisserman 2004, ch. 12).
 //!
-//! The plane of column u holds the projector's centre p and is perpendicular to m = R_p (1, 0, -x), x = (u - c)/f. The ray
-//! o + z·d, d of depth 1, meets it at z = m·(p - o) / m·d.
+//! The plane of column u contains the projector's centre p and is perpendicular to m = R_p (1, 0, -x), x = (u
+//! - c)/f. The ray o + z·d, with d of depth 1, intersects it at z = m·(p - o) / m·d.
 
 use crate::map::Map;
 use crate::pinhole::Rig;
 use nalgebra::Vector3;
 
-/// Depth along the camera's axis of the point that column coordinate `column` lights in camera pixel (x, y); `None` where
-/// the ray does not meet the plane before the camera.
+/// Returns the depth along the camera's axis of the point that column coordinate `column` lights in camera
+/// pixel (x, y); `None` if the ray does not intersect the plane in front of the camera.
 #[must_use]
 pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let projector = &rig.projector;
@@ -19,7 +20,7 @@ pub fn depth_at(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     (z > 0.0 && z.is_finite()).then_some(z)
 }
 
-/// [`depth_at`] of every pixel; NaN where there is none.
+/// Returns [`depth_at`] for every pixel; NaN if there is none.
 #[must_use]
 pub fn depth(rig: &Rig, columns: &Map) -> Map {
     Map::from_fn(columns.width, columns.height, 1, |x, y, out| {
@@ -27,7 +28,7 @@ pub fn depth(rig: &Rig, columns: &Map) -> Map {
     })
 }
 
-/// How far a depth is off per column that its code is off: |dz/du|, metres, by differences of half a column.
+/// Returns the depth error per column error of a code: |dz/du|, metres, by differences of half a column.
 #[must_use]
 pub fn depth_per_column(rig: &Rig, x: usize, y: usize, column: f64) -> Option<f64> {
     let near = depth_at(rig, x, y, column - 0.5)?;
@@ -57,7 +58,7 @@ mod tests {
         }
     }
 
-    /// Half a column off is half of `depth_per_column`: about z²/(b f) of two parallel devices.
+    /// An error of half a column gives half of `depth_per_column`: about z²/(b f) for two parallel devices.
     #[test]
     fn depth_errors_follow_column_errors() {
         let rig = rig(64, 512);

@@ -1,22 +1,22 @@
 //! Degree of polarization and zenith angle of a smooth dielectric (Atkinson & Hancock 2006, eqs. 9 and 13).
 //!
-//! Light from below the surface leaves through it: with s = sin²θ, c = cos θ and index n,
+//! Diffuse light from below the surface leaves through it: with s = sin²θ, c = cos θ and index n,
 //!
 //! > ρ_d = (n - 1/n)² s / (2 + 2n² - (n + 1/n)² s + 4c √(n² - s)),
 //!
-//! rising from 0 to its maximum at grazing angle, polarized in the plane of emission. Light that is mirrored is polarized
-//! across it,
+//! which increases from 0 to its maximum at grazing angle, polarized in the plane of emission. Specular light
+//! is polarized perpendicular to it,
 //!
 //! > ρ_s = 2 s c √(n² - s) / (n² - s - n² s + 2s²),
 //!
-//! 1 at Brewster's angle tan θ = n, so that each degree but 1 has two angles.
+//! with the value 1 at Brewster's angle tan θ = n, so each degree except 1 has two angles.
 
 use std::f64::consts::FRAC_PI_2;
 
-/// Halvings of an interval of angles: to 1e-15 rad.
+/// Bisection steps for angles: to 1e-15 rad.
 const HALVINGS: usize = 52;
 
-/// ρ_d of light that leaves at `zenith` radians from the normal, out of index `n`.
+/// Returns ρ_d for light that leaves at `zenith` radians from the normal, from index `n`.
 #[must_use]
 pub fn diffuse(zenith: f64, n: f64) -> f64 {
     let (sin, cos) = zenith.sin_cos();
@@ -26,7 +26,7 @@ pub fn diffuse(zenith: f64, n: f64) -> f64 {
     minus / plus
 }
 
-/// ρ_s of unpolarized light mirrored at `zenith` radians from the normal by index `n`.
+/// Returns ρ_s for unpolarized light reflected at `zenith` radians from the normal by index `n`.
 #[must_use]
 pub fn specular(zenith: f64, n: f64) -> f64 {
     let (sin, cos) = zenith.sin_cos();
@@ -35,7 +35,8 @@ pub fn specular(zenith: f64, n: f64) -> f64 {
     2.0 * s * cos * (n * n - s).max(0.0).sqrt() / over
 }
 
-/// Where a rising function of an angle reaches `value` in the interval; its end where it does not.
+/// Returns the angle in the interval at which an increasing function reaches `value`; an end of the interval
+/// if it does not.
 fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64 {
     for _ in 0..HALVINGS {
         let middle = 0.5 * (from + to);
@@ -48,8 +49,8 @@ fn invert(mut from: f64, mut to: f64, value: f64, f: impl Fn(f64) -> f64) -> f64
     0.5 * (from + to)
 }
 
-/// The zenith angle of diffuse light of this degree of polarization; the right angle where the degree is more than any
-/// angle's, NaN where it is none.
+/// Returns the zenith angle of diffuse light with this degree of polarization; 90° if the degree exceeds the
+/// maximum, NaN if it is invalid.
 #[must_use]
 pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
@@ -58,7 +59,7 @@ pub fn of_diffuse(degree: f64, n: f64) -> f64 {
     invert(0.0, FRAC_PI_2, degree, |zenith| diffuse(zenith, n))
 }
 
-/// The two zenith angles of mirrored light of this degree: below and above Brewster's.
+/// Returns the two zenith angles of specular light with this degree: below and above Brewster's angle.
 #[must_use]
 pub fn of_specular(degree: f64, n: f64) -> [f64; 2] {
     if degree.is_nan() || degree < 0.0 || n.is_nan() || n <= 1.0 {
@@ -80,7 +81,7 @@ mod tests {
     use optics::polarization::fresnel::dielectric;
     use optics::spectrum::Spectral;
 
-    /// The formulas are Fresnel's: degrees of the program's own interface, in f32.
+    /// The formulas agree with Fresnel's equations: degrees of the program's dielectric interface, in f32.
     #[test]
     fn degrees_are_fresnels() {
         for n in [1.3, 1.5, 1.8] {
@@ -96,7 +97,7 @@ mod tests {
                     (difference / mean - specular(zenith, n)).abs() < 2e-5,
                     "{n} {zenith}"
                 );
-                // What is not mirrored is let through, and the way out has the same shares as the way in.
+                // The rest is transmitted, with equal shares in both directions.
                 let through = difference / (1.0 - mean);
                 assert!((through - diffuse(zenith, n)).abs() < 2e-6, "{n} {zenith}");
             }
@@ -114,7 +115,7 @@ mod tests {
                 );
                 let both = of_specular(specular(zenith, n), n);
                 let nearest = both.map(|z| (z - zenith).abs()).into_iter().fold(1.0, f64::min);
-                // At Brewster's angle the degree is flat: half of the digits are lost.
+                // At Brewster's angle the degree has zero slope: half of the digits are lost.
                 let flat = (zenith - n.atan()).abs() < 0.01;
                 assert!(nearest < if flat { 1e-5 } else { 1e-6 }, "{n} {zenith}: {both:?}");
                 assert!(both[0] <= n.atan() + 1e-6 && both[1] >= n.atan() - 1e-6);

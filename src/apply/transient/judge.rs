@@ -1,19 +1,19 @@
-//! What a scoring is worth on a variant, against the labels.
+//! Metrics of a scoring on a variant, against the labels.
 
 use super::score::{Scoring, counts};
 use super::seen::{Seen, Target};
 use crate::metrics::roc;
 
-/// Places of each kind that a bin must have to be judged by itself.
+/// Minimum number of places of each kind in a bin for a separate area.
 const FEW: usize = 5;
 
-/// Area under the curve over all lit places.
+/// Returns the area under the curve over all lit places.
 pub(super) fn area(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let [positive, negative] = scoring.groups([seen], target, |_| true);
     roc::area(&positive, &negative)
 }
 
-/// Mean over bins of the areas within each; NaN if none has enough places of both kinds.
+/// Returns the mean over bins of the areas within each; NaN if no bin has enough places of both kinds.
 pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let bins = seen.pixels.bins;
     let areas: Vec<f64> = (0..bins)
@@ -24,7 +24,7 @@ pub(super) fn area_by_bin(scoring: &Scoring, seen: &Seen, target: Target) -> f64
     areas.iter().sum::<f64>() / areas.len() as f64
 }
 
-/// F1 at the learnt threshold; NaN of a variant without such light.
+/// Returns F1 at the learned threshold; NaN for a variant without such light.
 pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let counts = counts(scoring, seen, target);
     if counts.true_positive + counts.false_negative == 0 {
@@ -33,7 +33,8 @@ pub(super) fn f1(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     counts.f1()
 }
 
-/// Correlation of the score's positive part, which is what is shown, with the light of the target over lit places.
+/// Returns the correlation of the score's positive part, which is displayed, with the light of the target
+/// over lit places.
 pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let pairs = seen.lit.iter().map(|place| {
         (
@@ -44,7 +45,7 @@ pub(super) fn correlation(scoring: &Scoring, seen: &Seen, target: Target) -> f64
     pearson(&pairs.collect::<Vec<_>>())
 }
 
-/// The same of sums over bins, pixel by pixel.
+/// Returns the same correlation for sums over bins in each pixel.
 pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Target) -> f64 {
     let mut sums = vec![(0.0, 0.0); seen.pixels.count()];
     let mut lit = vec![false; sums.len()];
@@ -62,7 +63,7 @@ pub(super) fn correlation_in_total(scoring: &Scoring, seen: &Seen, target: Targe
     pearson(&pairs)
 }
 
-/// Pearson's correlation; 0 where what is shown does not differ, NaN where the truth does not.
+/// Returns Pearson's correlation; 0 for a constant score, NaN for a constant truth.
 fn pearson(pairs: &[(f64, f64)]) -> f64 {
     let n = pairs.len() as f64;
     let (a, b) = pairs

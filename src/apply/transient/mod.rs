@@ -1,12 +1,13 @@
-//! Temporal-polarimetric analysis: Baek & Heide (2021), section 6.2, Fig. 8. What a coaxial rig brings back, bin of travel time
-//! by bin, parted by what it did to circular polarization.
+//! Temporal-polarimetric analysis: Baek & Heide (2021), section 6.2, Fig. 8. Separates the light of a coaxial
+//! rig, bin of travel time by bin, by its change of circular polarization.
 //!
-//! One specular reflection turns right-handed light into left-handed, two give it back its hand, and diffuse surfaces lose it:
-//! so -T33 > 0 is "circular-inverting" light and T33 > 0 "circular-keeping" light, s3 seen looking toward the source on both
-//! ways (CONVENTIONS.md). Light is labelled by the renderer: positives are the pixels' bins where most light came by specular
-//! reflections alone, an odd number for inverting, an even one for keeping. (Where s' = s the second is light between two
-//! sides of a crease within one pixel: all longer ways end where they began, and their number is odd.) Signs that physics does
-//! not give, and thresholds, are learnt from the training variants.
+//! One specular reflection reverses the handedness of circular light, two restore it, and diffuse surfaces
+//! depolarize it. Hence -T33 > 0 is "circular-inverting" light and T33 > 0 "circular-keeping" light, with s3
+//! viewed toward the source for both directions (CONVENTIONS.md). The renderer labels light. Positives are
+//! bins of pixels in which most light had only specular reflections, an odd number for inverting and an even
+//! number for keeping. (With s' = s, the second is light between two sides of a crease within one pixel: all
+//! longer paths end where they began, with an odd number of reflections.) Signs that physics does not
+//! determine, and thresholds, are learned from the training variants.
 
 mod judge;
 mod score;
@@ -20,11 +21,10 @@ use judge::{area, area_by_bin, correlation, correlation_in_total, f1};
 use score::{Measure, Scoring};
 use seen::{LABELLED, Seen, TARGETS, TRANSIENT, Target};
 
-/// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct Transient;
 
-/// How a scoring is judged.
+/// A metric of a scoring.
 type Judge = fn(&Scoring, &Seen, Target) -> f64;
 
 const METRICS: [(Metric, Judge, Target); 10] = [
@@ -166,7 +166,7 @@ impl Application for Transient {
     }
 }
 
-/// What is shown of lit places, summed over bins.
+/// Draws values of lit places, summed over bins.
 fn picture(
     method: &'static str,
     shared: bool,
@@ -195,7 +195,7 @@ fn picture(
     }
 }
 
-/// How much there is of what is looked for.
+/// Returns a note on the number of positives.
 fn of_all(seen: &Seen) -> String {
     let count = |target| seen.lit.iter().filter(|p| seen.is(target, **p)).count();
     format!(

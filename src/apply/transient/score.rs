@@ -1,23 +1,23 @@
-//! Scores of places: the larger, the more is light of a target.
+//! Scores of places: higher values mean more light of a target.
 
 use super::seen::{Seen, TARGETS, Target};
 use crate::metrics::precision_recall::Counts;
 use crate::metrics::roc::area;
 
-/// What a score is made of.
+/// The quantity of a score.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Measure {
-    /// T33 of the bin: positive where circular light is kept.
+    /// T33 of the bin: positive for preserved circular polarization.
     Circular,
     /// T33/T00 of the bin.
     CircularShare,
-    /// Right-handed light in, right-handed less left-handed light out: T30 + T33. Two captures.
+    /// Right-handed light in, right-handed minus left-handed light out: T30 + T33. Two captures.
     CircularPair,
-    /// Horizontal light in, parallel less crossed out: T10 + T11. Two captures.
+    /// Horizontal light in, parallel minus crossed out: T10 + T11. Two captures.
     LinearPair,
     /// T00 of the bin.
     Intensity,
-    /// T33 of all bins together.
+    /// T33 summed over all bins.
     Integrated,
 }
 
@@ -37,7 +37,7 @@ impl Measure {
         }
     }
 
-    /// The sign that physics gives to a target; `None` where nothing but examples can.
+    /// Returns the sign that physics determines for a target; `None` if it must be learned.
     fn sign(self, target: Target) -> Option<f64> {
         match self {
             Self::LinearPair | Self::Intensity => None,
@@ -46,18 +46,18 @@ impl Measure {
     }
 }
 
-/// A measure with what was learnt of it, for both targets.
+/// A measure with its learned parameters, for both targets.
 pub(super) struct Scoring {
     measure: Measure,
     sign: [f64; 2],
     threshold: [f64; 2],
 }
 
-/// Thresholds that are tried.
+/// Number of thresholds to try.
 const STEPS: usize = 200;
 
 impl Scoring {
-    /// Signs that physics leaves open, and the thresholds of best F1, from training variants.
+    /// Learns undetermined signs, and the thresholds of best F1, from training variants.
     pub(super) fn learn(measure: Measure, train: &[Seen]) -> Self {
         let mut out = Self {
             measure,
@@ -87,7 +87,7 @@ impl Scoring {
         self.threshold[usize::from(target == Target::Keeping)]
     }
 
-    /// Scores of lit places that are of the target, and of those that are not, among those that `counts`.
+    /// Returns the scores of lit places of the target, and of others, among those that pass `counts`.
     pub(super) fn groups<'a>(
         &self,
         all: impl IntoIterator<Item = &'a Seen>,
@@ -105,7 +105,7 @@ impl Scoring {
     }
 }
 
-/// The threshold above which F1 is best, among evenly spread ranks of the positives; infinite of none.
+/// Returns the threshold of best F1, among evenly spread ranks of the positives; infinite without positives.
 fn best_threshold(positive: &[f64], negative: &[f64]) -> f64 {
     let mut positive: Vec<f64> = positive.iter().copied().filter(|v| v.is_finite()).collect();
     let mut negative: Vec<f64> = negative.iter().copied().filter(|v| v.is_finite()).collect();
@@ -124,7 +124,7 @@ fn best_threshold(positive: &[f64], negative: &[f64]) -> f64 {
     best.1
 }
 
-/// What a scoring says of the lit places of a variant against what they are.
+/// Counts the decisions of a scoring for the lit places of a variant.
 pub(super) fn counts(scoring: &Scoring, seen: &Seen, target: Target) -> Counts {
     let threshold = scoring.threshold(target);
     Counts::of(seen.lit.iter().map(|place| {

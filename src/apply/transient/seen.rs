@@ -1,37 +1,38 @@
-//! A variant's transient Mueller matrices, and what its light did, by labels and numbers of reflections.
+//! A variant's transient Mueller matrices, and the ground truth of its light, from labels and numbers of
+//! reflections.
 
 use crate::error::ApplyError;
 use crate::observation::{Observation, Pixels};
 use crate::paths::Labelled;
 use tensor::axes::AxisKind;
 
-/// Name of the slice that methods see.
+/// Name of the methods' slice.
 pub(super) const TRANSIENT: &str = "transient";
 /// Name of the truth slice.
 pub(super) const LABELLED: &str = "labelled";
 
-/// A place counts as lit where a hundredth of a pixel's mean light arrives in a bin: less is the noise of the labels.
+/// Minimum light of a lit place, relative to the pixel's mean light per bin; less is noise of the labels.
 const LEAST: f64 = 0.01;
 
-/// What light did to circular polarization.
+/// The change of circular polarization by the path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// An odd number of specular reflections.
     Inverting,
-    /// An even number of them.
+    /// An even number of specular reflections.
     Keeping,
 }
 
-/// Both.
+/// Both targets.
 pub(super) const TARGETS: [Target; 2] = [Target::Inverting, Target::Keeping];
 
-/// One variant at one seed. Places are pixels with their bins: `pixel * bins + bin`.
+/// One variant with one seed. Places are pixels with their bins: `pixel * bins + bin`.
 pub(super) struct Seen {
     pub variant: u64,
     pub pixels: Pixels,
-    /// Places that are lit, by the labels.
+    /// Lit places, by the labels.
     pub lit: Vec<usize>,
-    /// Light by number of specular reflections, odd and even, and all light; W/(m² sr nm).
+    /// Light with odd and with even numbers of specular reflections, and all light; W/(m² sr nm).
     labelled: [Vec<f64>; 2],
     all: Vec<f64>,
 }
@@ -72,17 +73,17 @@ impl Seen {
         })
     }
 
-    /// Specular light of a target at a place.
+    /// Returns the specular light of a target at a place.
     pub(super) fn light(&self, target: Target, place: usize) -> f64 {
         self.labelled[usize::from(target == Target::Keeping)][place]
     }
 
-    /// Whether most of the light at a place is of a target.
+    /// Returns whether most of the light at a place is of a target.
     pub(super) fn is(&self, target: Target, place: usize) -> bool {
         self.light(target, place) > 0.5 * self.all[place]
     }
 
-    /// An element 4 i + j at a place, summed over wavelengths.
+    /// Returns element 4 i + j at a place, summed over wavelengths.
     pub(super) fn element(&self, place: usize, element: usize) -> f64 {
         let (pixel, bin) = (place / self.pixels.bins, place % self.pixels.bins);
         (0..self.pixels.wavelengths)
@@ -90,7 +91,7 @@ impl Seen {
             .sum()
     }
 
-    /// The same summed over the bins of the place's pixel.
+    /// Returns the same, summed over the bins of the place's pixel.
     pub(super) fn integrated(&self, place: usize, element: usize) -> f64 {
         let first = place - place % self.pixels.bins;
         (first..first + self.pixels.bins)

@@ -1,4 +1,4 @@
-//! Light whose ways are known: scores tell what they are meant to tell, and nothing where there is nothing.
+//! Tests with known light paths: scores detect the intended differences and nothing else.
 
 use super::*;
 use crate::observation::Slice;
@@ -11,16 +11,16 @@ const SIZE: [usize; 2] = [18, 12];
 const BINS: usize = 6;
 const BOUNCES: usize = 4;
 
-/// How specular light differs from diffuse light.
+/// The difference of specular from diffuse light.
 #[derive(Clone, Copy)]
 struct Differs {
     /// In circular polarization.
     circular: bool,
-    /// In linear polarization, horizontal light in.
+    /// In linear polarization, for horizontal input light.
     linear: bool,
-    /// Times its brightness.
+    /// Factor of its brightness.
     bright: f64,
-    /// The same pixel has inverting and keeping light, in different bins.
+    /// A pixel contains inverting and keeping light in different bins.
     mixed: bool,
 }
 
@@ -79,7 +79,8 @@ fn observations(d: Differs, variants: std::ops::Range<u64>) -> Vec<Observation> 
                 ],
             );
             for (place, b) in bright.iter().enumerate() {
-                // Specular light with some diffuse light mixed in; odd light by a mirror (2), even light by facets (4).
+                // Specular light with some diffuse light mixed in; odd light by a mirror (2), even light by
+                // facets (4).
                 let (bounces, label) = [(1, 2), (2, 4), (1, 8)][kind(place / BINS, place % BINS, d.mixed)];
                 mean.data[(place * BOUNCES + bounces) * 16 + label] += (0.8 * b) as f32;
                 mean.data[(place * BOUNCES + 2) * 16 + 12] += (0.2 * b) as f32;
@@ -110,8 +111,9 @@ fn worth(d: Differs) -> impl Fn(&str, &str) -> f64 {
 const INVERTING: &str = "area under the curve, inverting";
 const KEEPING: &str = "area under the curve, keeping";
 
-/// Where light is as it is in nature, circular polarization tells all, one pair of captures ties, linear polarization tells
-/// specular from diffuse light but not odd from even, intensity tells nothing, and without time all is mixed up.
+/// For physically plausible light, circular polarization separates all kinds and one pair of captures ties
+/// with it. Linear polarization separates specular from diffuse light but not odd from even, intensity
+/// separates nothing, and without time all kinds are mixed.
 #[test]
 fn circular_polarization_tells_odd_from_even() {
     let of = worth(AS_IN_NATURE);
@@ -131,7 +133,7 @@ fn circular_polarization_tells_odd_from_even() {
     }
     for metric in [INVERTING, KEEPING] {
         let linear = of("parallel less crossed, time-gated", metric);
-        // Above diffuse light, level with the other kind: 3/4.
+        // Above diffuse light, equal to the other kind: 3/4.
         assert!((linear - 0.75).abs() < 0.05, "{linear}");
         let intensity = of("transient intensity", metric);
         assert!((intensity - 0.5).abs() < 0.08, "{intensity}");
@@ -142,8 +144,8 @@ fn circular_polarization_tells_odd_from_even() {
     assert!(of("(3,3) of the bin", "correlation, inverting, summed over time") > 0.98);
 }
 
-/// Baselines win or tie where they should: intensity where specular light is brighter and not polarized, linear polarization
-/// where that alone differs, and the sum over time where pixels are of one kind.
+/// Baselines win or tie where expected: intensity if specular light is brighter and not polarized, linear
+/// polarization if only it differs, and the sum over time if pixels are of one kind.
 #[test]
 fn baselines_tell_what_they_can() {
     let d = Differs {
@@ -169,7 +171,7 @@ fn baselines_tell_what_they_can() {
     };
     let of = worth(d);
     assert!(of("(3,3) summed over time", INVERTING) > 0.999);
-    // A sum of six bins is the better known than one.
+    // A sum of six bins has less noise than one.
     let (one, six) = (
         of("(3,3) of the bin", INVERTING),
         of("(3,3) summed over time", INVERTING),
@@ -177,7 +179,8 @@ fn baselines_tell_what_they_can() {
     assert!(six >= one - 1e-3, "{six} against {one}");
 }
 
-/// Dim specular light: what is learnt of intensity is the sign of training variants, kept where test variants are otherwise.
+/// Dim specular light: the sign of intensity is learned from training variants and kept, although test
+/// variants differ.
 #[test]
 fn signs_are_learnt_from_training_variants_alone() {
     let dim = Differs {
@@ -210,7 +213,7 @@ fn labels_and_reflections_are_counted() {
         let k = kind(place / BINS, place % BINS, true);
         assert_eq!(seen.is(Target::Inverting, *place), k == 0);
         assert_eq!(seen.is(Target::Keeping, *place), k == 1);
-        // Light of facets and diffuse surfaces both, label 12, is of no target.
+        // Light of both facets and diffuse surfaces, label 12, belongs to no target.
         assert_eq!(seen.light(Target::Keeping, *place) > 0.0, k == 1);
     }
 }

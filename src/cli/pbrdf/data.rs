@@ -1,7 +1,7 @@
-//! Materials that other commands learn from: a folder of tables, or the stand-ins.
+//! Materials for commands that learn from data: a folder of tables, or the stand-ins.
 
 use super::resolution::Resolution;
-use crate::cli::failure::Failure;
+use crate::failure::Failure;
 use std::path::PathBuf;
 use sunstone::pbrdf::data_set;
 use sunstone::pbrdf::stand_ins::{BandedError, BandedMaterials};
@@ -9,19 +9,19 @@ use sunstone::polarimetry::reconstruct::cross_validation::Frames;
 use sunstone::polarimetry::reconstruct::pca::data_set::{DataSet, Settings};
 use sunstone::transport::material::measured::axes::Axes;
 
-/// Where materials come from.
+/// The source of materials.
 #[derive(clap::Args)]
 pub struct MaterialSource {
-    /// Folder of .pbsdf tables; without it, the stand-ins for the materials of the KAIST set.
+    /// Folder of .pbsdf tables [default: the stand-ins for the materials of the KAIST set].
     #[arg(long = "data", value_name = "FOLDER")]
     folder: Option<PathBuf>,
-    /// Bands, nanometres; of tables the nearest they have.
+    /// Bands, nanometres; for tables, the nearest bands of each.
     #[arg(long, value_delimiter = ',', default_values_t = [450, 550, 650], value_parser = clap::value_parser!(u16).range(100..))]
     bands: Vec<u16>,
-    /// Frames between which matrices are expected.
+    /// Frames of the expected matrices.
     #[arg(long, value_enum, default_value_t)]
     frames: FramesArgument,
-    /// Entries of phi_d, theta_d and theta_h at which the stand-ins are evaluated.
+    /// Number of entries of phi_d, theta_d and theta_h at which the stand-ins are evaluated.
     #[arg(
         long,
         value_name = "PHI_DxTHETA_DxTHETA_H",
@@ -32,12 +32,12 @@ pub struct MaterialSource {
 }
 
 impl MaterialSource {
-    /// Reads tables, or evaluates the stand-ins; keeps `samples` matrices of each.
+    /// Reads the tables, or evaluates the stand-ins, and keeps `samples` matrices of each.
     pub fn load(&self, samples: usize) -> Result<DataSet, Failure> {
         self.load_mapped(Settings::default().c, samples)
     }
 
-    /// As [`MaterialSource::load`], with the c of arctan(c M).
+    /// Does the same as [`MaterialSource::load`] with the given c of arctan(c M).
     pub fn load_mapped(&self, c: f64, samples: usize) -> Result<DataSet, Failure> {
         let settings = Settings { c, samples };
         if let Some(folder) = &self.folder {
@@ -51,12 +51,11 @@ impl MaterialSource {
         .map_err(Failure::input)
     }
 
-    /// The folder of tables, if one is given.
+    /// Returns the folder of tables, if one is given.
     pub fn folder(&self) -> Option<&PathBuf> {
         self.folder.as_ref()
     }
 
-    /// The frames asked for.
     pub fn frames(&self) -> Frames {
         match self.frames {
             FramesArgument::Any => Frames::Any,
@@ -64,12 +63,12 @@ impl MaterialSource {
         }
     }
 
-    /// The bands asked for, nanometres.
+    /// Returns the bands, in nanometres.
     pub fn bands(&self) -> &[u16] {
         &self.bands
     }
 
-    /// What it is, for people.
+    /// Returns a name of the source for messages.
     pub fn name(&self) -> String {
         self.folder
             .as_ref()
@@ -77,7 +76,7 @@ impl MaterialSource {
     }
 }
 
-/// What is said where materials cannot be built.
+/// Converts an error in the materials to a failure of the command.
 pub fn banded_failure(e: BandedError) -> Failure {
     match e {
         BandedError::File(e) => e.into(),
@@ -85,12 +84,11 @@ pub fn banded_failure(e: BandedError) -> Failure {
     }
 }
 
-/// Frames of matrices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 enum FramesArgument {
-    /// Turned by any angle, as those of a camera and a projector are to the plane of scattering.
+    /// Rotated by any angle, like the frames of a camera and a projector relative to the plane of scattering.
     #[default]
     Any,
-    /// Of the plane of scattering, as in tables and in Baek & Heide's learning.
+    /// Those of the plane of scattering, as in tables and in Baek & Heide's learning.
     Plane,
 }

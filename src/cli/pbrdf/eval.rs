@@ -1,6 +1,6 @@
-//! `sunstone pbrdf eval`: Mueller matrices of a material at given directions.
+//! The `sunstone pbrdf eval` command: Mueller matrices of a material at given directions.
 
-use crate::cli::failure::Failure;
+use crate::failure::Failure;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -11,14 +11,16 @@ use sunstone::transport::material::Lobe;
 
 /// Print the Mueller matrix of a material at given directions, as JSON.
 ///
-/// MATERIAL.toml holds `[materials]` as a scene file does, and `wavelengths_nm` if not 450, 550, 660. Directions point
-/// away from the surface: IN to where light comes from, OUT to where it goes; THETA counts from the surface normal
-/// (+z), PHI from the tangent (+x), in degrees. Stokes vectors are in frames whose horizontal is perpendicular to the
-/// plane of the normal and the direction, (-sin PHI, cos PHI, 0): "s" comes first.
+/// MATERIAL.toml contains `[materials]` as in a scene file, and `wavelengths_nm` unless they are 450, 550,
+/// 660. Directions point away from the surface: IN toward the light source, OUT toward the viewer. THETA is
+/// the angle from the surface normal (+z) and PHI the azimuth from the tangent (+x), in degrees. The
+/// horizontal of the Stokes frames is perpendicular to the plane of the normal and the direction, (-sin PHI,
+/// cos PHI, 0): "s" comes first.
 ///
-/// `mueller` is [wavelength][out][in]: with --out the BRDF in 1/sr (without the cosine), with --mirror and --refract
-/// the reflection or transmission matrix of a smooth surface itself (of power; radiance also changes by the squared
-/// ratio of the refractive indices). `pdf` is the density per steradian with which the renderer samples IN for OUT.
+/// `mueller` is [wavelength][out][in]. With --out it is the BRDF in 1/sr (without the cosine). With --mirror
+/// and --refract it is the reflection or transmission matrix of the smooth surface itself (of power; radiance
+/// also changes by the squared ratio of the refractive indices). `pdf` is the density per steradian with
+/// which the renderer samples IN for OUT.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -28,10 +30,10 @@ Examples:
 pub struct Arguments {
     /// File of materials.
     material: PathBuf,
-    /// Which of them, if there are several.
+    /// Name of the material, if the file has several.
     #[arg(long)]
     name: Option<String>,
-    /// Where light comes from, degrees.
+    /// Direction to the light source, degrees.
     #[arg(
         long = "in",
         value_name = "THETA,PHI",
@@ -39,7 +41,7 @@ pub struct Arguments {
         required_unless_present = "directions"
     )]
     incoming: Option<Pair>,
-    /// Where light goes, degrees.
+    /// Direction to the viewer, degrees.
     #[arg(
         long = "out",
         value_name = "THETA,PHI",
@@ -47,14 +49,14 @@ pub struct Arguments {
         group = "what"
     )]
     outgoing: Option<Pair>,
-    /// The mirror direction: the matrix of specular reflection.
+    /// Use the mirror direction: print the matrix of specular reflection.
     #[arg(long, group = "what")]
     mirror: bool,
-    /// The direction behind the surface: the matrix of specular transmission.
+    /// Use the refracted direction behind the surface: print the matrix of specular transmission.
     #[arg(long, group = "what")]
     refract: bool,
-    /// Many at once: a CSV file with THETA_IN,PHI_IN,THETA_OUT,PHI_OUT in each line (THETA_IN,PHI_IN alone with
-    /// --mirror or --refract); prints a list.
+    /// CSV file of many directions, with THETA_IN,PHI_IN,THETA_OUT,PHI_OUT on each line (only THETA_IN,PHI_IN
+    /// with --mirror or --refract); prints a list.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["incoming", "outgoing"])]
     directions: Option<PathBuf>,
     /// Texture coordinates.
@@ -67,7 +69,7 @@ pub struct Arguments {
     uv: Pair,
 }
 
-/// Two numbers with a comma between.
+/// Two numbers separated by a comma.
 #[derive(Clone, Copy, Debug)]
 struct Pair([f64; 2]);
 
@@ -109,21 +111,21 @@ fn shown(direction: Direction) -> Value {
     })
 }
 
-/// A single-precision matrix in its shortest decimal form, rounding noise far below M00 taken off.
+/// Converts a single-precision matrix to shortest decimal form. Sets rounding noise far below M00 to 0.
 fn plain(m: [[f32; 4]; 4]) -> [[f64; 4]; 4] {
     let noise = m[0][0].abs() * 1e-9;
     let shortest = |v: f32| v.to_string().parse().unwrap_or(f64::from(v));
     m.map(|row| row.map(|v| if v.abs() <= noise { 0.0 } else { shortest(v) }))
 }
 
-/// What to evaluate.
+/// The quantity to evaluate.
 #[derive(Clone, Copy)]
 enum What {
     Brdf(Direction),
     Lobe(Lobe),
 }
 
-/// A material of a file under its name.
+/// A material of a file with its name.
 struct Subject<'a> {
     set: &'a MaterialSet,
     name: String,
@@ -162,10 +164,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let incoming = a.incoming.unwrap_or(Pair([0.0; 2])).direction();
         subject.eval(incoming, what)?
     };
-    crate::cli::output::print(&readable(&value, 0))
+    crate::output::print(&readable(&value, 0))
 }
 
-/// JSON with short values on one line: a matrix stands there row by row.
+/// Formats JSON with short values on one line, so that each row of a matrix is one line.
 fn readable(value: &Value, indent: usize) -> String {
     const WIDTH: usize = 120;
     let short = value.to_string();
@@ -184,7 +186,7 @@ fn readable(value: &Value, indent: usize) -> String {
     format!("{open}\n{pad}{}\n{end}{close}", items.join(&format!(",\n{pad}")))
 }
 
-/// The material that is meant, by name.
+/// Returns the name of the selected material.
 fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<String, Failure> {
     let known = || set.names.keys().cloned().collect::<Vec<_>>().join(", ");
     let found = match name {
@@ -208,7 +210,6 @@ fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<String, 
     })
 }
 
-/// Reads a list of directions.
 fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>, Failure> {
     let text =
         input::read_text(path).map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))?;

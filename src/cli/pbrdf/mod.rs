@@ -1,4 +1,4 @@
-//! `sunstone pbrdf`: polarimetric BRDFs by themselves.
+//! The `sunstone pbrdf` command: inspects and makes polarimetric BRDFs.
 
 pub mod data;
 mod eval;
@@ -11,7 +11,7 @@ mod table;
 use super::failure::Failure;
 use clap::Subcommand;
 
-/// Look at, evaluate and make polarimetric BRDFs.
+/// Inspect, evaluate and make polarimetric BRDFs.
 #[derive(clap::Args)]
 pub struct Arguments {
     #[command(subcommand)]

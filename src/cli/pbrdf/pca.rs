@@ -1,8 +1,8 @@
-//! `sunstone pbrdf pca`: principal components of a folder of tables, or of the stand-ins.
+//! The `sunstone pbrdf pca` command: principal components of a folder of tables, or of the stand-ins.
 
 use super::data::MaterialSource;
-use crate::cli::failure::Failure;
-use crate::cli::places;
+use crate::failure::Failure;
+use crate::places;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use sunstone::figure::components::{Map, draw};
@@ -11,12 +11,12 @@ use sunstone::polarimetry::reconstruct::pca::data_set::{DataSet, Settings, Weigh
 use sunstone::polarimetry::reconstruct::second_moment;
 use sunstone::store::numpy::{NumpyArray, Values, write_npz};
 
-/// Principal components of measured materials: the few Mueller matrices of which most matter is made.
+/// Compute the principal components of the Mueller matrices of measured materials.
 ///
-/// Every matrix of every table is divided by its M00 and mapped by arctan(c M), c = 8, after Baek & Heide 2021; the
-/// matrices less their mean are split into components by singular values. Draws the mean and the first components, each
-/// as far as the materials reach along it (one standard deviation), and prints how much of the variance each explains.
-/// Without a folder, of the stand-ins for the 25 materials of the KAIST set.
+/// Divides every matrix of every table by its M00 and maps it by arctan(c M), c = 8, after Baek & Heide 2021.
+/// Decomposes the matrices minus their mean by singular values. Draws the mean and the first components, each
+/// scaled to one standard deviation of the materials along it, and prints the share of the variance that each
+/// explains. Without a folder, uses the stand-ins for the 25 materials of the KAIST set.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -28,31 +28,32 @@ pub struct Arguments {
     #[command(flatten)]
     data: MaterialSource,
     /// Picture to write.
-    #[arg(short, long, default_value = "components.png", value_parser = crate::cli::figure::picture)]
+    #[arg(short, long, default_value = "components.png", value_parser = crate::figure::picture)]
     output: PathBuf,
-    /// Also write arrays: mean (4, 4); spectrum (16), the singular values; share (16) of the variance; components
-    /// (16, 4, 4), as drawn; vectors (16, 4, 4), the same in unit length.
+    /// Also write arrays: mean (4, 4); spectrum (16), the singular values; share (16) of the variance;
+    /// components (16, 4, 4), as drawn; vectors (16, 4, 4), the components with unit length.
     #[arg(long, value_name = "X.npz")]
     npz: Option<PathBuf>,
-    /// Also write the second moment of the matrices (M / M00 itself), which `sunstone reconstruct --prior` takes.
+    /// Also write the second moment of the matrices (M / M00, not mapped), for `sunstone reconstruct
+    /// --prior`.
     #[arg(long, value_name = "PRIOR.toml")]
     prior: Option<PathBuf>,
-    /// What the matrices are mapped by.
+    /// Mapping of the matrices.
     #[arg(long, value_enum, default_value_t)]
     map: Mapping,
     /// The c of arctan(c M).
     #[arg(short, default_value_t = Settings::default().c)]
     c: f64,
-    /// Components to draw.
+    /// Number of components to draw.
     #[arg(short = 'n', long = "components", default_value_t = 6, value_parser = clap::value_parser!(u8).range(1..=16))]
     count: u8,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 enum Mapping {
-    /// Nothing: M / M00 itself.
+    /// None: M / M00 itself.
     None,
-    /// arctan(c M / M00), which spreads out small elements.
+    /// arctan(c M / M00), which expands small elements.
     #[default]
     Arctan,
 }
@@ -101,17 +102,17 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         )
         .map_err(|e| Failure::failed(format!("cannot write {}: {e}", path.display())))?;
     }
-    crate::cli::output::print(table(&data, &components, &quantity).trim_end())?;
+    crate::output::print(table(&data, &components, &quantity).trim_end())?;
     for path in [Some(&a.output), a.npz.as_ref(), a.prior.as_ref()]
         .into_iter()
         .flatten()
     {
-        crate::cli::output::print(&path.display().to_string())?;
+        crate::output::print(&path.display().to_string())?;
     }
     Ok(())
 }
 
-/// Shares of the first components together.
+/// Returns the cumulative shares of the first components.
 fn together(share: &[f64; 16]) -> impl Iterator<Item = f64> {
     share.iter().scan(0.0, |sum, share| {
         *sum += share;
@@ -131,7 +132,6 @@ fn table(data: &DataSet, c: &Components, quantity: &str) -> String {
         tally.unreal
     );
     for ((k, sum), (sigma, share)) in (1..).zip(together(&c.share)).zip(c.spectrum.iter().zip(&c.share)) {
-        // Writing to a string does not fail.
         let _ = writeln!(
             text,
             "{k:9}  {sigma:14.4}  {:7.3} %  {:7.3} %",
@@ -175,7 +175,7 @@ fn picture(a: &Arguments, data: &DataSet, c: &Components, quantity: &str) -> Res
         &notes,
     )
     .map_err(Failure::input)?;
-    crate::cli::figure::save(&image, &a.output)
+    crate::figure::save(&image, &a.output)
 }
 
 fn arrays(path: &Path, c: &Components) -> std::io::Result<()> {

@@ -1,8 +1,8 @@
-//! The size of a table, as commands take it.
+//! Parses the resolution of a table from a command line.
 
 use std::str::FromStr;
 
-/// Entries of a table along phi_d, theta_d and theta_h.
+/// Number of entries of a table along phi_d, theta_d and theta_h.
 #[derive(Clone, Copy, Debug)]
 pub struct Resolution(pub [usize; 3]);
 

@@ -1,6 +1,7 @@
-//! `sunstone pbrdf sheet`: every material of a file as a sphere, as 4×4 Mueller grids on one page.
+//! The `sunstone pbrdf sheet` command: every material of a file as a sphere, as 4×4 Mueller grids on one
+//! page.
 
-use crate::cli::failure::Failure;
+use crate::failure::Failure;
 use std::path::{Path, PathBuf};
 use sunstone::base::spectral_table;
 use sunstone::figure::sheet::{Grid, draw};
@@ -12,22 +13,22 @@ use sunstone::tensor::field::Field;
 
 /// Render every material of a file as a sphere in a 4×4 Mueller grid, all on one page.
 ///
-/// A projector to the right of the camera lights the sphere; smooth materials, which it cannot light, stand under an even
-/// unpolarized sky instead.
+/// A projector to the right of the camera lights the sphere. Smooth materials, which it cannot light, are
+/// rendered under a uniform unpolarized sky instead.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// File of materials.
     material: PathBuf,
     /// Picture to write.
-    #[arg(short, long, default_value = "sheet.png", value_parser = crate::cli::figure::picture)]
+    #[arg(short, long, default_value = "sheet.png", value_parser = crate::figure::picture)]
     output: PathBuf,
-    /// Wavelength to show, nanometres (the nearest there is).
-    #[arg(short, long, default_value_t = 550.0, value_parser = crate::cli::places::wavelength)]
+    /// Wavelength to show, nanometres (the nearest available).
+    #[arg(short, long, default_value_t = 550.0, value_parser = crate::places::wavelength)]
     wavelength: f64,
-    /// Materials a row.
+    /// Number of materials per row.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
     columns: u16,
-    /// Pixels across each sphere's picture.
+    /// Width of each sphere's picture in pixels.
     #[arg(long, default_value_t = 72, value_parser = clap::value_parser!(u32).range(8..=1024))]
     size: u32,
     /// Samples per pixel.
@@ -36,7 +37,7 @@ pub struct Arguments {
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
-    crate::cli::places::files([Some(&a.material)], [Some(&a.output)])?;
+    crate::places::files([Some(&a.material)], [Some(&a.output)])?;
     let set = MaterialSet::load(&a.material)?;
     if spectral_table::nearest_within(set.wavelengths.nm(), a.wavelength).is_none() {
         return Err(Failure::input(format!(
@@ -57,22 +58,22 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         "M00 is shown as intensity on a scale of its own; grey: no light.",
     ];
     let image = draw(&title, &grids?, a.columns.into(), &notes).map_err(Failure::input)?;
-    crate::cli::figure::save(&image, &a.output)?;
-    crate::cli::output::print(&a.output.display().to_string())
+    crate::figure::save(&image, &a.output)?;
+    crate::output::print(&a.output.display().to_string())
 }
 
-/// Lane of the wavelength nearest to the wanted one.
+/// Returns the lane of the nearest wavelength.
 fn nearest(nm: &[f64], wanted: f64) -> usize {
     spectral_table::nearest(nm, wanted).unwrap_or(0)
 }
 
-/// Name of the material that holds a place; names sort as numbers do.
+/// Returns the name of a placeholder material; names sort like their numbers.
 fn place(id: u32) -> String {
     format!("m{id:06}")
 }
 
-/// Renders one material. The scene's own materials only hold the places, so that those of the file, which may be large
-/// tables, are read once.
+/// Renders one material. The scene's own materials are only placeholders, so that the file's materials, which
+/// may be large tables, are read once.
 fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid, Failure> {
     let camera = Camera::look_at([0.0, 0.0, 6.0], [0.0; 3]);
     let mut builder = SceneBuilder::new()
@@ -107,7 +108,7 @@ fn sphere(a: &Arguments, set: &MaterialSet, name: &str, id: u32) -> Result<Grid,
     })
 }
 
-/// The Mueller matrices of the one slice at the wanted wavelength, row-major from the top.
+/// Returns the Mueller matrices of the only slice at the nearest wavelength, in row-major order from the top.
 fn matrices(store: &Path, nm: &[f64], wavelength: f64) -> Result<Vec<[f32; 16]>, Failure> {
     let store = TensorStore::open(store).map_err(Failure::failed)?;
     let slice = store.slice("mueller").map_err(Failure::failed)?;

@@ -1,9 +1,9 @@
-//! `sunstone pbrdf synth`: tables in the KAIST format from analytic materials.
+//! The `sunstone pbrdf synth` command: tables in the KAIST format from analytic materials.
 
 use super::data::banded_failure;
 use super::resolution::Resolution;
-use crate::cli::failure::Failure;
-use crate::cli::places;
+use crate::failure::Failure;
+use crate::places;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use sunstone::pbrdf::stand_ins::BandedMaterials;
@@ -14,9 +14,10 @@ use sunstone::transport::material::measured::write::tabulate;
 
 /// Tabulate analytic materials as .pbsdf files.
 ///
-/// Without a file of materials, makes the stand-ins for the 25 materials of the KAIST set (like_gold, like_pom, …).
-/// Every table holds the BRDF over Rusinkiewicz angles; entries with light or viewer below the horizon are NaN. Beside
-/// the tables goes materials.toml, which lists them for scenes and for `sunstone pbrdf sheet`.
+/// Without a file of materials, makes the stand-ins for the 25 materials of the KAIST set (like_gold,
+/// like_pom, …). Every table contains the BRDF over Rusinkiewicz angles; entries with light or viewer below
+/// the horizon are NaN. Also writes materials.toml, which lists the tables for scenes and for `sunstone pbrdf
+/// sheet`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -26,13 +27,13 @@ Examples:
 pub struct Arguments {
     /// File of materials.
     material: Option<PathBuf>,
-    /// Make these alone. Repeatable.
+    /// Make only the material of this name. Repeatable.
     #[arg(long)]
     name: Vec<String>,
-    /// Folder to write to.
+    /// Folder to write.
     #[arg(short, long)]
     output: PathBuf,
-    /// Entries of phi_d (-180° to 180°), theta_d and theta_h (0° to 90°).
+    /// Number of entries of phi_d (-180° to 180°), theta_d and theta_h (0° to 90°).
     #[arg(long, value_name = "PHI_DxTHETA_DxTHETA_H", default_value = "41x31x91")]
     resolution: Resolution,
     /// Bands, nanometres.
@@ -62,7 +63,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let file = a.output.join(format!("{name}.pbsdf"));
         tabulate(&file, &axes, &materials.sources(name)).map_err(|e| {
             if !there {
-                // Only if nothing is in it.
+                // This removes only an empty folder.
                 let _ = std::fs::remove_dir(&a.output);
             }
             let of_system = matches!(e, PbsdfError::Write(_));
@@ -73,10 +74,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     bar.finish_and_clear();
     let list = synth::list(&a.output, &a.bands)
         .map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
-    crate::cli::output::print(&list.display().to_string())
+    crate::output::print(&list.display().to_string())
 }
 
-/// The materials to make: those asked for, or all that light from a point can show.
+/// Returns the materials to make: those given by name, or all that light from a point can show.
 fn names(a: &Arguments, materials: &BandedMaterials) -> Result<Vec<String>, Failure> {
     synth::check(materials, &a.name).map_err(Failure::input)?;
     Ok(if !a.name.is_empty() {

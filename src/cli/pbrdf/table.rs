@@ -1,7 +1,7 @@
-//! `sunstone pbrdf info`, `slice` and `plot`: what a `.pbsdf` file holds.
+//! The `sunstone pbrdf info`, `slice` and `plot` commands: inspect a `.pbsdf` file.
 
-use crate::cli::failure::Failure;
-use crate::cli::places;
+use crate::failure::Failure;
+use crate::places;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use sunstone::base::spectral_table::nearest_within;
@@ -11,12 +11,11 @@ use sunstone::pbrdf::table_part::{TablePart, band_statistics, nearest_angle, sta
 use sunstone::store::numpy;
 use sunstone::transport::material::measured::table::{Options, Table};
 
-/// A table to read.
 #[derive(clap::Args)]
 struct TableFile {
     /// Table in the KAIST format.
     file: PathBuf,
-    /// Take evenly spaced angles where the file leaves its axes empty.
+    /// Use evenly spaced angles if the axes in the file are empty.
     #[arg(long)]
     even_axes: bool,
 }
@@ -31,14 +30,13 @@ impl TableFile {
     }
 }
 
-/// Print what a table holds.
+/// Print the contents of a table.
 #[derive(clap::Args)]
 pub struct InfoArguments {
     #[command(flatten)]
     source: TableFile,
 }
 
-/// Names of the angles in the order of the table's axes.
 const ANGLES: [&str; 3] = ["phi_d", "theta_d", "theta_h"];
 
 pub fn info(a: &InfoArguments) -> Result<(), Failure> {
@@ -68,12 +66,13 @@ pub fn info(a: &InfoArguments) -> Result<(), Failure> {
             band.low, band.high
         );
     }
-    crate::cli::output::print(text.trim_end())
+    crate::output::print(text.trim_end())
 }
 
 /// Draw a table's Mueller matrices over half angle and difference angle.
 ///
-/// One 4×4 grid for each band: theta_h runs from left to right, theta_d from the bottom up, phi_d is fixed.
+/// Draws one 4×4 grid for each band: theta_h increases from left to right, theta_d from bottom to top, phi_d
+/// is fixed.
 #[derive(clap::Args)]
 pub struct PlotArguments {
     #[command(flatten)]
@@ -82,7 +81,7 @@ pub struct PlotArguments {
     #[arg(long, default_value_t = 90.0, allow_hyphen_values = true)]
     phi_d: f32,
     /// Picture to write.
-    #[arg(short, long, default_value = "pbrdf.png", value_parser = crate::cli::figure::picture)]
+    #[arg(short, long, default_value = "pbrdf.png", value_parser = crate::figure::picture)]
     output: PathBuf,
 }
 
@@ -116,14 +115,15 @@ pub fn plot(a: &PlotArguments) -> Result<(), Failure> {
         "M00 (BRDF, 1/sr) is shown as intensity, white its 99th percentile; grey: not known.",
     ];
     let image = draw(&title, &grids, 3, &notes).map_err(Failure::input)?;
-    crate::cli::figure::save(&image, &a.output)?;
-    crate::cli::output::print(&a.output.display().to_string())
+    crate::figure::save(&image, &a.output)?;
+    crate::output::print(&a.output.display().to_string())
 }
 
-/// Write part of a table: angles and wavelength that are given are fixed (at their nearest entry), the others stay.
+/// Write part of a table. Given angles and wavelengths are fixed at their nearest entries; the other axes are
+/// kept.
 ///
-/// NAME.npy holds an array over the angles that stay, the wavelength if it stays, and 4×4 matrices (in this order);
-/// NAME.csv has a row for each matrix. NaN marks what is not known.
+/// NAME.npy contains an array over the kept angles, the wavelength if it is kept, and 4×4 matrices (in this
+/// order). NAME.csv has a row for each matrix. Unknown values are NaN.
 #[derive(clap::Args)]
 pub struct SliceArguments {
     #[command(flatten)]
@@ -157,10 +157,10 @@ pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
         _ => return Err(Failure::input("the output must end in .npy or .csv")),
     }
     .map_err(|e| Failure::failed(format!("cannot write {}: {e}", a.output.display())))?;
-    crate::cli::output::print(&a.output.display().to_string())
+    crate::output::print(&a.output.display().to_string())
 }
 
-/// Refuses what lies beyond a table's angles and bands, for which it has no nearest entry.
+/// Refuses values outside a table's angles and bands.
 fn within(table: &Table, degrees: [Option<f32>; 3], nm: Option<f32>) -> Result<(), Failure> {
     for ((name, nodes), wanted) in ANGLES.iter().zip(table.angles()).zip(degrees) {
         let (first, last) = (nodes[0].to_degrees(), nodes[nodes.len() - 1].to_degrees());
@@ -196,7 +196,7 @@ fn csv(table: &Table, part: &TablePart, path: &Path) -> std::io::Result<()> {
         writeln!(file)?;
         for (at, m) in part.entries(table) {
             for (nodes, i) in table.angles().iter().zip(at) {
-                // Single-precision radians hold an angle to about 1e-5 degrees.
+                // Single-precision radians resolve about 1e-5 degrees.
                 let degrees = f64::from(nodes[i]).to_degrees();
                 write!(file, "{},", (degrees * 1e4).round() / 1e4)?;
             }

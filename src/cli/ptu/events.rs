@@ -1,4 +1,4 @@
-//! Records as text: printed one by one, and made into a file.
+//! Prints the records of a file as text, and writes a file from such text.
 
 use super::super::failure::Failure;
 use super::super::{output, places};
@@ -11,13 +11,13 @@ use sunstone::base::locate::InputError;
 use sunstone::rig::ptu::record::{Decoder, Event, RecordType};
 use sunstone::rig::ptu::writer::{self, Description};
 
-/// Names of the columns.
 const COLUMNS: &str = "kind,time,dtime,channel,markers";
 
-/// Print a file's records, one a line, as CSV.
+/// Print a file's records as CSV, one per line.
 ///
-/// Columns: kind (photon, sync, marker, overflow, unknown), time (counts of the time tag since the begin: laser pulses in T3), dtime
-/// (counts since the laser's pulse), channel, markers (bits: 1 is the first input, 8 the fourth).
+/// Columns: kind (photon, sync, marker, overflow, unknown), time (counts of the time tag since the start:
+/// laser pulses in T3), dtime (counts since the laser pulse), channel, markers (bits: 1 is the first input, 8
+/// the fourth).
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -27,33 +27,35 @@ pub struct Records {
     /// File of photons.
     #[arg(value_name = "FILE.ptu")]
     file: PathBuf,
-    /// Print so many.
+    /// Number of records to print [default: all].
     #[arg(long, value_name = "N", default_value_t = u64::MAX, hide_default_value = true)]
     first: u64,
 }
 
 /// Write a file of photons from a text of events.
 ///
-/// Lines are as `sunstone ptu records` prints them, in the order of time; overflows are left out and made anew.
+/// Lines have the format of `sunstone ptu records`, sorted by time. Overflows in the text are ignored and
+/// generated again.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
   sunstone ptu records night.ptu | grep -v marker > photons.csv
   sunstone ptu write photons.csv -o photons.ptu --record timeharp-260-p-t3 --resolution-ps 25 --period-ps 100000")]
 pub struct FromText {
-    /// Events, kind,time,dtime,channel,markers a line.
+    /// Events, one kind,time,dtime,channel,markers per line.
     #[arg(value_name = "EVENTS.csv")]
     events: PathBuf,
     /// File to write.
     #[arg(short, long, value_name = "OUT.ptu")]
     output: PathBuf,
-    /// Type of the records: picoharp-300-t3, hydraharp-2-t3, timeharp-260-n-t3, timeharp-260-p-t3, multiharp-t3, … and t2.
+    /// Type of the records: picoharp-300-t3, hydraharp-2-t3, timeharp-260-n-t3, timeharp-260-p-t3,
+    /// multiharp-t3, … and their t2 versions.
     #[arg(long, value_name = "TYPE", value_parser = record)]
     record: RecordType,
-    /// Time of a count of dtime, picoseconds (T3).
+    /// Duration of one count of dtime, picoseconds (T3).
     #[arg(long, value_name = "PS", default_value_t = 25.0, value_parser = positive)]
     resolution_ps: f64,
-    /// Time of a count of the time tag, picoseconds: the laser's period in T3.
+    /// Duration of one count of the time tag, picoseconds: the laser's period in T3.
     #[arg(long, value_name = "PS", value_parser = positive)]
     period_ps: f64,
 }
@@ -107,7 +109,8 @@ pub fn print(a: &Records) -> Result<(), Failure> {
     }
 }
 
-/// The event of a line, none if it is wrong; names of columns are as little an event as overflows, which are made anew.
+/// Parses the event of a line. Returns `None` for invalid lines, column names and overflows, which are
+/// generated again.
 fn event(line: &str) -> Option<Event> {
     let words: Vec<&str> = line.split(',').map(str::trim).collect();
     let &[kind, time, dtime, channel, markers] = &words[..] else {

@@ -1,4 +1,4 @@
-//! Opening a file of photons.
+//! Opens files of photons and converts their errors.
 
 use super::super::failure::Failure;
 use std::fs::File;
@@ -7,12 +7,12 @@ use std::path::Path;
 use sunstone::rig::ptu::error::PtuError;
 use sunstone::rig::ptu::reader::Reader;
 
-/// Bad input, or the system's refusal.
+/// Converts an error to a system failure or to invalid input.
 pub(super) fn failed(e: PtuError) -> Failure {
     Failure::of_system(e.of_system, e)
 }
 
-/// Opens a file, and warns of one that is cut off.
+/// Opens a file, and prints a warning if it is truncated.
 pub(super) fn open(path: &Path) -> Result<Reader<BufReader<File>>, Failure> {
     let reader = Reader::open(path).map_err(failed)?;
     if let Some(mismatch) = reader.mismatch() {

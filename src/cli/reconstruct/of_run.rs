@@ -1,4 +1,4 @@
-//! `sunstone reconstruct` of a run's raw frames.
+//! The `sunstone reconstruct` command for the raw frames of a run.
 
 use super::super::failure::Failure;
 use super::super::places;

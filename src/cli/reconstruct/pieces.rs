@@ -1,5 +1,5 @@
-//! Images piece by piece: every thread reads, reconstructs and writes pieces of its own, so that files and numbers do not wait
-//! for one another, and what was read is still in the cache when it is used.
+//! Reconstructs images in pieces. Each thread reads, reconstructs and writes separate pieces, so input,
+//! output and computation overlap and the data that was read is still in the cache.
 
 use super::super::failure::Failure;
 use rayon::prelude::*;
@@ -11,35 +11,36 @@ use sunstone::polarimetry::reconstruct::along_rays::{self, Places};
 use sunstone::polarimetry::reconstruct::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use sunstone::store::numpy::NumpyReader;
 
-/// Pixels of a piece: their intensities fit the second cache, and what is read and written at once is worth a call.
+/// Pixels of a piece: their intensities fit the L2 cache, and a piece is large enough for efficient reads and
+/// writes.
 const PIECE: usize = 4096;
 
-/// What is to be done.
+/// An image to reconstruct.
 pub struct Work<'a, T> {
     pub scheme: &'a Scheme,
     pub options: Options,
-    /// Along the axis, of every wavelength.
+    /// For rays along the axis, one for each wavelength.
     pub estimates: Reconstruction<T>,
-    /// Of all places and wavelengths, where they are not along the axis.
+    /// Rays of all places and wavelengths, unless they are along the axis.
     pub rays: Option<&'a [Ray]>,
-    /// Pixels that share a ray.
+    /// Number of pixels that share a ray.
     pub times: usize,
-    /// Wavelengths.
+    /// Number of wavelengths.
     pub lanes: usize,
     pub intensities: NumpyReader,
     pub variances: Option<NumpyReader>,
     pub pixels: usize,
 }
 
-/// What was done.
+/// The result of a reconstruction.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Done {
     pub tally: Tally,
-    /// Time that threads computed, over their number.
+    /// Computing time, summed over threads and divided by their number.
     pub computing: Duration,
 }
 
-/// A thread's numbers.
+/// A thread's buffers.
 struct Room<T> {
     intensities: Vec<T>,
     variances: Vec<T>,
@@ -47,18 +48,18 @@ struct Room<T> {
     errors: Vec<T>,
 }
 
-/// Takes elements (0) or their errors (1) from a pixel on.
+/// Receives elements (0) or their errors (1), beginning at a pixel.
 type Write<'a, T> = dyn Fn(usize, usize, &[T]) -> Result<(), Failure> + Sync + 'a;
 
 impl<T: PixelNumber> Work<'_, T> {
     /// Reconstructs all pixels, in any order.
     ///
     /// # Errors
-    /// Of an input or of `write`.
+    /// If reading an input or `write` fails.
     pub fn all(&self, write: &Write<'_, T>, errors: bool) -> Result<Done, Failure> {
         let whole = (self.times * self.lanes).max(1);
         let most = (PIECE / whole).max(1) * whole;
-        // A thread that waits inside a piece may take up another one, which then needs a room too.
+        // A thread that waits inside a piece may start another one, which then needs a second set of buffers.
         let rooms: Mutex<Vec<Room<T>>> = Mutex::default();
         let take = || rooms.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let pieces = self.pixels.div_ceil(most);

@@ -1,4 +1,4 @@
-//! What `sunstone render` is told, and the same words again.
+//! Arguments of `sunstone render`, and the command that repeats them.
 
 use std::path::{Path, PathBuf};
 use sunstone::render::{Part, Target};
@@ -7,45 +7,49 @@ use sunstone::transport::scene::{Integrator, Scene};
 
 /// Render a scene file to slices of T, with error bars, and draw its figures.
 ///
-/// The result is a Zarr v3 store with a group per slice. Ctrl-C (or SIGTERM) finishes the tiles in flight; --resume goes on from
-/// there, or from a crash, to the very same bytes.
+/// The result is a Zarr v3 store with a group per slice. Ctrl-C (or SIGTERM) stops after the tiles in
+/// progress. With --resume, the render continues after an interruption or a crash and gives the same bytes.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Scene file (TOML).
     pub(super) scene: PathBuf,
-    /// Variant of the scene, if its file has [vary]: 0, 1, .. (`sunstone info SCENE` lists what they vary).
+    /// Variant of the scene, if its file has [vary]: 0, 1, .. (`sunstone info SCENE` lists the varied
+    /// values).
     #[arg(long)]
     pub(super) variant: Option<u64>,
-    /// Store to write, a folder or an address (s3://, gs://, az://) [default: out/<scene folder>.zarr, of a variant
-    /// out/<scene folder>_variant<N>.zarr].
+    /// Store to write, a folder or an address (s3://, gs://, az://) [default: out/<scene folder>.zarr; for a
+    /// variant, out/<scene folder>_variant<N>.zarr].
     #[arg(short, long)]
     pub(super) output: Option<PathBuf>,
-    /// Samples per camera pixel, instead of the scene's.
+    /// Samples per camera pixel [default: from the scene].
     #[arg(long)]
     pub(super) spp: Option<u32>,
-    /// Least number of independent groups of samples, instead of the scene's: fewer than 32 give less noise, and errors that are
-    /// known less well.
+    /// Minimum number of independent groups of samples [default: from the scene]. Fewer than 32 reduce the
+    /// noise but make the error estimates less reliable.
     #[arg(long)]
     pub(super) replicates: Option<u32>,
-    /// Random seed, instead of the scene's. Renders of different seeds can be merged.
+    /// Random seed [default: from the scene]. Renders with different seeds can be merged.
     #[arg(long)]
     pub(super) seed: Option<u64>,
-    /// Which paths are traced, instead of what the scene says.
+    /// Integrator, which selects the paths to trace [default: from the scene].
     #[arg(long, value_parser = integrator)]
     pub(super) integrator: Option<Integrator>,
-    /// Worker threads [default: all cores; at most 8 for each]. The result does not depend on it.
+    /// Number of worker threads [default: one per core; at most 8 per core]. The result does not depend on
+    /// it.
     #[arg(long)]
     pub(super) threads: Option<usize>,
-    /// Render part K of N alone, such as 3/8: every N-th tile. `sunstone merge` joins all N parts to the bytes of the whole.
+    /// Render only part K of N, such as 3/8: every N-th tile. `sunstone merge` joins all N parts; the result
+    /// equals the whole render byte for byte.
     #[arg(long, value_name = "K/N", value_parser = share, conflicts_with = "tiles")]
     pub(super) part: Option<Part>,
-    /// Folder in which all parts make the walks from the light together, where the scene has such: without, each part makes all.
+    /// Folder in which the parts share the light paths of scenes that need them. Without it, each part traces
+    /// all light paths.
     #[arg(long, value_name = "FOLDER", requires = "part")]
     pub(super) light: Option<PathBuf>,
-    /// Render some tiles alone, such as 0-31: tiles of the image by their numbers, counted from 0 row by row.
+    /// Render only these tiles, such as 0-31. Tiles are numbered row by row from 0.
     #[arg(long, value_name = "A-B", value_parser = tiles)]
     pub(super) tiles: Option<Part>,
-    /// Go on with an unfinished render.
+    /// Resume an unfinished render.
     #[arg(long, conflicts_with = "force")]
     pub(super) resume: bool,
     /// Replace an existing store.
@@ -61,39 +65,40 @@ pub struct Arguments {
     pub(super) target: TargetArguments,
 }
 
-/// Samples of every pixel in the first round, unless `--spp` says another number.
+/// Default samples per pixel of the first round.
 const FIRST: u32 = 64;
 
-/// Most samples of a pixel, unless `--most-spp` says another number.
+/// Default maximum number of samples per pixel.
 const MOST: u32 = 1 << 14;
 
 #[derive(clap::Args)]
 #[command(next_help_heading = "To an error, instead of to a number of samples")]
 pub(super) struct TargetArguments {
-    /// Render rounds of samples until half of the lit pixels of a slice have this relative standard error, such as 0.02. Tiles that
-    /// need no more get no more. --spp is then the number of samples of the first round [default: 64].
+    /// Render rounds of samples until half of the lit pixels of a slice have this relative standard error,
+    /// such as 0.02. Tiles that reach it get no more samples. --spp is then the number of samples of the
+    /// first round [default: 64].
     #[arg(long, value_name = "ERROR", conflicts_with = "tiles")]
     pub(super) target_error: Option<f64>,
-    /// Which slice [default: the first].
+    /// Slice to which the target applies [default: the first].
     #[arg(long, value_name = "NAME", requires = "target_error")]
     pub(super) target_slice: Option<String>,
-    /// Share of the lit pixels that shall have the error, such as 0.9 [default: 0.5, the median].
+    /// Share of the lit pixels that must reach the error, such as 0.9 [default: 0.5, the median].
     #[arg(long, value_name = "SHARE", requires = "target_error")]
     pub(super) target_share: Option<f64>,
-    /// Most samples of a pixel, whatever its error [default: 16384].
+    /// Maximum number of samples per pixel, whatever its error [default: 16384].
     #[arg(long, value_name = "N", requires = "target_error")]
     pub(super) most_spp: Option<u32>,
-    /// For many machines: folder of the rounds so far, 0.zarr, 1.zarr and so on. Prints where they stand, as JSON, and renders nothing
-    /// unless --round and --part say what.
+    /// For several machines: folder of the rounds so far, 0.zarr, 1.zarr and so on. Prints their state as
+    /// JSON. Renders only with --round and --part.
     #[arg(long, value_name = "FOLDER", requires = "target_error")]
     pub(super) rounds: Option<PathBuf>,
-    /// Round to render a part of.
+    /// Round of which to render a part.
     #[arg(long, value_name = "K", requires_all = ["rounds", "part"])]
     pub(super) round: Option<u32>,
 }
 
 impl TargetArguments {
-    /// What is asked for, of a scene; with `--spp`.
+    /// Returns the target for a scene, or `None` without `--target-error`.
     pub fn goal(&self, spp: Option<u32>, scene: &Scene) -> Option<Goal> {
         let first = || scene.slices.first().map_or(String::new(), |s| s.name.clone());
         Some(Goal {
@@ -105,7 +110,7 @@ impl TargetArguments {
         })
     }
 
-    /// The same words again.
+    /// Formats these options for a command line.
     pub fn words(&self) -> String {
         let mut words = String::new();
         let mut word = |name: &str, value: Option<String>| {
@@ -123,7 +128,7 @@ impl TargetArguments {
     }
 }
 
-/// An integrator by its name.
+/// Parses the name of an integrator.
 fn integrator(name: &str) -> Result<Integrator, String> {
     let all = [
         Integrator::Auto,
@@ -135,20 +140,20 @@ fn integrator(name: &str) -> Result<Integrator, String> {
     found.ok_or_else(|| format!("give one of {}", all.map(Integrator::name).join(", ")))
 }
 
-/// Two whole numbers with a sign between them.
+/// Parses two integers separated by a character.
 fn pair(text: &str, between: char) -> Option<[u32; 2]> {
     let (a, b) = text.split_once(between)?;
     Some([a.parse().ok()?, b.parse().ok()?])
 }
 
-/// `K/N`.
+/// Parses `K/N`.
 fn share(text: &str) -> Result<Part, String> {
     let [number, of] = pair(text, '/').ok_or("give K/N, such as 3/8: part 3 of 8")?;
     let part = Part::Share { number, of };
     part.fault(0).map_or(Ok(part), Err)
 }
 
-/// `A-B`, or one tile.
+/// Parses `A-B`, or a single tile.
 fn tiles(text: &str) -> Result<Part, String> {
     let one = || text.parse().ok().map(|tile| [tile, tile]);
     let [first, last] = pair(text, '-')
@@ -158,7 +163,7 @@ fn tiles(text: &str) -> Result<Part, String> {
     part.fault(u32::MAX).map_or(Ok(part), Err)
 }
 
-/// A part as options name it, and as part of a file name.
+/// Formats a part as an option, and as a piece of a file name.
 pub(super) fn named(part: Part) -> [String; 2] {
     match part {
         Part::Share { number, of } => [format!("--part {number}/{of}"), format!("part{number}of{of}")],
@@ -166,7 +171,7 @@ pub(super) fn named(part: Part) -> [String; 2] {
     }
 }
 
-/// The command that goes on with a render.
+/// Formats the command that resumes a render.
 pub(super) fn again(a: &Arguments, target: &Target) -> String {
     let slices = if a.slices.is_empty() {
         String::new()
@@ -194,7 +199,7 @@ pub(super) fn again(a: &Arguments, target: &Target) -> String {
     )
 }
 
-/// A path as a shell reads it.
+/// Quotes a path for a shell.
 fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@".contains(c);

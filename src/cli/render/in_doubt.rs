@@ -1,12 +1,12 @@
-//! What a finished render says of its error bars.
+//! Reports unreliable error estimates of a finished render.
 
-use crate::cli::failure::Failure;
+use crate::failure::Failure;
 use std::path::Path;
 use sunstone::store::doubt;
 use sunstone::store::zarr::TensorStore;
 
-/// In which slice most of the lit pixels have error bars that cannot be trusted yet, and how many; nothing where that is a thousandth
-/// or less.
+/// Returns a note on the slice with the largest share of lit pixels whose error estimates are unreliable. The
+/// note is empty if that share is at most 0.1 %.
 pub(super) fn in_doubt(path: &Path) -> Result<String, Failure> {
     let store = TensorStore::open(path).map_err(Failure::failed)?;
     let mut most = (0.001, String::new());

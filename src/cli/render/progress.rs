@@ -1,4 +1,4 @@
-//! Progress of a render, and its end by Ctrl-C.
+//! Progress of a render, and its interruption with Ctrl-C.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -9,13 +9,13 @@ use sunstone::render::{Summary, Watch};
 
 pub(super) static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Shows progress: a bar on a terminal, a plain line every few seconds otherwise.
+/// Prints progress: a bar on a terminal, otherwise a line every few seconds.
 pub(super) struct Progress {
     bar: Option<ProgressBar>,
     last: Mutex<Instant>,
-    /// To be said once the render is under way: not to bury why it cannot be.
+    /// Warnings to print once the render has started, so that they do not precede an error that prevents it.
     warnings: Mutex<Vec<String>>,
-    /// What is being rendered, where that is one of several things.
+    /// Prefix of the progress line, such as the round.
     about: Mutex<String>,
 }
 
@@ -34,7 +34,7 @@ impl Progress {
         }
     }
 
-    /// Says what is rendered from now on.
+    /// Sets the prefix of the progress line.
     pub(super) fn about(&self, what: String) {
         *self.about.lock().unwrap_or_else(PoisonError::into_inner) = what;
     }

@@ -1,10 +1,10 @@
-//! `sunstone render --target-error`.
+//! The `sunstone render --target-error` option.
 
 use super::arguments::{Arguments, again};
 use super::in_doubt::in_doubt;
 use super::progress::Progress;
-use crate::cli::failure::Failure;
-use crate::cli::{figure, output};
+use crate::failure::Failure;
+use crate::{figure, output};
 use serde_json::Value;
 use std::sync::Mutex;
 use sunstone::render::{Summary, Target};
@@ -16,7 +16,7 @@ fn percent(share: f64) -> String {
     format!("{:.2} %", 100.0 * share)
 }
 
-/// What a line of progress begins with.
+/// Returns the prefix of the progress line.
 fn about(standing: &Standing, goal: &Goal) -> String {
     let round = standing.round + 1;
     standing.error.map_or_else(
@@ -100,7 +100,7 @@ pub(super) fn run(
     Ok(())
 }
 
-/// What was rendered.
+/// Formats the summary of a render.
 fn told(
     summary: &Summary,
     standing: &Standing,

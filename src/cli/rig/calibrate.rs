@@ -1,4 +1,4 @@
-//! `sunstone rig calibrate`.
+//! The `sunstone rig calibrate` command: calibrates the optics of a scheme.
 
 use super::super::failure::Failure;
 use super::super::places;
@@ -9,11 +9,12 @@ use sunstone::rig::calibrate::polarimetric::parameters::Parameter;
 use sunstone::rig::calibrate::polarimetric::samples::{Calibrated, calibrate};
 use sunstone::rig::session::image::Run;
 
-/// Find what polarizers, retarders, beamsplitter and mirrors truly are, from runs of known samples.
+/// Calibrate polarizers, retarders, beamsplitter and mirrors, from runs of known samples.
 ///
-/// Fits axis offsets, retardances, extinctions and the rest of a scheme's imperfections to all runs together, prints each with its
-/// standard deviation and what the samples cannot tell, and writes the scheme with them, with their covariance in `[polarimetric]`:
-/// what `sunstone reconstruct --scheme` and captures read. Other calibrations in the file stay.
+/// Fits axis offsets, retardances, extinctions and the other imperfections of a scheme to all runs together.
+/// Prints each with its standard deviation, and the combinations that the samples do not determine. Writes
+/// the calibrated scheme with its covariance as `[polarimetric]`, for `sunstone reconstruct --scheme` and
+/// captures. Other calibrations in the file are kept.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -25,10 +26,10 @@ pub struct Arguments {
     /// Runs made with --sample.
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Imperfections that may differ, by words of their names (axis, retardance, extinction, …). Without it, all.
+    /// Imperfections to fit, by words of their names (axis, retardance, extinction, …) [default: all].
     #[arg(long, value_delimiter = ',', value_name = "WORDS")]
     free: Vec<String>,
-    /// Calibration to put it into, beside what others put there.
+    /// Calibration file to write. Other calibrations in it are kept.
     #[arg(short, long, value_name = "CALIBRATION.toml")]
     output: PathBuf,
 }

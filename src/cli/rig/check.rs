@@ -1,4 +1,4 @@
-//! `sunstone rig check`.
+//! The `sunstone rig check` command: tests the instruments of a rig.
 
 use super::super::failure::Failure;
 use super::session::{BENCH, driver};
@@ -8,18 +8,19 @@ use sunstone::render::Unwatched;
 use sunstone::rig::conformance::{self, Report};
 use sunstone::rigs::prepared::Prepared;
 
-/// Talk to every instrument of a rig. Nothing moves without --move.
+/// Connect to every instrument of a rig. Nothing moves without --move.
 ///
-/// Prints what each says of itself. With --move, stages find their zero and turn, patterns are shown, the laser shines and photons
-/// are counted: the suite of checks that every driver passes. Exit code 1 if one does not answer, or breaks a promise.
+/// Prints the identification of each instrument. With --move, runs the conformance suite that every driver
+/// passes: stages home and rotate, patterns are displayed, the laser emits and photons are counted. Exits
+/// with 1 if an instrument does not respond or fails a check.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Plan, which says what the rig is for.
+    /// Plan that the rig must be able to execute.
     plan: PathBuf,
-    /// Rig, instead of the plan's.
+    /// Rig file [default: the plan's].
     #[arg(long, value_name = "RIG.toml")]
     rig: Option<PathBuf>,
-    /// Move, shine and count: try all that the instruments promise.
+    /// Run the complete conformance suite: move the stages, emit light and count photons.
     #[arg(long = "move")]
     moves: bool,
 }

@@ -1,4 +1,4 @@
-//! `sunstone rig flash`.
+//! The `sunstone rig flash` command: images for a projector's flash memory.
 
 use super::super::failure::Failure;
 use super::super::places;
@@ -9,19 +9,19 @@ use sunstone::rig::driver::dlpc350::flash;
 use sunstone::rig::driver::dlpc350::projector::SIZE;
 use sunstone::rigs::prepared::Prepared;
 
-/// Write the patterns of a plan as images for a DLPC350's flash.
+/// Write the patterns of a plan as images for a DLPC350's flash memory.
 ///
-/// Such a projector (LightCrafter 4500) shows what was written into its flash with its firmware, by TI's own program, 24 patterns
-/// an image. Name the images in the rig file: `[projector] driver = "dlpc350"`, `flash = ["flash/flash_00.png", …]`. No instrument
-/// is talked to.
+/// Such a projector (LightCrafter 4500) shows images that TI's program writes into its flash memory together
+/// with the firmware, 24 patterns per image. List the images in the rig file: `[projector] driver =
+/// "dlpc350"`, `flash = ["flash/flash_00.png", …]`. The command does not connect to any instrument.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Plan.
     plan: PathBuf,
-    /// Rig, instead of the plan's.
+    /// Rig file [default: the plan's].
     #[arg(long, value_name = "RIG.toml")]
     rig: Option<PathBuf>,
-    /// Folder of the images, which is made.
+    /// Folder to create for the images.
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! What one sees of a run while it runs: rate, remaining time, the last frame's histogram.
+//! Live display of a run: rate, remaining time, the last frame's histogram.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use sunstone::render::{Summary, Watch};
 use sunstone::rig::session::run::Progress;
 
-/// The view of a run.
+/// The live display.
 pub struct Live {
     bar: Option<ProgressBar>,
     begun: Instant,
@@ -17,7 +17,7 @@ pub struct Live {
 
 /// Columns of the histogram.
 const COLUMNS: usize = 16;
-/// How often it is drawn.
+/// Interval between updates of the display.
 const EACH: Duration = Duration::from_millis(100);
 
 impl Live {
@@ -48,7 +48,7 @@ impl Live {
         self.last = Instant::now();
         let taken = f64::from(p.done - first);
         let rate = taken / self.begun.elapsed().as_secs_f64().max(1e-9);
-        // What is left takes as long a frame as what was.
+        // The remaining frames are assumed to take the mean time of the previous ones.
         let left = p.elapsed.as_secs_f64() / taken * f64::from(p.frames - p.done);
         let text = format!(
             "{rate:.1} frames/s, {} left on the rig, {} tries again  {}",
@@ -73,7 +73,7 @@ impl Live {
     }
 }
 
-/// A frame's numbers, dark to bright, in blocks; of each the height is the logarithm of how many there are.
+/// Draws the histogram of a frame's counts, dark to bright, as blocks whose height is logarithmic.
 fn histogram(numbers: &[u32]) -> String {
     let most = numbers.iter().copied().max().unwrap_or(0).max(1);
     let mut counts = [0_u32; COLUMNS];
@@ -89,7 +89,7 @@ fn histogram(numbers: &[u32]) -> String {
     format!("{} to {most}", counts.iter().map(block).collect::<String>())
 }
 
-/// The render of a bench's tensor.
+/// Watches the render of a simulated bench's tensor.
 pub struct Rendering<'a>(pub &'a AtomicBool);
 
 impl Watch for Rendering<'_> {

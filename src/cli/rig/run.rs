@@ -1,4 +1,4 @@
-//! `sunstone rig run`.
+//! The `sunstone rig run` command: executes plans.
 
 use super::super::failure::Failure;
 use super::super::places;
@@ -12,10 +12,11 @@ use sunstone::rig::session::run::{self, RunError};
 use sunstone::rig::session::run_store;
 use sunstone::rigs::prepared::{Existing, Prepared};
 
-/// Execute a plan: every frame is on disk and noted before it counts.
+/// Execute a plan. Each frame is saved and recorded in the journal before it counts as captured.
 ///
-/// Writes a store of raw frames, which `sunstone reconstruct` makes Mueller matrices of. What a plan costs is shown before it
-/// begins; --dry-run stops there. Ctrl-C ends after the frame in flight; --resume goes on from there, or from a crash.
+/// Writes a store of raw frames, from which `sunstone reconstruct` computes Mueller matrices. Prints the cost
+/// of the plan first; --dry-run stops there. Ctrl-C stops after the current frame; --resume continues after
+/// an interruption or a crash.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -27,23 +28,23 @@ Examples:
 pub struct Arguments {
     /// Plan (TOML).
     plan: PathBuf,
-    /// Rig, instead of the plan's.
+    /// Rig file [default: the plan's].
     #[arg(long, value_name = "RIG.toml")]
     rig: Option<PathBuf>,
     /// Store to write.
     #[arg(short, long, value_name = "STORE", required_unless_present = "dry_run")]
     output: Option<PathBuf>,
-    /// Capture a known sample instead of the scene, to calibrate with: air, mirror or polarizer (at 0°). A simulated bench
-    /// puts it there; in a laboratory you do.
+    /// Capture a known sample instead of the scene, for calibration: air, mirror or polarizer (at 0°). A
+    /// simulated bench inserts the sample; in a laboratory you insert it.
     #[arg(long, value_name = "SAMPLE", value_parser = ["air", "mirror", "polarizer"])]
     sample: Option<String>,
-    /// Show what it costs and stop.
+    /// Print the cost of the plan and stop.
     #[arg(long)]
     dry_run: bool,
-    /// Go on with a run that did not come to its end.
+    /// Resume an unfinished run.
     #[arg(long, conflicts_with = "force")]
     resume: bool,
-    /// Replace what is there.
+    /// Replace an existing store.
     #[arg(long)]
     force: bool,
 }

@@ -1,4 +1,4 @@
-//! A plan and its rig, on their way to instruments.
+//! Helpers of the rig commands: errors, summaries and stand-in instruments.
 
 use super::super::failure::Failure;
 use sunstone::polarimetry::capture::scheme::Scheme;
@@ -8,7 +8,7 @@ use sunstone::rig::session::rig_file::{BenchPlan, Driver, Scene};
 use sunstone::rig::session::steps::Steps;
 use sunstone::rigs::prepared::{PrepareError, Prepared};
 
-/// Where benches keep the tensors of the scenes that they play.
+/// Folder in which simulated benches keep the tensors of their scenes.
 pub(super) const BENCH: &str = "out/bench";
 
 impl From<PrepareError> for Failure {
@@ -22,7 +22,7 @@ impl From<PrepareError> for Failure {
     }
 }
 
-/// The rig with simulated instruments of the same limits in the place of its own: to plan, not to take anything.
+/// Returns the rig with simulated instruments that have the same limits, for planning only.
 pub(super) fn stand_in(session: &Prepared) -> Result<Rig, Failure> {
     let mut rig = session.rig.clone();
     rig.stages.values_mut().for_each(|s| s.driver = Driver::Simulated);
@@ -49,7 +49,7 @@ pub(super) fn stand_in(session: &Prepared) -> Result<Rig, Failure> {
     assemble::assemble(&rig, Some(&world)).map_err(Failure::failed)
 }
 
-/// What stands in front of a run.
+/// Formats the summary that is printed before a run.
 pub(super) fn summary(scheme: &Scheme, steps: &Steps, rig: &Rig) -> String {
     let cost = steps.cost(rig);
     let mut text = format!(
@@ -73,7 +73,7 @@ pub(super) fn summary(scheme: &Scheme, steps: &Steps, rig: &Rig) -> String {
     text
 }
 
-/// Seconds as people read them.
+/// Formats a duration in seconds.
 pub(super) fn time(seconds: f64) -> String {
     let s = seconds.round() as u64;
     if s >= 3600 {
@@ -85,7 +85,7 @@ pub(super) fn time(seconds: f64) -> String {
     }
 }
 
-/// What drives an instrument, in words.
+/// Returns the name of a driver.
 pub(super) fn driver(d: &Driver) -> &'static str {
     match d {
         Driver::Simulated => "simulated",

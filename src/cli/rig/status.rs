@@ -1,4 +1,4 @@
-//! `sunstone rig status`.
+//! The `sunstone rig status` command: the state of a run.
 
 use super::super::failure::Failure;
 use super::session::time;
@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use sunstone::rig::session::journal::{self, Event};
 use sunstone::store::zarr::frames::is_frames;
 
-/// Tell how far a run is, and what happened in it, from its journal.
+/// Print the progress and the events of a run from its journal.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Store of a run, finished or not.
     store: PathBuf,
-    /// Events that are shown, the last ones.
+    /// Number of events to print, the most recent ones.
     #[arg(long, default_value_t = 12)]
     events: usize,
 }

@@ -1,9 +1,9 @@
-//! What a trial says: a table to read, the same for other programs, and a chart.
+//! Output of a trial: a text table, the same table as CSV, and a chart.
 
 use sunstone::figure::chart::{Chart, ChartAxis, Series, add_point};
 use sunstone::polarimetry::trial::SchemeResult;
 
-/// Four figures, as 1.234e-3 where decimals would not show them.
+/// Formats a number with four decimals, or as 1.234e-3 if these would not show its digits.
 pub fn short(v: f64) -> String {
     match v {
         v if !v.is_finite() => "-".to_owned(),
@@ -12,7 +12,7 @@ pub fn short(v: f64) -> String {
     }
 }
 
-/// The table for people.
+/// Formats the text table.
 pub fn table(rows: &[SchemeResult]) -> String {
     let mut out = format!(
         "{:<20}  {:>8}  {:>4}  {:>9}  {:<13}  {:>10}  {:>10}  {:>10}  {:>10}  {:>7}\n",
@@ -45,7 +45,7 @@ pub fn table(rows: &[SchemeResult]) -> String {
     out
 }
 
-/// The table for other programs; what is not known is empty.
+/// Formats the table as CSV; unknown values are empty.
 pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(vec![]);
     writer.write_record([
@@ -86,7 +86,7 @@ pub fn csv(rows: &[SchemeResult]) -> Result<Vec<u8>, csv::Error> {
         .map_err(|e| csv::Error::from(std::io::Error::other(e.to_string())))
 }
 
-/// Errors against captures; the kind of a scheme is its name up to the last space.
+/// Draws errors against captures; the kind of a scheme is its name up to the last space.
 pub fn curve(rows: &[SchemeResult]) -> Chart {
     let mut series: Vec<Series> = vec![];
     let mut order: Vec<&SchemeResult> = rows.iter().collect();

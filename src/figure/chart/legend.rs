@@ -1,4 +1,4 @@
-//! Legend of a chart: in the corner of the plot that covers the least, or right of the plot.
+//! Legend of a chart: in the plot corner that covers the least data, or to the right of the plot.
 
 use image::Rgb;
 
@@ -8,26 +8,26 @@ use crate::drawing::{Drawing, Pen, Point, Rect};
 use crate::marker::Marker;
 use crate::text::{Align, TICK, fit, width};
 
-/// Height of an entry, width of its sample, and the room around and between them.
+/// Height of an entry, width of its sample, and space around and between them.
 const LINE: f64 = 24.0;
 const SAMPLE: f64 = 38.0;
 const SPACE: f64 = 8.0;
 /// Distance from the frame.
 const OFF: f64 = 12.0;
-/// Longest name in pixels.
+/// Maximum width of a name in pixels.
 const NAME: f64 = 320.0;
-/// More entries than this go to the right of the plot.
+/// Maximum number of entries inside the plot.
 const MOST_INSIDE: usize = 9;
-/// A legend inside the plot covers lines and markers on less than this share of its pixels.
+/// A legend inside the plot covers lines and markers on less than this fraction of its pixels.
 const COVERED: f64 = 0.02;
-/// Distance of the places along a line that are looked at, and the most of one segment; how many pixels such a piece
-/// of line covers, and how many a marker.
+/// Sampling distance along a line, maximum number of samples per segment, and the number of pixels that a
+/// sample of a line and a marker cover.
 const STEP: f64 = 4.0;
 const MOST_STEPS: f64 = 20_000.0;
 const PIECE: f64 = STEP * NIB.line;
 const MARKER: f64 = 4.0 * (NIB.radius + 1.0) * (NIB.radius + 1.0);
 
-/// Draws the legend of all series with a name, on a wider page if it goes to the right.
+/// Draws the legend of all named series; to the right of the plot it widens the page.
 pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn Fn(usize) -> Rgb<u8>) {
     let named = series.iter().filter(|s| !s.name.trim().is_empty());
     let entries: Vec<_> = named.map(|s| (s, fit(s.name.trim(), TICK, NAME))).collect();
@@ -59,7 +59,7 @@ pub fn draw(page: &mut Drawing, series: &[Series], scales: Scales, palette: &dyn
     }
 }
 
-/// Places on the lines and markers of series, each with the pixels that it covers.
+/// Returns sample points on the lines and markers of series, each with the number of covered pixels.
 fn busy(series: &[Series], scales: Scales) -> Vec<(Point, f64)> {
     let mut places = Vec::new();
     for s in series {
@@ -88,7 +88,8 @@ fn busy(series: &[Series], scales: Scales) -> Vec<(Point, f64)> {
     places
 }
 
-/// The corner with the fewest covered pixels, upper right if there is a choice; `None` if all hold too many.
+/// Returns the corner with the fewest covered pixels, preferably upper right; `None` if every corner covers
+/// too many.
 fn corner(plot: Rect, (w, h): (f64, f64), busy: &[(Point, f64)]) -> Option<Rect> {
     if w + 2.0 * OFF > plot.w / 2.0 || h + 2.0 * OFF > plot.h {
         return None;
@@ -103,7 +104,7 @@ fn corner(plot: Rect, (w, h): (f64, f64), busy: &[(Point, f64)]) -> Option<Rect>
         .map(|c| c.0)
 }
 
-/// A piece of a series, from its left end, so long.
+/// Draws a legend sample of a series from its left end with the given length.
 pub(crate) fn sample(
     page: &mut Drawing,
     ((x, y), length): (Point, f64),

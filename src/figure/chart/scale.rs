@@ -1,27 +1,27 @@
-//! Scale of a chart's axis: its range, places of values along it and its ticks.
+//! Scale of a chart's axis: its range, positions of values along it, and its ticks.
 
 use super::series::ChartAxis;
 use crate::drawing::{Point, Rect};
 use crate::error::FigureError;
 use crate::ticks::{Ticks, brief};
 
-/// Automatic ranges go no further than this, so that differences stay finite.
+/// Limit of automatic ranges, so that differences stay finite.
 const LARGEST: f64 = 1e300;
-/// Room beyond the outermost values, of their span.
+/// Margin beyond the outermost values, as a fraction of their range.
 const MARGIN: f64 = 0.04;
-/// Ranges narrower than this share of their values have no labels that differ.
+/// Labels of ranges narrower than this fraction of their values would be equal.
 const NARROWEST: f64 = 1e-9;
 
-/// From values to places 0..1 along an axis.
+/// Maps values to positions 0..1 along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     log: bool,
-    /// Ends of the axis, as powers of ten where it is logarithmic.
+    /// Ends of the axis; as powers of ten if it is logarithmic.
     low: f64,
     high: f64,
 }
 
-/// From data to pixels of the page.
+/// Maps data to pixels of the page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Scales {
     pub(crate) x: Scale,
@@ -30,7 +30,7 @@ pub(crate) struct Scales {
 }
 
 impl Scales {
-    /// Pixel of a point; it may lie far outside the plot.
+    /// Returns the pixel of a point, which may be far outside the plot.
     pub(crate) fn point(&self, (x, y): (f64, f64)) -> Option<Point> {
         let (x, y) = (self.x.place(x)?, self.y.place(y)?);
         let r = self.plot;
@@ -38,21 +38,21 @@ impl Scales {
     }
 }
 
-/// Labelled ticks, and places of those without label.
+/// Labelled and unlabelled ticks.
 #[derive(Clone, Debug, Default)]
 pub struct Marks {
-    /// Labelled ticks.
     pub major: Ticks,
-    /// Places of the others.
+    /// Positions of unlabelled ticks.
     pub minor: Vec<f64>,
 }
 
 impl Scale {
-    /// The scale of an axis with a given range, or else one that holds all values that the axis can show.
+    /// Returns the scale of an axis with its given range, or by default with a range that contains all values
+    /// that the axis can show.
     ///
     /// # Errors
-    /// [`FigureError::Option`] under the name `option` if the given range is not finite, empty, narrower than a
-    /// billionth of its values or, on a logarithmic axis, not above zero.
+    /// [`FigureError::Option`] with the name `option` if the given range is not finite, empty, narrower than
+    /// a billionth of its values or, on a logarithmic axis, not positive.
     pub fn new(
         axis: &ChartAxis,
         option: &'static str,
@@ -85,7 +85,7 @@ impl Scale {
         } else {
             (NARROWEST * largest).max(1e-290)
         };
-        // One value alone is drawn in the middle of an axis that still has ticks.
+        // A single value is drawn in the middle of an axis that still has ticks.
         let pad = if b - a > least {
             MARGIN * (b - a)
         } else if log {
@@ -102,16 +102,17 @@ impl Scale {
         })
     }
 
-    /// Place of a value from the low end; `None` if it is not finite or, on a logarithmic axis, not above zero.
+    /// Returns the position of a value from the low end; `None` if it is not finite or, on a logarithmic
+    /// axis, not positive.
     #[must_use]
     pub fn place(&self, value: f64) -> Option<f64> {
         let v = if self.log { value.log10() } else { value };
-        // Far outside is as good as outside, and keeps later differences finite.
+        // Clamps distant values, so that later differences stay finite.
         let place = ((v - self.low) / (self.high - self.low)).clamp(-1e3, 1e3);
         v.is_finite().then_some(place)
     }
 
-    /// Ticks at values with names, of which there is one at least.
+    /// Returns ticks at named values; `None` if there are no names.
     #[must_use]
     pub fn named(&self, names: &[(f64, String)]) -> Option<Marks> {
         let mark = |(v, name): &(f64, String)| {
@@ -123,7 +124,7 @@ impl Scale {
         (!names.is_empty()).then_some(Marks { major, minor: vec![] })
     }
 
-    /// Ticks with about `most` labels at most.
+    /// Returns ticks with about `most` labels at most.
     #[must_use]
     pub fn marks(&self, most: usize) -> Marks {
         let mut marks = if !self.log {
@@ -142,7 +143,7 @@ impl Scale {
         marks
     }
 
-    /// As [`Scale::marks`], with as many labels as stand side by side on `length` pixels.
+    /// As [`Scale::marks`], with as many labels as fit side by side into `length` pixels.
     #[must_use]
     pub fn marks_across(&self, length: f64) -> Marks {
         let mut most = 10;
@@ -152,7 +153,7 @@ impl Scale {
         self.marks(most)
     }
 
-    /// Multiples `m` of the powers of ten on the axis with their places.
+    /// Returns `m` times the powers of ten around the axis, with their positions.
     fn multiples(&self, m: f64) -> impl Iterator<Item = (f64, f64)> {
         let (low, span) = (self.low, self.high - self.low);
         (self.low.floor() as i32..=self.high.ceil() as i32).map(move |e| {
@@ -181,7 +182,7 @@ impl Scale {
         }
     }
 
-    /// Labels at 1, 2 and 5 times powers of ten, or at round steps where few of those lie on the axis.
+    /// Labels at 1, 2 and 5 times powers of ten, or at round steps if few of those are on the axis.
     fn within_decades(&self, most: usize) -> Marks {
         let on = |t: &(f64, f64)| (0.0..=1.0).contains(&t.1);
         let mut round: Vec<(f64, f64)> = [1.0, 2.0, 5.0]
@@ -208,7 +209,7 @@ impl Scale {
     }
 }
 
-/// A label with the power of ten that was taken out of its ticks, before the unit in brackets at its end if it has one.
+/// Returns a label with the power of ten of its ticks, inserted before a bracketed unit at the end.
 #[must_use]
 pub fn label(text: &str, ticks: &Ticks) -> String {
     let text = text.trim();

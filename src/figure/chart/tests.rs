@@ -1,5 +1,5 @@
-//! What is drawn where, from series whose points are known, and from series that hold nothing worth drawing.
-//! `FIGURE_GALLERY` names a folder for pictures to look at.
+//! Tests drawn positions with known series, and degenerate series. Set `FIGURE_GALLERY` to a folder to write
+//! the figures there.
 
 use image::RgbImage;
 use proptest::prelude::*;
@@ -41,7 +41,7 @@ fn seen(chart: &Chart) -> (RgbImage, Scales) {
     (drawing.pixels().unwrap(), scales)
 }
 
-/// Colours of the pixels at points of the data.
+/// Returns the colours of the pixels at data points.
 fn colours(chart: &Chart, points: &[(f64, f64)]) -> Vec<Rgb<u8>> {
     let (img, scales) = seen(chart);
     let pixel = |&p| {
@@ -149,7 +149,7 @@ fn dashes_are_black_and_have_holes() {
     assert!((450..750).contains(&dark) && white > 150, "{dark} {white}");
 }
 
-/// The legend avoids the data, and leaves the plot where there is no free corner or too much to name.
+/// The legend avoids the data. It moves out of the plot if there is no free corner or too many names.
 #[test]
 fn legends_keep_clear_of_the_data() {
     let across: Vec<(f64, f64)> = (0..40).map(|i| (f64::from(i) / 4.0, 9.5)).collect();
@@ -194,7 +194,8 @@ fn what_cannot_be_drawn_is_refused() {
     assert!(message(&chart).contains("above zero"));
 }
 
-/// A chart of every style on either kind of axis comes out at a useful size, the same again, with its words.
+/// Charts of every style on both kinds of axis have a useful size and contain their text, and drawing is
+/// deterministic.
 #[test]
 fn charts_come_out_at_a_useful_size_and_the_same_again() {
     let styles = [

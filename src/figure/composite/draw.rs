@@ -1,4 +1,4 @@
-//! A composite as a drawing, from its layout alone.
+//! Draws a composite from its layout.
 
 use super::layout::{CAPTION, HEADING, Layout, MARK, NAME, Placed, SAMPLE, SPACE, TICK, layout, ticks};
 use super::parts::{Composite, Ink, Part};
@@ -14,7 +14,7 @@ use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use std::borrow::Cow;
 
-/// Pixels per inch of a figure; twice as many if an image has more pixels than it has room.
+/// Pixels per inch of a figure; doubled if an image has more pixels than its rectangle.
 const PER_INCH: f64 = 300.0;
 const MM_PER_INCH: f64 = 25.4;
 /// Width of thin lines, millimetres.
@@ -22,12 +22,12 @@ const THIN: f64 = 0.25;
 /// Width of curves, and radius of their markers, millimetres.
 const CURVE: f64 = 0.35;
 const DOT: f64 = 0.7;
-/// Of arrows: their shaft, and length and half width of their heads, millimetres.
+/// Arrows: width of the shaft, and length and half width of the head, millimetres.
 const SHAFT: f64 = 0.5;
 const HEAD: (f64, f64) = (1.9, 0.8);
-/// White around arrows.
+/// Width of the rim around arrows, millimetres.
 const RIM: f64 = 0.25;
-/// Opacity of what lies under texts in pictures.
+/// Opacity of the ground under text in images.
 const GROUND: f64 = 0.75;
 const WHITE: Rgb<u8> = Rgb([255; 3]);
 
@@ -59,7 +59,7 @@ pub fn draw(figure: &Composite) -> Result<Drawing, FigureError> {
     Ok(pen.page)
 }
 
-/// Pixels per inch at which no image of a camera has more pixels than its place, or twice [`PER_INCH`].
+/// Returns [`PER_INCH`], or twice that if a camera image has more pixels than its rectangle.
 fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     let crowded = places.panels.iter().any(|placed| {
         let part = figure.parts[placed.part].as_ref();
@@ -75,7 +75,7 @@ fn per_inch(figure: &Composite, places: &Layout) -> f64 {
     if crowded { 2.0 * PER_INCH } else { PER_INCH }
 }
 
-/// An image with no more pixels than its place: colours of those that share one are averaged. Only maps have so many.
+/// Returns an image with at most as many pixels as its rectangle, averaging colours. Only maps exceed this.
 fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
     let [w, h] = [place.w, place.h].map(|v| v as u32);
     if image.width() <= w && image.height() <= h {
@@ -85,7 +85,7 @@ fn shrunk(image: &RgbImage, place: Rect) -> Cow<'_, RgbImage> {
     Cow::Owned(imageops::resize(image, w, h, FilterType::Triangle))
 }
 
-/// Draws lengths in millimetres.
+/// Draws with lengths in millimetres.
 struct Scribe {
     page: Drawing,
     scale: f64,
@@ -103,7 +103,7 @@ impl Scribe {
         (x * self.scale, y * self.scale)
     }
 
-    /// A rectangle whose edges lie between pixels, as those of images do.
+    /// Returns the rectangle with edges between pixels, as for images.
     fn snapped(&self, r: Rect) -> Rect {
         let snap = |v: f64| (v * self.scale).round();
         let (x, y) = (snap(r.x), snap(r.y));
@@ -179,7 +179,7 @@ impl Scribe {
         }
     }
 
-    /// A text on a pale ground in the upper left corner.
+    /// Draws a text on a light ground in the upper left corner.
     fn tag(&mut self, text: &str, r: Rect) {
         if text.is_empty() {
             return;
@@ -227,7 +227,7 @@ impl Scribe {
         self.beside(&up, (r.x, -1.0), r, &names[1]);
     }
 
-    /// Ticks and a name beside a rectangle: at its left (`way` -1) or right (1) edge at x.
+    /// Draws ticks and a name beside a rectangle, at its left (`way` -1) or right (1) edge x.
     fn beside(&mut self, ticks: &Ticks, (x, way): (f64, f64), r: Rect, name: &str) {
         let align = if way < 0.0 { Align::End } else { Align::Start };
         let mut widest = 0.0_f64;
@@ -266,7 +266,7 @@ impl Scribe {
         chart::markers(&mut self.page, &lines.series, scales, &palette, nib);
     }
 
-    /// What series are drawn with.
+    /// Returns line widths and marker size of series.
     fn nib(&self) -> Nib {
         Nib {
             line: CURVE * self.scale,
@@ -290,7 +290,7 @@ impl Scribe {
         }
     }
 
-    /// A shaft and a head whose tip is where it points, in a rim of the other brightness.
+    /// Draws a shaft and a head whose tip is at `to`, with a rim of contrasting brightness.
     fn arrow(&mut self, from: Point, to: Point, ink: Ink) {
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
         let length = dx.hypot(dy);
@@ -315,7 +315,7 @@ impl Scribe {
         self.page.area(corners.into_iter(), Rgb(ink.0), 1.0);
     }
 
-    /// A white line under its length, on a dark ground.
+    /// Draws a white line under its label, on a dark ground.
     fn scale_bar(&mut self, label: &str, r: Rect) {
         let wide = width(label, self.style(TICK)) / self.scale;
         let ground = Rect {

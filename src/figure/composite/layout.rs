@@ -1,8 +1,9 @@
-//! Where everything of a composite lies, in millimetres from its upper left corner.
+//! The layout of a composite, in millimetres from its upper left corner.
 //!
-//! All pictures have one width p, a picture that spans k columns also what is between them:
-//! p = (W - 2 edge - row headings - Σ room beside the columns - (n - 1) gap) / n. Room beside a column is what the widest axis at its
-//! left and the widest colour bar at its right need; the room above and below a row likewise.
+//! All images have the same width p; an image that spans k columns also covers the space between them: p = (W
+//! - 2 edge - row headings - Σ space beside the columns - (n - 1) gap) / n. The space beside a column fits
+//! the widest axis at its left and the widest colour bar at its right. The space above and below a row is
+//! computed in the same way.
 
 use super::parts::{Composite, Inset, Part, letter};
 use crate::drawing::{Point, Rect};
@@ -11,100 +12,94 @@ use crate::text::{INK, Style, width, wrap};
 use crate::ticks::Ticks;
 use crate::tile::{Lines, Scaled, Tile};
 
-/// Millimetres in a point.
+/// Millimetres per point.
 const POINT: f64 = 25.4 / 72.0;
-/// Free edge around all.
+/// Margin of the figure.
 pub const EDGE: f64 = 1.2;
 /// Between columns.
 pub const GAP: f64 = 2.4;
-/// Between rows.
 pub const ROW_GAP: f64 = 2.2;
 /// Between images of one panel.
 pub const CELL_GAP: f64 = 0.4;
-/// Em of captions and headings.
+/// Em of captions.
 pub const CAPTION: f64 = 7.0 * POINT;
 /// Em of headings.
 pub const HEADING: f64 = 7.5 * POINT;
-/// Em of ticks and of what stands in pictures.
+/// Em of ticks and of text in images.
 pub const TICK: f64 = 6.0 * POINT;
-/// Em of the names of axes.
+/// Em of axis names.
 pub const NAME: f64 = 6.5 * POINT;
 /// Length of a tick.
 pub const MARK: f64 = 0.7;
-/// From one thing to the next.
+/// Space between adjacent items.
 pub const SPACE: f64 = 0.6;
 /// Width of a colour bar.
 pub const BAR: f64 = 1.6;
-/// Lines of a text are so many em apart.
+/// Line spacing of text, in em.
 pub const LINE: f64 = 1.28;
-/// Length of an axis that its ticks are measured on before it is known, millimetres.
+/// Assumed length of an axis for measuring its ticks before the length is known, millimetres.
 const NOMINAL: f64 = 30.0;
-/// Length of the piece of a series in a legend, and the room between entries.
+/// Length of a series' sample in a legend, and space between entries.
 pub const SAMPLE: f64 = 5.0;
 const APART: f64 = 2.6;
-/// A colour bar is never higher.
+/// Maximum height of a colour bar.
 const HIGHEST_BAR: f64 = 60.0;
 
-/// Room under a picture for an axis.
+/// Space under an image for an axis.
 const UNDER: f64 = MARK + SPACE + TICK + SPACE + NAME;
 
-/// A panel in its place.
+/// A panel with its rectangles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
-    /// Number among the parts.
     pub part: usize,
-    /// The picture or the plot.
+    /// Rectangle of the image or the plot.
     pub picture: Rect,
-    /// Each image of it.
+    /// Rectangle of each image.
     pub cells: Vec<Rect>,
-    /// The colour bar.
     pub bar: Option<Rect>,
-    /// The legend of a chart: numbers of series with the left end of their sample, at the height of their capitals' middle.
+    /// The legend of a chart: indices of series, with the left end of their sample at the middle of the
+    /// capitals.
     pub legend: Vec<(usize, Point)>,
-    /// Lines under it: where their capitals' middle begins.
+    /// Caption lines, with the left end at the middle of their capitals.
     pub caption: Vec<(String, Point)>,
-    /// Each inset: what it shows and where it is.
+    /// Each inset: its crop and its rectangle.
     pub insets: Vec<(Rect, Rect)>,
-    /// Each arrow: where it begins and where it points.
+    /// Each arrow: its start and its tip.
     pub arrows: Vec<(Point, Point)>,
-    /// The scale bar.
     pub scale_bar: Option<Rect>,
 }
 
-/// A figure with its places.
+/// A figure's layout.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layout {
-    /// Width.
     pub width: f64,
-    /// Height.
     pub height: f64,
-    /// Panels.
     pub panels: Vec<Placed>,
-    /// Headings of columns with the middle of their capitals.
+    /// Column headings, with the middle of their capitals.
     pub columns: Vec<(String, Point)>,
-    /// Headings of rows, written upward.
+    /// Row headings, which read upward.
     pub rows: Vec<(String, Point)>,
 }
 
-/// A style whose em is in millimetres.
+/// Returns a style whose em is in millimetres.
 #[must_use]
 pub(super) fn style(em: f64) -> Style {
     Style { em, colour: INK }
 }
 
-/// Ticks of pixels or bins along an axis of so many millimetres.
+/// Returns ticks of pixels or bins along an axis of this length in millimetres.
 pub(super) fn ticks(axis: &Scaled, length: f64, across: bool) -> Ticks {
-    // Ticks are spaced by letters of 15 pixels.
+    // `Ticks` assumes text of 15 pixels.
     Ticks::coordinates(&axis.coords, length * 15.0 / TICK, across)
 }
 
-/// Room of ticks that stand in a column.
+/// Returns the width of a column of ticks.
 fn beside(ticks: &Ticks) -> f64 {
     let widest = ticks.marks.iter().map(|m| width(&m.1, style(TICK)));
     widest.reduce(f64::max).map_or(0.0, |w| MARK + SPACE + w)
 }
 
-/// Room left of the picture.
+/// Returns the space left of the image.
 fn left(tile: &Tile) -> f64 {
     let ticks = match (&tile.axes, &tile.chart) {
         (Some([_, y]), _) => ticks(y, NOMINAL, false),
@@ -114,7 +109,7 @@ fn left(tile: &Tile) -> f64 {
     NAME + SPACE + beside(&ticks)
 }
 
-/// Room right of the picture.
+/// Returns the space right of the image.
 fn right(tile: &Tile) -> f64 {
     tile.bar.as_ref().map_or(0.0, |bar| {
         let name = if bar.label.is_empty() { 0.0 } else { NAME + SPACE };
@@ -122,7 +117,7 @@ fn right(tile: &Tile) -> f64 {
     })
 }
 
-/// Room under a picture of this width, for its axis and the legend.
+/// Returns the space under an image of this width, for its axis and the legend.
 fn below(tile: &Tile, w: f64) -> f64 {
     let legend = tile.chart.as_ref().map_or(0.0, |lines| {
         let last = legend(lines, w).pop();
@@ -135,7 +130,8 @@ fn below(tile: &Tile, w: f64) -> f64 {
     }
 }
 
-/// Entries of a legend from left to right in rows that are no wider than the picture, from the upper left of the room for it.
+/// Returns the entries of a legend in rows no wider than the image, relative to the upper left corner of the
+/// legend.
 fn legend(lines: &Lines, w: f64) -> Vec<(usize, Point)> {
     let (mut out, mut x, mut row) = (vec![], 0.0, 0.0);
     let named = lines.series.iter().enumerate();
@@ -150,7 +146,7 @@ fn legend(lines: &Lines, w: f64) -> Vec<(usize, Point)> {
     out
 }
 
-/// Height of a tile of this width, and that of each of its images with their width.
+/// Returns the height of a tile of this width, and the width and height of each of its images.
 fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
     let Some((image, _)) = tile.cells.first() else {
         return (w * tile.aspect.unwrap_or(1.0), (0.0, 0.0));
@@ -159,13 +155,13 @@ fn heights(tile: &Tile, w: f64) -> (f64, (f64, f64)) {
     let cell = (w - (columns - 1) as f64 * CELL_GAP) / columns as f64;
     let high = match tile.aspect {
         Some(aspect) => cell * aspect,
-        // A strip of few pixels can still be seen.
+        // A strip of few pixels stays visible.
         None => (cell * f64::from(image.height()) / f64::from(image.width())).max(1.0),
     };
     (rows as f64 * high + (rows - 1) as f64 * CELL_GAP, (cell, high))
 }
 
-/// Rows of the grid: the number of each part with its column; places left free are passed over.
+/// Returns the rows of the grid: each part's index with its column; empty places are skipped.
 fn rows(figure: &Composite) -> Vec<Vec<(usize, usize)>> {
     let (mut rows, mut column) = (vec![vec![]], 0);
     for (i, part) in figure.parts.iter().enumerate() {
@@ -184,10 +180,10 @@ fn rows(figure: &Composite) -> Vec<Vec<(usize, usize)>> {
     rows
 }
 
-/// Lays a figure out.
+/// Computes the layout of a figure.
 ///
 /// # Errors
-/// [`FigureError::Option`] if there is no panel, a number is out of range, or nothing is left for pictures.
+/// [`FigureError::Option`] if there is no panel, a number is out of range, or no space remains for images.
 pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
     figure.check()?;
     let n = figure.columns;
@@ -213,7 +209,7 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
         let must = "so few that pictures are at least 4 millimetres wide";
         return Err(FigureError::option("columns", n, must));
     }
-    // Left edge of each column's picture.
+    // Left edge of each column's image.
     let mut xs = vec![];
     let mut x = EDGE + head;
     for column in 0..n {
@@ -276,7 +272,7 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
     Ok(out)
 }
 
-/// A part whose picture begins at a point.
+/// Returns the layout of a part whose image begins at a point.
 fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
     let tile = &part.tile;
     let (h, (cell, high)) = heights(tile, w);
@@ -311,7 +307,7 @@ fn place(part: &Part, number: usize, (x, y): Point, w: f64) -> Placed {
     }
 }
 
-/// What an inset shows, to whole pixels, and where it is.
+/// Returns the crop of an inset, rounded to whole pixels, and its rectangle.
 fn inset(inset: &Inset, tile: &Tile, picture: Rect) -> (Rect, Rect) {
     let size = tile.size().unwrap_or([1, 1]);
     let [px, py] = [picture.w / f64::from(size[0]), picture.h / f64::from(size[1])];

@@ -1,100 +1,83 @@
-//! What a composite is made of.
+//! The parts of a composite.
 
 use crate::error::FigureError;
 use crate::tile::Tile;
 
-/// A column of a journal page and both, millimetres (ACM, IEEE).
+/// Width of one and of two columns of a journal page, millimetres (ACM, IEEE).
 pub const COLUMN_MM: [f64; 2] = [84.0, 178.0];
-/// The narrowest and the widest figure, millimetres.
+/// Minimum and maximum width of a figure, millimetres.
 pub const WIDTHS_MM: [f64; 2] = [30.0, 400.0];
-/// Columns of a grid, at most.
 pub const MOST_COLUMNS: usize = 16;
-/// Panels of a figure, at most: letters (a) to (z), then (aa).
+/// Maximum number of panels: letters (a) to (z), then (aa).
 pub const MOST_PANELS: usize = 200;
 
-/// A figure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Composite {
     /// Title of the document, which is not drawn.
     pub title: String,
-    /// Width, millimetres.
     pub width_mm: f64,
-    /// Columns of the grid.
     pub columns: usize,
-    /// What stands above the columns.
     pub column_headings: Vec<String>,
-    /// What stands beside the rows, written upward.
+    /// Headings beside the rows, which read upward.
     pub row_headings: Vec<String>,
     /// Whether panels have letters.
     pub letters: bool,
-    /// Panels, row by row; `None` leaves a place of the grid free.
+    /// Panels, row by row; `None` leaves a place of the grid empty.
     pub parts: Vec<Option<Part>>,
 }
 
-/// A panel with what is drawn over and under it.
+/// A panel with its overlays and its caption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
-    /// Its content.
     pub tile: Tile,
-    /// Columns that it is wide.
+    /// Width in columns.
     pub span: usize,
-    /// Text under it.
     pub caption: String,
-    /// Magnified parts of it.
+    /// Magnified crops.
     pub insets: Vec<Inset>,
-    /// Arrows.
     pub arrows: Vec<Arrow>,
-    /// A length in the picture.
+    /// A reference length in the image.
     pub scale_bar: Option<ScaleBar>,
 }
 
-/// A part of a picture, shown larger in one of its corners.
+/// A crop of an image, magnified in one of its corners.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inset {
-    /// Left, upper edge, width and height as shares of the picture.
+    /// Left and upper edge, width and height as fractions of the image.
     pub crop: [f64; 4],
-    /// How many times as large.
     pub magnify: f64,
-    /// Corner.
     pub corner: Corner,
     /// Colour of both frames.
     pub ink: Ink,
 }
 
-/// A corner of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Corner {
-    /// On the right side.
     pub right: bool,
-    /// On the lower side.
     pub lower: bool,
 }
 
-/// An arrow.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arrow {
-    /// Where it begins, as shares of the picture from its left and upper edge.
+    /// Start, as fractions of the image from its left and upper edge.
     pub from: [f64; 2],
-    /// Where it points.
+    /// Tip, as fractions of the image.
     pub to: [f64; 2],
-    /// Its colour.
     pub ink: Ink,
 }
 
-/// A length in the lower left corner of a picture.
+/// A reference length in the lower left corner of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScaleBar {
-    /// Length as a share of the picture's width.
+    /// Length as a fraction of the image's width.
     pub share: f64,
-    /// What it says.
     pub label: String,
 }
 
-/// Colours of frames and arrows: Okabe and Ito's, which colour-blind readers tell apart.
+/// Colours of frames and arrows: the colour-blind-safe palette of Okabe and Ito.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ink(pub(crate) [u8; 3]);
 
-/// Names of inks.
 const INKS: [(&str, [u8; 3]); 9] = [
     ("orange", [230, 159, 0]),
     ("sky", [86, 180, 233]),
@@ -108,13 +91,11 @@ const INKS: [(&str, [u8; 3]); 9] = [
 ];
 
 impl Ink {
-    /// The ink of a name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         INKS.iter().find(|(n, _)| *n == name).map(|(_, c)| Self(*c))
     }
 
-    /// All names.
     #[must_use]
     pub fn names() -> [&'static str; 9] {
         INKS.map(|(name, _)| name)
@@ -122,7 +103,7 @@ impl Ink {
 }
 
 impl Corner {
-    /// `upper left`, `upper right`, `lower left` or `lower right`.
+    /// Parses `upper left`, `upper right`, `lower left` or `lower right`.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         let (vertical, side) = name.split_once(' ')?;
@@ -140,7 +121,7 @@ impl Corner {
     }
 }
 
-/// The letter of a panel: (a) to (z), (aa) to (az), …
+/// Returns the letter of a panel: (a) to (z), (aa) to (az), …
 #[must_use]
 pub fn letter(i: usize) -> String {
     let one = |i: usize| char::from(b'a' + (i % 26) as u8);
@@ -152,7 +133,7 @@ pub fn letter(i: usize) -> String {
 }
 
 impl Inset {
-    /// Whether the crop lies in the picture and its magnified copy too.
+    /// Checks that the crop and its magnified copy are within the image.
     ///
     /// # Errors
     /// [`FigureError::Option`].
@@ -172,7 +153,7 @@ impl Inset {
         Ok(())
     }
 
-    /// The crop in whole pixels of a picture: left, upper edge, width and height.
+    /// Returns the crop in whole pixels of an image: left and upper edge, width and height.
     #[must_use]
     pub fn pixels(&self, [w, h]: [u32; 2]) -> [u32; 4] {
         let along = |from: f64, size: f64, n: u32| {
@@ -189,7 +170,7 @@ impl Inset {
 }
 
 impl Composite {
-    /// Checks all that a layout relies on.
+    /// Checks the preconditions of the layout.
     pub(super) fn check(&self) -> Result<(), FigureError> {
         let option = |option, value: String, must| Err(FigureError::option(option, value, must));
         let [least, most] = WIDTHS_MM;

@@ -1,4 +1,4 @@
-//! Places in closed form, arrows and insets where they should be.
+//! Tests positions against closed forms, and arrows and insets.
 
 use super::layout::{
     BAR, CAPTION, CELL_GAP, EDGE, GAP, HEADING, LINE, Layout, ROW_GAP, SAMPLE, SPACE, TICK, layout,
@@ -45,7 +45,7 @@ fn image(w: u32, h: u32) -> Option<Part> {
     Some(part(Tile::image(numbered(w, h))))
 }
 
-/// A logarithmic chart of two named lines and one without a name, in a legend or not.
+/// A logarithmic chart of two named lines and one unnamed line, with or without a legend.
 fn curves(legend: bool) -> Tile {
     let axis = |label: &str, log, range| ChartAxis {
         label: label.into(),
@@ -72,7 +72,7 @@ fn curves(legend: bool) -> Tile {
     of_chart(&chart, legend).expect("a chart")
 }
 
-/// A legend stands under the axis, each name beside its line's colour; the markers are where logarithms say.
+/// The legend is under the axis, each name next to its line's colour. Markers are at logarithmic positions.
 #[test]
 fn charts_have_their_places_and_their_legend() {
     let with = layout(&figure(1, vec![Some(part(curves(true)))])).expect("places");
@@ -92,7 +92,7 @@ fn charts_have_their_places_and_their_legend() {
         assert!(*y > r.y + r.h && *y < with.height && *x >= r.x - 1e-9);
         assert_eq!(at(&img, (x + SAMPLE / 2.0, *y), scale), Rgb(colour));
     }
-    // As wide as a word: each name has a row.
+    // If the figure is only as wide as a word, each name has its own row.
     let narrow = Composite {
         width_mm: 31.0,
         ..figure(1, vec![Some(part(curves(true)))])
@@ -105,7 +105,7 @@ fn near(a: f64, b: f64) -> bool {
     (a - b).abs() < 1e-9
 }
 
-/// Two columns of pictures 4:3 in 84 mm, two rows, no bar: all places by hand.
+/// Two columns and two rows of 4:3 images in 84 mm without a bar: all positions computed by hand.
 #[test]
 fn places_are_in_closed_form() {
     let places = layout(&figure(2, (0..4).map(|_| image(40, 30)).collect())).expect("places");
@@ -124,7 +124,8 @@ fn places_are_in_closed_form() {
     assert!(near(places.width, 84.0) && near(places.height, 2.0 * row - ROW_GAP + 2.0 * EDGE));
 }
 
-/// A colour bar takes its room from all pictures alike; headings theirs from the edges; a span covers what is between.
+/// A colour bar narrows all images equally, headings take space at the edges, and a span covers the gap
+/// between columns.
 #[test]
 fn bars_headings_and_spans_have_their_room() {
     let with_bar = |x: f32| {
@@ -157,7 +158,7 @@ fn bars_headings_and_spans_have_their_room() {
     assert!(near(places.rows[0].1.1, one.picture.y + p / 2.0));
 }
 
-/// The sixteen images of a grid part their panel evenly.
+/// The sixteen images of a grid divide their panel evenly.
 #[test]
 fn grids_part_their_panel() {
     let axis = |kind, n: usize| Axis {
@@ -202,7 +203,7 @@ fn at(img: &RgbImage, (x, y): (f64, f64), scale: f64) -> Rgb<u8> {
     *img.get_pixel((x * scale) as u32, (y * scale) as u32)
 }
 
-/// Every pixel of a crop stands in the inset at its magnified place, and none beside the crop does.
+/// Every pixel of a crop is at its magnified position in the inset, and no pixel outside the crop is.
 #[test]
 fn insets_show_the_pixels_of_their_crop() {
     let mut one = part(Tile::image(numbered(20, 10)));
@@ -231,12 +232,12 @@ fn insets_show_the_pixels_of_their_crop() {
         );
         assert_eq!(at(&img, middle, scale), Rgb([i + 3, j + 3, 200]), "({i}, {j})");
     }
-    // The picture itself is untouched elsewhere.
+    // The rest of the image is unchanged.
     let first = (r.x + 0.5 * px, r.y + 0.5 * px);
     assert_eq!(at(&img, first, scale), Rgb([1, 1, 200]));
 }
 
-/// The tip of an arrow is where it points, its colour lies behind the tip and not before it.
+/// The tip of an arrow is at its target; its colour is behind the tip and not before it.
 #[test]
 fn arrows_point_where_they_should() {
     for to in [[0.5, 0.5], [0.25, 0.75], [0.9, 0.1]] {
@@ -271,7 +272,7 @@ fn letters_go_on_after_z() {
     assert_eq!([0, 25, 26, 52].map(letter), ["(a)", "(z)", "(aa)", "(ba)"]);
 }
 
-/// What is printed has its size: 84 mm in the SVG, and in points on the page of the PDF.
+/// A printed figure has its physical size: 84 mm in the SVG, and in points on the page of the PDF.
 #[test]
 fn figures_have_their_size_on_paper() {
     let drawing = draw(&figure(1, vec![image(4, 4)])).expect("a drawing");
@@ -299,7 +300,7 @@ fn overlap(a: Rect, b: Rect) -> bool {
 }
 
 proptest! {
-    /// No panel lies on another or leaves the page, whatever the grid.
+    /// Panels neither overlap nor leave the page, for any grid.
     #[test]
     fn panels_do_not_overlap(columns in 1..7_usize, shapes in prop::collection::vec((1..60_u32, 1..60_u32, 1..4_usize, 0..3_u8), 1..20), width in 30.0..400.0_f64) {
         let parts = shapes.iter().map(|(w, h, span, kind)| match kind {

@@ -1,4 +1,4 @@
-//! What is drawn where, from tensors whose content is known.
+//! Tests drawn content with known tensors.
 
 use super::*;
 use AxisKind::{Bounces, Component, StokesIn, StokesOut, T, U, V, Wavelength, X, Y};
@@ -17,7 +17,7 @@ fn photo_shows_lowest_wavelength_blue_and_its_white_level() {
             [(Y, 2), (X, 4), (V, 2), (T, 2), (StokesOut, 4), (StokesIn, 4)],
         ),
         |at| {
-            // 4 entries are summed, and elements other than M00 would spoil the picture.
+            // Four entries are summed; elements other than M00 would change the image.
             let m00 = at.i(StokesOut) == 0 && at.i(StokesIn) == 0;
             let on = at.i(Y) == 1 && (at.i(X) == 3 || at.i(X) == at.i(Wavelength));
             if m00 { f64::from(u8::from(on)) / 4.0 } else { 9.0 }
@@ -121,13 +121,13 @@ fn bright_bin_of_a_space_time_map_is_in_its_place() {
     let t = scanlines();
     let place = |r: usize, nm| seen(&View::SpaceTime(map_view(r, [0, 0], nm)), &panel(&t));
     let (img, r) = place(1, Some(550.0));
-    // Time rises upward: bin 5 of 10 lies from 0.4 to 0.5 below the top.
+    // Time runs upward: bin 5 of 10 is from 0.4 to 0.5 below the top.
     let bright = crate::colour::sequential(1.0).0;
     assert_eq!(colour(&img, r, 3.5 / 8.0, 0.45), bright);
     for (x, y) in [(2.5, 0.45), (4.5, 0.45), (3.5, 0.35), (3.5, 0.55)] {
         assert_eq!(colour(&img, r, x / 8.0, y), crate::colour::sequential(0.0).0);
     }
-    // In colour: no 450 nm makes yellow.
+    // In colour, no light at 450 nm gives yellow.
     let (img, r) = place(1, None);
     assert_eq!(colour(&img, r, 3.5 / 8.0, 0.45), [255, 255, 0]);
     let (img, r) = place(0, None);
@@ -162,11 +162,11 @@ fn space_space_takes_columns_or_else_rows_and_divides_by_m00() {
 
 #[test]
 fn flight_frames_follow_the_light() {
-    // One pixel of a row of six lights up per bin, bins 2 to 7 of 10.
+    // One pixel per bin is lit in a row of six, in bins 2 to 7 of 10.
     let t = tensor(wave(&[635.0], [(Y, 4), (X, 6), (T, 10), (Component, 2)]), |at| {
         if at.i(X) + 2 == at.i(T) { 3.0 } else { 0.0 }
     });
-    // Three frames, of bins 2, 5 and 7: the lit column of each is at x = 0, 3 and 5 of 6.
+    // Three frames, of bins 2, 5 and 7: their lit columns are at x = 0, 3 and 5 of 6.
     let sheet = draw(&flight_view(3), "t", &panel(&t)).unwrap();
     let (img, places) = (sheet.pixels().unwrap(), images(&sheet));
     for (place, lit) in places.iter().zip([0, 3, 5]) {
@@ -176,7 +176,7 @@ fn flight_frames_follow_the_light() {
         }
     }
     assert_eq!(places.len(), 3);
-    // One after another they are the same frames, on pages of one size.
+    // The animation has the same frames, on pages of one size.
     let View::Flight(view) = flight_view(3) else {
         unreachable!()
     };

@@ -1,10 +1,10 @@
-//! Tensors that hold nothing worth drawing: never a panic, always a useful size.
+//! Degenerate tensors: drawing never panics and always has a useful size.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// All ten axes, some absent, with lengths 1 to 4 (0 now and then).
+/// All ten axes, some absent, with lengths 1 to 4 (sometimes 0).
 fn shapes() -> impl Strategy<Value = Vec<usize>> {
     let one = prop_oneof![8 => 1_usize..4, 1 => Just(0_usize), 1 => Just(4_usize)];
     proptest::collection::vec(one, 10)
@@ -49,7 +49,7 @@ proptest! {
                 let (w, h) = (d.width(), d.height());
                 prop_assert!((300..=2300).contains(&w) && h <= 2300, "{w} × {h}");
                 prop_assert!(numbers(&d.svg()), "{view:?}: {}", d.svg());
-                // Pixels take a while: of those figures that stroke what is out of all bounds.
+                // Rasterizing is slow, so only figures with strokes at extreme coordinates are rasterized.
                 prop_assert!(!matches!(view, View::Profile(_)) || d.pixels().is_ok());
             }
         }

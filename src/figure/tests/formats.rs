@@ -1,4 +1,4 @@
-//! The document is what it should be, and every format comes from it, the same each time.
+//! The SVG document is valid, and every format is produced from it deterministically.
 
 use std::path::Path;
 
@@ -58,7 +58,7 @@ fn a_photograph_is_an_image_in_a_frame_with_texts() {
             .iter()
             .any(|t| t.starts_with("Red 660 nm, green 550 nm, blue 450 nm."))
     );
-    // Every text lies on the page.
+    // Every text is on the page.
     for at in named("text").filter_map(|e| e.attribute("x")) {
         assert!((0.0..f64::from(drawing.width())).contains(&at.parse().unwrap()));
     }
@@ -83,7 +83,7 @@ fn maps_have_images_and_profiles_have_paths() {
     }
 }
 
-/// To look at the pictures, name a folder in the environment variable `FIGURE_GALLERY`.
+/// Set the environment variable `FIGURE_GALLERY` to a folder to write the figures there.
 #[test]
 fn same_input_same_bytes_in_every_format() {
     let (t, folder) = (full(), tempfile::tempdir().unwrap());
@@ -97,7 +97,7 @@ fn same_input_same_bytes_in_every_format() {
     let read = |name: &str| std::fs::read(at(name)).unwrap();
     for (i, view) in all_views().iter().enumerate() {
         for (format, head) in [("png", "\u{fffd}PNG"), ("svg", "<svg "), ("pdf", "%PDF-")] {
-            // Pixels of one view after another would take long; their document decides on them.
+            // Rasterizing every view would take long; the SVG determines the pixels.
             if format == "png" && i % 4 > 0 {
                 continue;
             }
@@ -147,7 +147,7 @@ fn extensions_name_formats() {
     ));
 }
 
-/// The letters that the fonts of a PDF say their glyphs are.
+/// Returns the characters that the fonts of a PDF map their glyphs to.
 fn letters(pdf: &str) -> String {
     let maps = pdf.split("beginbfchar").skip(1);
     let pairs = maps.flat_map(|m| m.split("endbfchar").next().unwrap_or("").lines());
@@ -162,7 +162,7 @@ fn letters(pdf: &str) -> String {
         .collect()
 }
 
-/// The page of a PDF holds its text as glyphs of an embedded font that says which letters they are.
+/// A PDF page contains its text as glyphs of an embedded font with a character map.
 #[test]
 fn texts_of_a_pdf_can_be_selected() {
     let title = "Wörter, Σ and M00 × 10⁻³";
@@ -177,7 +177,7 @@ fn texts_of_a_pdf_can_be_selected() {
     {
         assert!(known.contains(c), "{c} is not in {known}");
     }
-    // One text of the page, one piece of text in its content.
+    // Each text of the page is a separate text object.
     let texts = drawing.svg().matches("<text").count();
     assert!(
         pdf.matches("BT\n").count() >= texts && pdf.contains("/FontFile2"),
@@ -198,7 +198,7 @@ fn animations_have_their_frames() {
         .collect_frames()
         .unwrap();
     assert_eq!(decoded.len(), 5);
-    // What is white stays white, what is black stays black.
+    // White pixels stay white, and black pixels stay black.
     for (drawing, frame) in frames.iter().zip(&decoded) {
         let pixels = drawing.pixels().unwrap();
         assert_eq!(pixels.dimensions(), frame.buffer().dimensions());

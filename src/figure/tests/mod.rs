@@ -1,4 +1,4 @@
-//! Every picture from tensors whose content is known, and from tensors that hold nothing worth drawing.
+//! Tests every kind of figure with known and with degenerate tensors.
 
 use image::RgbImage;
 
@@ -30,7 +30,7 @@ fn counted(kind: AxisKind, n: usize) -> Axis {
     axis(kind, (0..n).map(|i| i as f64).collect())
 }
 
-/// Axes that are counted from 0, of these lengths.
+/// Axes of these lengths, counted from 0.
 fn axes<const N: usize>(lengths: [(AxisKind, usize); N]) -> Vec<Axis> {
     lengths.map(|(kind, n)| counted(kind, n)).into()
 }
@@ -39,7 +39,7 @@ fn axes<const N: usize>(lengths: [(AxisKind, usize); N]) -> Vec<Axis> {
 struct At<'a>(&'a Tensor, Vec<usize>);
 
 impl At<'_> {
-    /// Index along an axis; 0 where there is none.
+    /// Returns the index along an axis; 0 if the tensor does not have it.
     fn i(&self, kind: AxisKind) -> usize {
         self.0.find(kind).map_or(0, |k| self.1[k])
     }
@@ -115,7 +115,7 @@ fn profile_view(pixel: [f64; 2], element: [usize; 2]) -> View {
     })
 }
 
-/// One of every kind.
+/// Returns one view of every kind.
 fn all_views() -> Vec<View> {
     vec![
         photo_view(),
@@ -131,14 +131,14 @@ fn all_views() -> Vec<View> {
     ]
 }
 
-/// Whether a document is well formed, and all its places are numbers.
+/// Returns whether a document is well-formed and all its coordinates are finite.
 pub fn numbers(svg: &str) -> bool {
     let xml = roxmltree::Document::parse(svg).unwrap();
     let mut values = xml.descendants().flat_map(|e| e.attributes()).map(|a| a.value());
     values.all(|v| v.starts_with("data:") || !v.contains("NaN") && !v.contains("inf"))
 }
 
-/// Where the images of a drawing are.
+/// Returns the rectangles of a drawing's images.
 fn images(drawing: &Drawing) -> Vec<Rect> {
     let svg = drawing.svg();
     let xml = roxmltree::Document::parse(&svg).unwrap();
@@ -150,13 +150,13 @@ fn images(drawing: &Drawing) -> Vec<Rect> {
     images.map(place).collect()
 }
 
-/// A view in pixels, and the rectangle that holds the data.
+/// Returns the pixels of a view and the rectangle of the data.
 fn seen(view: &View, panel: &Panel) -> (RgbImage, Rect) {
     let drawing = draw(view, "t", panel).unwrap();
     (drawing.pixels().unwrap(), drawing.data)
 }
 
-/// Colour at a place (0..1 across and down) of a rectangle.
+/// Returns the colour at a position (0..1 across and down) of a rectangle.
 fn colour(img: &RgbImage, r: Rect, across: f64, down: f64) -> [u8; 3] {
     img.get_pixel((r.x + across * r.w) as u32, (r.y + down * r.h) as u32)
         .0

@@ -1,4 +1,4 @@
-//! What cannot be drawn is refused with the fix.
+//! Invalid views are rejected with a fix.
 
 use super::*;
 use AxisKind::{StokesIn, StokesOut, T, U, Wavelength, X, Y};

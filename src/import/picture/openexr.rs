@@ -1,6 +1,6 @@
-//! OpenEXR files: which channels are meant, and what they hold.
+//! Decodes OpenEXR files and selects the image channels.
 //!
-//! `image`'s reader takes channels called exactly R, G and B alone.
+//! The reader of `image` accepts only channels named exactly R, G and B.
 
 use super::pixels::{PictureError, Pixels, pixel_count};
 use super::primaries::{self, NoGamut};
@@ -8,7 +8,8 @@ use exr::prelude::{AnyChannel, FlatSamples, ReadChannels, ReadLayers, Vec2};
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
-/// Channels of a layer, by their last names in capitals: `R` of `ViewLayer.Combined.R` and of `red`.
+/// Channels of a layer by the last part of their name in capitals: `R` for `ViewLayer.Combined.R` and for
+/// `red`.
 type Layer<'a> = BTreeMap<String, &'a FlatSamples>;
 
 /// A layer among those of all parts, with the size of its part.
@@ -48,7 +49,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
     let mut layers: BTreeMap<String, Part> = BTreeMap::new();
     for part in &image.layer_data {
         let own = part.attributes.layer_name.as_ref().map(ToString::to_string);
-        // A single part needs no name of its own: many writers give one that says nothing.
+        // Ignore the name of a single part: many writers give a meaningless one.
         let own = own.filter(|_| image.layer_data.len() > 1).unwrap_or_default();
         let (origin, display) = (part.attributes.layer_position, image.attributes.display_window);
         if (origin, part.size) != (display.position, display.size) {
@@ -118,7 +119,7 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
     })
 }
 
-/// The layer of a channel, and its last name in capitals.
+/// Returns the layer of a channel, and the last part of its name in capitals.
 fn names(channel: &AnyChannel<FlatSamples>) -> (String, String) {
     let name = channel.name.to_string();
     let (layer, last) = name.rsplit_once('.').unwrap_or(("", &name));
@@ -132,7 +133,7 @@ fn names(channel: &AnyChannel<FlatSamples>) -> (String, String) {
     (layer.to_owned(), last)
 }
 
-/// A layer for people.
+/// Returns a layer's name for messages.
 fn said(name: &str) -> String {
     if name.is_empty() {
         "the layer without a name".to_owned()
@@ -141,8 +142,8 @@ fn said(name: &str) -> String {
     }
 }
 
-/// The name of the layer that is meant: the one asked for, the only one, the one without a name, the only one of colours, or
-/// Blender's `Combined`.
+/// Returns the name of the selected layer: the requested one, the only one, the unnamed one, the only colour
+/// layer, Blender's `Combined` or the only usable one.
 fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result<&'a str, PictureError> {
     let list = layers
         .keys()
@@ -183,7 +184,7 @@ fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result
         })
 }
 
-/// The one or three channels of a layer that are an image, and whether they are CIE XYZ.
+/// Returns the one or three image channels of a layer, and whether they are CIE XYZ.
 fn colours<'a>(name: &str, layer: &Layer<'a>) -> Result<(Vec<&'a FlatSamples>, bool), PictureError> {
     let all = |names: &[&str]| {
         names

@@ -1,10 +1,11 @@
-//! Portable float maps: `PF` (three channels) or `Pf` (one), rows from the bottom, a scale whose sign is the byte order.
+//! Decodes portable float maps: `PF` (three channels) or `Pf` (one), bottom row first; the sign of the scale
+//! is the byte order.
 
 use super::pixels::{PictureError, Pixels, pixel_count};
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
     let damaged = |what: &str| PictureError::damaged("PFM", what);
-    // Three tokens after the signature, each ended by one white-space character.
+    // Three tokens after the signature, each terminated by one white-space character.
     let mut at = 2;
     let mut token = || {
         let start = at + bytes[at..].iter().position(|b| !b.is_ascii_whitespace())?;

@@ -1,31 +1,24 @@
-//! What a decoded image file holds, and why one cannot be decoded.
+//! A decoded image file, and decoding errors.
 
-/// Largest number of pixels of an image.
 const MOST_PIXELS: usize = 1 << 28;
 
-/// A decoded image file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pixels {
-    /// Pixels in a row.
     pub width: usize,
-    /// Rows.
     pub height: usize,
-    /// Three channels, top row first; whole numbers as 0..1. One channel is repeated; alpha is dropped.
+    /// Three channels, top row first; integers as 0..1. A single channel is repeated; alpha is dropped.
     pub values: Vec<[f32; 3]>,
-    /// Colours are sRGB-encoded.
     pub encoded: bool,
-    /// Rows of a matrix that maps the channels to linear red, green and blue of ITU-R BT.709; `None`: they are these.
+    /// Rows of the matrix from the channels to linear ITU-R BT.709 red, green and blue; `None` if they are
+    /// these already.
     pub to_rgb: Option<[[f32; 3]; 3]>,
-    /// What the file states that is not used, or used in a way that its reader should know, one sentence each.
+    /// Sentences about metadata that is not used, or is used in a way that the user should know.
     pub notes: Vec<String>,
 }
 
-/// Why a file cannot be decoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PictureError {
-    /// What was found.
     pub message: String,
-    /// How to fix it.
     pub help: String,
 }
 
@@ -45,7 +38,7 @@ impl PictureError {
     }
 }
 
-/// Width × height if that many pixels are allowed.
+/// Returns width × height, unless it exceeds the limit.
 pub(super) fn pixel_count(format: &str, width: usize, height: usize) -> Result<usize, PictureError> {
     let count = width
         .checked_mul(height)

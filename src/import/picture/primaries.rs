@@ -1,16 +1,16 @@
-//! Colours of other primaries → linear red, green and blue of ITU-R BT.709 (those of sRGB).
+//! Converts colours of other primaries to linear red, green and blue of ITU-R BT.709 (sRGB).
 //!
-//! By CIE XYZ, without adaptation to another white, as OpenEXR's library and Mitsuba do.
+//! The conversion uses CIE XYZ without chromatic adaptation, as do the OpenEXR library and Mitsuba.
 
 use glam::{DMat3, DVec3};
 
 /// Chromaticities (x, y) of red, green, blue and white.
 pub(super) type Primaries = [[f64; 2]; 4];
 
-/// ITU-R BT.709, white D65.
 pub(super) const BT709: Primaries = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06], [0.3127, 0.329]];
 
-/// Red, green and blue → XYZ, where white has Y = 1; `None` if the primaries span no gamut.
+/// Returns the matrix from red, green and blue to XYZ, where white has Y = 1; `None` if the primaries span no
+/// gamut.
 fn to_xyz(primaries: &Primaries) -> Option<DMat3> {
     let xyz = |[x, y]: [f64; 2]| DVec3::new(x, y, 1.0 - x - y);
     let [r, g, b, w] = primaries.map(xyz);
@@ -22,11 +22,11 @@ fn to_xyz(primaries: &Primaries) -> Option<DMat3> {
     Some(columns * DMat3::from_diagonal(scale))
 }
 
-/// Returns the rows of the matrix from a file's colours: XYZ, or those of primaries that it states. Of BT.709 and of a file that
-/// states none there is none.
+/// Returns the rows of the matrix from a file's colours, which are XYZ or have the given primaries, to
+/// BT.709. Returns `None` for BT.709 and for files without primaries.
 ///
 /// # Errors
-/// `NoGamut` if the primaries span none.
+/// `NoGamut` if the primaries span no gamut.
 pub(super) fn conversion(is_xyz: bool, given: Option<Primaries>) -> Result<Option<[[f32; 3]; 3]>, NoGamut> {
     match given.filter(|p| !is_bt709(p)) {
         _ if is_xyz => Ok(Some(rows(xyz_to_bt709()))),
@@ -38,10 +38,9 @@ pub(super) fn conversion(is_xyz: bool, given: Option<Primaries>) -> Result<Optio
     }
 }
 
-/// Primaries that lie on a line.
+/// Error: the primaries are collinear.
 pub(super) struct NoGamut;
 
-/// True of the primaries of BT.709 themselves.
 fn is_bt709(primaries: &Primaries) -> bool {
     let pairs = primaries.iter().flatten().zip(BT709.iter().flatten());
     pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() < 1e-6
@@ -59,7 +58,7 @@ fn rows(m: DMat3) -> [[f32; 3]; 3] {
     [rows.x_axis, rows.y_axis, rows.z_axis].map(|row| row.as_vec3().to_array())
 }
 
-/// A matrix of rows times a colour.
+/// Multiplies a matrix, given as rows, by a colour.
 pub(super) fn times(m: &[[f32; 3]; 3], c: [f32; 3]) -> [f32; 3] {
     m.map(|row| row[0] * c[0] + row[1] * c[1] + row[2] * c[2])
 }

@@ -1,13 +1,14 @@
-//! Radiance HDR files (Ward, "Real Pixels", Graphics Gems II, 1991; Radiance's `color.c` and `resolu.c`).
+//! Decodes Radiance HDR files (Ward, "Real Pixels", Graphics Gems II, 1991; Radiance's `color.c` and
+//! `resolu.c`).
 //!
-//! `image`'s reader takes the signature `#?RADIANCE` and the orientation `-Y +X` alone, and leaves the exposure out.
+//! The reader of `image` accepts only the signature `#?RADIANCE` and the orientation `-Y +X`, and ignores the
+//! exposure.
 
 use super::pixels::{PictureError, Pixels, pixel_count};
 use super::primaries::{self, NoGamut};
 
-/// What the header states.
 struct Header {
-    /// Factors by which the stored values are those of the scene.
+    /// Factors from stored values to those of the scene.
     correction: [f64; 3],
     is_xyz: bool,
     primaries: Option<primaries::Primaries>,
@@ -63,7 +64,7 @@ fn damaged(what: impl std::fmt::Display) -> PictureError {
     PictureError::damaged("Radiance", what)
 }
 
-/// The next line without its end.
+/// Returns the next line without its line ending.
 fn line(rest: &mut &[u8]) -> Option<String> {
     let end = rest.iter().position(|b| *b == b'\n')?;
     let text = String::from_utf8_lossy(&rest[..end])
@@ -73,7 +74,7 @@ fn line(rest: &mut &[u8]) -> Option<String> {
     Some(text)
 }
 
-/// Reads up to the empty line.
+/// Parses the header up to the empty line.
 fn header(rest: &mut &[u8]) -> Result<Header, PictureError> {
     let mut header = Header {
         correction: [1.0; 3],
@@ -125,7 +126,6 @@ fn header(rest: &mut &[u8]) -> Result<Header, PictureError> {
     }
 }
 
-/// In which order the pixels stand.
 struct Layout {
     width: usize,
     height: usize,
@@ -160,7 +160,7 @@ impl Layout {
     }
 }
 
-/// Mantissas with a common exponent.
+/// Converts mantissas with a common exponent.
 fn colour([r, g, b, e]: [u8; 4], correction: [f64; 3]) -> [f32; 3] {
     if e == 0 {
         return [0.0; 3];
@@ -170,7 +170,7 @@ fn colour([r, g, b, e]: [u8; 4], correction: [f64; 3]) -> [f32; 3] {
     [r * correction[0], g * correction[1], b * correction[2]].map(|v| v as f32)
 }
 
-/// Reads one scan line of any of the three encodings; `None` if it breaks off or does not fit.
+/// Reads one scan line in any of the three encodings; returns `None` if it is truncated or does not fit.
 fn scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
     let take = |rest: &mut &[u8]| {
         let (first, after) = rest.split_first()?;
@@ -212,7 +212,8 @@ fn scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
     Some(())
 }
 
-/// Pixels as they are, of which (1, 1, 1, n) repeats the one before n times, and further ones in a row 256 n times and so on.
+/// Reads unencoded pixels, of which (1, 1, 1, n) repeats the previous one n times, and each further one in a
+/// row 256 times as often.
 fn old_scanline(rest: &mut &[u8], out: &mut [[u8; 4]]) -> Option<()> {
     let (mut i, mut shift) = (0, 0);
     while i < out.len() {

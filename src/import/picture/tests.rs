@@ -1,4 +1,4 @@
-//! Files made here, byte by byte or by other writers, whose pixels are known.
+//! Tests with files of known pixels, written here or by other encoders.
 
 use super::*;
 use exr::prelude::*;
@@ -6,7 +6,7 @@ use image::{GrayImage, Luma, LumaA, Rgb, RgbImage};
 
 const SIZE: [usize; 2] = [20, 9];
 
-/// A value that differs from pixel to pixel and that half precision holds exactly.
+/// Returns a value that differs between pixels and that half precision represents exactly.
 fn value(c: usize, x: usize, y: usize) -> f32 {
     ((c + 1) * 256 + x * 8 + y) as f32 / 64.0
 }
@@ -32,7 +32,7 @@ fn layer(
     Layer::new((SIZE[0], SIZE[1]), attributes, encoding, AnyChannels::sort(list))
 }
 
-/// The bytes of an image of `exr`'s, whose types differ by their layers.
+/// Encodes an image of `exr`; a macro, because the image's type depends on its layers.
 macro_rules! written {
     ($image:expr) => {{
         let mut bytes = Cursor::new(vec![]);
@@ -50,7 +50,7 @@ fn openexr(names: &[(&str, usize)]) -> Vec<u8> {
     )))
 }
 
-/// Every pixel holds the planes of these numbers.
+/// Checks that every pixel contains these planes.
 fn assert_planes(pixels: &Pixels, planes: [usize; 3], what: &str) {
     assert_eq!([pixels.width, pixels.height], SIZE, "{what}");
     assert!(!pixels.encoded, "{what}");
@@ -227,7 +227,7 @@ fn openexr_storage_does_not_matter() {
     assert!(error.message.contains("identifiers"), "{error:?}");
 }
 
-/// X, Y and Z of the white point D65 are equal red, green and blue; those of BT.709's red are red alone.
+/// X, Y and Z of the white point D65 become equal red, green and blue; those of BT.709's red become red only.
 #[test]
 fn colours_of_other_primaries_become_those_of_srgb() {
     let constant = |v: f32| FlatSamples::F32(vec![v; SIZE[0] * SIZE[1]]);
@@ -249,7 +249,7 @@ fn colours_of_other_primaries_become_those_of_srgb() {
             assert!((got - want).abs() < 2e-3, "{got}, {want}");
         }
     }
-    // In Rec. 2020, whose white is the same, grey stays and green leaves BT.709's gamut.
+    // In Rec. 2020, with the same white, grey does not change and green is outside BT.709's gamut.
     let mut image = Image::from_layer(layer(
         &["R", "G", "B"]
             .into_iter()
@@ -272,7 +272,7 @@ fn attribute_bt2020() -> exr::meta::attribute::Chromaticities {
     }
 }
 
-/// Two columns and three rows, top first: the mantissas differ, the exponents are those of 1/256.
+/// Two columns and three rows, top first. Mantissas differ; with exponent 128 their unit is 1/256.
 const RGBE: [[u8; 4]; 6] = [
     [10, 20, 30, 128],
     [11, 21, 31, 128],
@@ -312,7 +312,7 @@ fn radiance_headers_and_orientations_are_read() {
         assert_eq!(pixels.values, want, "{head}");
         assert!(pixels.notes.is_empty(), "{head}: {:?}", pixels.notes);
     }
-    // The same picture in each of the eight orders of its pixels.
+    // The same image in each of the eight pixel orders.
     for (resolution, order) in [
         ("-Y 3 +X 2", [0, 1, 2, 3, 4, 5]),
         ("-Y 3 -X 2", [1, 0, 3, 2, 5, 4]),
@@ -342,7 +342,7 @@ fn radiance_exposures_are_taken_back() {
 
 #[test]
 fn radiance_scan_lines_are_read_in_all_encodings() {
-    // Runs by channel: a run of 9, and 1 + 8 as they are.
+    // Runs by channel: a run of 9, and 1 + 8 literal values.
     let mut runs = b"#?RGBE\n\n-Y 1 +X 9\n\x02\x02\x00\x09".to_vec();
     runs.extend([
         128 + 9,
@@ -412,7 +412,7 @@ fn float_maps_are_read_from_the_bottom_in_either_byte_order() {
     }
 }
 
-/// Grey, grey with alpha, 16 bits, and the formats without alpha hold the same picture.
+/// Grey, grey with alpha, 16 bits, and formats without alpha contain the same image.
 #[test]
 fn whole_numbers_are_read_from_every_format() {
     let grey = |x: u32, y: u32| (60 * x + 20 * y) as u8;
@@ -468,13 +468,13 @@ fn whole_numbers_are_read_from_every_format() {
     assert!(decode("a.png", &png, Some("x")).is_err());
 }
 
-/// A chunk that states linear colours is not silently ignored.
+/// A chunk that declares linear colours is not ignored silently.
 #[test]
 fn gamma_chunks_are_noted() {
     let image = DynamicImage::from(GrayImage::new(2, 2));
     let mut bytes = encoded(&image, ImageFormat::Png).expect("written");
     assert!(decode("a.png", &bytes, None).expect("read").notes.is_empty());
-    // gAMA 1.0, with its checksum, behind the header chunk of 33 bytes.
+    // gAMA 1.0, with its checksum, after the header chunk of 33 bytes.
     let chunk: [u8; 16] = [
         0, 0, 0, 4, b'g', b'A', b'M', b'A', 0, 1, 0x86, 0xa0, 0x31, 0xe8, 0x96, 0x5f,
     ];

@@ -1,4 +1,5 @@
-//! Object stores in memory that fail: as servers and networks do now and then, and for good, as for a process that is killed.
+//! In-memory object stores that fail temporarily, like servers and networks, or permanently, like a killed
+//! process.
 
 use super::memory;
 use crate::Key;
@@ -15,13 +16,13 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 static LIVES: LazyLock<Mutex<HashMap<String, Arc<AtomicI64>>>> = LazyLock::new(Mutex::default);
 
-/// How many more changes `mortal://NAME/..` lives to make.
+/// Returns the number of changes that `mortal://NAME/..` still makes.
 pub(crate) fn life(name: &str) -> Arc<AtomicI64> {
     let mut lives = LIVES.lock().unwrap_or_else(PoisonError::into_inner);
     lives.entry(name.to_owned()).or_default().clone()
 }
 
-/// `memory://NAME/..` through what fails.
+/// The store `memory://NAME/..` with failures.
 #[derive(Clone, Debug)]
 pub(crate) struct Faulty {
     inner: Arc<InMemory>,
@@ -30,9 +31,9 @@ pub(crate) struct Faulty {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// Of ten requests, one is not heard and the answer of one is lost.
+    /// Of ten requests, one is lost and the response of another is lost.
     Flaky(Arc<AtomicU64>),
-    /// It changes so much and is gone.
+    /// Fails permanently after a number of changes.
     Mortal(Arc<AtomicI64>),
 }
 
@@ -42,7 +43,7 @@ enum Fate {
     Unanswered,
 }
 
-/// The object store that addresses `flaky://NAME/..` and `mortal://NAME/..` of tests lie in.
+/// Returns the object store of test addresses `flaky://NAME/..` and `mortal://NAME/..`.
 pub(crate) fn faulty(scheme: &str, name: &str) -> Arc<Faulty> {
     Arc::new(Faulty {
         inner: memory(name),
@@ -111,7 +112,7 @@ impl ObjectStore for Faulty {
         let fate = self.fate(0)?;
         let mut found = self.inner.get_opts(key, options).await?;
         if !matches!(fate, Fate::Done) {
-            // The client asks again itself until an answer begins.
+            // The client itself retries until a response begins.
             found.payload = GetResultPayload::Stream(stream::iter([Err(lost())]).boxed());
         }
         Ok(found)

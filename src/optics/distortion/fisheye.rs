@@ -1,24 +1,24 @@
-//! OpenCV's fisheye lens (Kannala & Brandt 2006; Kalibr's `equidistant`): the image's radius is a polynomial of the angle to the
-//! axis.
+//! OpenCV's fisheye lens (Kannala & Brandt 2006; Kalibr's `equidistant`): the image radius is a polynomial of
+//! the angle.
 
 use glam::DVec2;
 
-/// The widest angle to the axis that is taken back, radians: normalized coordinates are those of the plane z = 1, which
-/// 90° does not meet.
+/// The widest invertible angle to the axis, radians: normalized coordinates are on the plane z = 1, which a
+/// ray at 90° does not intersect.
 pub const WIDEST: f64 = 1.565;
 
-/// With r = |p| on the plane z = 1 and θ = atan r, p goes to p·θ_d/r, θ_d = θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸).
+/// With r = |p| on the plane z = 1 and θ = atan r, p is mapped to p·θ_d/r,
+/// θ_d = θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Fisheye {
-    /// k1 to k4.
     pub k: [f64; 4],
 }
 
-/// Below this radius the lens is the identity to rounding.
+/// Below this radius the lens is the identity up to rounding.
 const TINY: f64 = 1e-8;
 
 impl Fisheye {
-    /// θ_d, and its derivative by θ.
+    /// Returns θ_d, and its derivative with respect to θ.
     #[inline]
     #[must_use]
     pub fn radius(&self, theta: f64) -> [f64; 2] {
@@ -29,7 +29,7 @@ impl Fisheye {
         [value, slope]
     }
 
-    /// Ideal normalized coordinates → distorted ones.
+    /// Maps ideal normalized coordinates to distorted ones.
     #[inline]
     #[must_use]
     pub fn distort(&self, p: DVec2) -> DVec2 {
@@ -41,7 +41,7 @@ impl Fisheye {
         p * (value / r)
     }
 
-    /// Jacobian of [`Self::distort`] by rows.
+    /// Returns the Jacobian of [`Self::distort`] by rows.
     #[inline]
     #[must_use]
     pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
@@ -60,7 +60,7 @@ impl Fisheye {
         ]
     }
 
-    /// Derivatives of [`Self::distort`] by k1 to k4.
+    /// Returns the derivatives of [`Self::distort`] with respect to k1 to k4.
     #[must_use]
     pub fn by_coefficients(&self, p: DVec2) -> [DVec2; 4] {
         let r = p.length();
@@ -72,7 +72,7 @@ impl Fisheye {
         [t2, t2 * t2, t2 * t2 * t2, t2 * t2 * t2 * t2].map(|power| p * (t * power / r))
     }
 
-    /// Distorted normalized coordinates → ideal ones; `None` beyond [`WIDEST`] and where the polynomial falls.
+    /// Maps distorted normalized coordinates to ideal ones; `None` beyond [`WIDEST`] or where not monotonic.
     #[inline]
     #[must_use]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
@@ -87,7 +87,7 @@ impl Fisheye {
         {
             return None;
         }
-        // Newton's method, halving the bracket where it leaves it.
+        // Newton's method, with bisection where it leaves the bracket.
         let mut theta = want.min(high);
         for _ in 0..100 {
             let [value, slope] = self.radius(theta);

@@ -1,4 +1,4 @@
-//! Lens distortion of a pinhole device, forward and back, and how it stretches areas.
+//! Lens distortion of a pinhole device, its inverse and its Jacobian.
 
 pub mod fisheye;
 pub mod opencv;
@@ -8,20 +8,20 @@ use fisheye::{Fisheye, WIDEST};
 use glam::DVec2;
 use opencv::Opencv;
 
-/// What a lens does to the normalized coordinates of an image (those on the plane z = 1).
+/// The map that a lens applies to the normalized coordinates of an image (those on the plane z = 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Distortion {
-    /// Nothing.
+    /// No distortion.
     #[default]
     None,
-    /// OpenCV's model of plane images, Brown–Conrady among them.
+    /// OpenCV's model of planar images, including Brown–Conrady.
     Opencv(Opencv),
     /// OpenCV's fisheye.
     Fisheye(Fisheye),
 }
 
 impl From<Opencv> for Distortion {
-    /// [`Self::None`] where all coefficients are 0.
+    /// Returns [`Self::None`] if all coefficients are 0.
     fn from(lens: Opencv) -> Self {
         if lens == Opencv::default() {
             Self::None
@@ -32,14 +32,13 @@ impl From<Opencv> for Distortion {
 }
 
 impl Distortion {
-    /// True if nothing is distorted.
     #[inline]
     #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::None
     }
 
-    /// Ideal normalized coordinates → distorted ones.
+    /// Maps ideal normalized coordinates to distorted ones.
     #[inline]
     #[must_use]
     pub fn distort(&self, p: DVec2) -> DVec2 {
@@ -50,7 +49,7 @@ impl Distortion {
         }
     }
 
-    /// Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
+    /// Returns the Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
     #[inline]
     #[must_use]
     pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
@@ -61,7 +60,7 @@ impl Distortion {
         }
     }
 
-    /// Distorted normalized coordinates → ideal ones; `None` if there are none where the distortion is one-to-one.
+    /// Maps distorted normalized coordinates to ideal ones; `None` where the distortion is not one-to-one.
     #[inline]
     #[must_use]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
@@ -72,7 +71,7 @@ impl Distortion {
         }
     }
 
-    /// Why there is no [`Self::undistort`] of a point of the image, in words.
+    /// Explains why [`Self::undistort`] of a point of the image fails.
     #[must_use]
     pub fn complaint(&self, q: DVec2) -> &'static str {
         match self {
@@ -93,7 +92,7 @@ mod tests {
     use proptest::prelude::*;
     use tilt::Tilt;
 
-    /// One of each model, strong but whole within |p| < 0.6.
+    /// One lens of each model, strong but invertible within |p| < 0.6.
     fn lenses() -> Vec<Distortion> {
         let brown = Opencv {
             k1: -0.28,
@@ -175,7 +174,7 @@ mod tests {
             }
         }
 
-        /// Fisheyes see to near 90°.
+        /// Fisheye lenses are invertible to nearly 90°.
         #[test]
         fn fisheyes_invert_far_off_the_axis(theta in 0.0..1.56, turn in 0.0..std::f64::consts::TAU) {
             for lens in lenses().into_iter().skip(4) {
@@ -211,7 +210,8 @@ mod tests {
         near(with(|l| l.s2 = 1.0), 0.5625, 0.0);
         near(with(|l| l.s3 = 1.0), 0.5, 0.25);
         near(with(|l| l.s4 = 1.0), 0.5, 0.0625);
-        // A sensor turned by τ about y: x cos τ... over the depth of the point on it, times the cosine of its own normal.
+        // A sensor tilted by τ about y: x cos τ... over the depth of the point on it, times the cosine of its
+        // normal.
         let t: f64 = 0.1;
         let (s, c) = t.sin_cos();
         let (x, z) = (0.5 * c - s, 0.5 * s + c);
@@ -224,7 +224,7 @@ mod tests {
             k1: -1.0,
             ..Opencv::default()
         });
-        // r - r³ has its top of 0.385 at r = 0.577.
+        // r - r³ has its maximum of 0.385 at r = 0.577.
         assert!(barrel.undistort(DVec2::new(0.38, 0.0)).is_some());
         assert!(barrel.undistort(DVec2::new(0.39, 0.0)).is_none());
         assert_eq!(barrel.complaint(DVec2::new(0.39, 0.0)), "it folds the image over");

@@ -1,45 +1,35 @@
-//! OpenCV's distortion of lenses with a plane image: radial (polynomial or rational), tangential, thin prism, tilt.
+//! OpenCV's distortion of lenses with a planar image: radial (polynomial or rational), tangential, thin
+//! prism, tilt.
 
 use super::tilt::Tilt;
 use glam::DVec2;
 
-/// OpenCV's coefficients, acting on normalized coordinates; those that are 0 leave out their term (Brown–Conrady, Brown 1966,
-/// has k1, k2, k3, p1, p2 alone).
+/// OpenCV's coefficients, which act on normalized coordinates. A coefficient of 0 omits its term
+/// (Brown–Conrady, Brown 1966, has only k1, k2, k3, p1, p2).
 ///
-/// With r² = x² + y²: x' = x·(1 + k1 r² + k2 r⁴ + k3 r⁶)/(1 + k4 r² + k5 r⁴ + k6 r⁶) + 2 p1 x y + p2 (r² + 2x²) + s1 r² + s2 r⁴,
-/// y' the same with p1 and p2 exchanged and s3, s4; then the tilt. (OpenCV's documentation, `calib3d`.)
+/// With r² = x² + y²: x' = x·(1 + k1 r² + k2 r⁴ + k3 r⁶)/(1 + k4 r² + k5 r⁴ + k6 r⁶) + 2 p1 x y + p2 (r² +
+/// 2x²) + s1 r² + s2 r⁴, y' the same with p1 and p2 exchanged and s3, s4; then the tilt. (OpenCV's
+/// documentation, `calib3d`.)
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Opencv {
-    /// Radial, of r².
     pub k1: f64,
-    /// Radial, of r⁴.
     pub k2: f64,
-    /// Radial, of r⁶.
     pub k3: f64,
-    /// Radial, of r² in the denominator.
     pub k4: f64,
-    /// Radial, of r⁴ in the denominator.
     pub k5: f64,
-    /// Radial, of r⁶ in the denominator.
     pub k6: f64,
-    /// Tangential, along y.
     pub p1: f64,
-    /// Tangential, along x.
     pub p2: f64,
-    /// Thin prism, along x of r².
     pub s1: f64,
-    /// Thin prism, along x of r⁴.
     pub s2: f64,
-    /// Thin prism, along y of r².
     pub s3: f64,
-    /// Thin prism, along y of r⁴.
     pub s4: f64,
-    /// The sensor's tilt.
     pub tilt: Tilt,
 }
 
 impl Opencv {
-    /// The lens of OpenCV's list, k1, k2, p1, p2, k3 to k6, s1 to s4, without tilt: those that are left out are 0.
+    /// Creates a lens from OpenCV's list: k1, k2, p1, p2, k3 to k6, s1 to s4, without tilt. Missing ones are
+    /// 0.
     #[must_use]
     pub fn from_list(list: &[f64]) -> Self {
         let at = |i: usize| list.get(i).copied().unwrap_or(0.0);
@@ -60,7 +50,7 @@ impl Opencv {
         }
     }
 
-    /// Ideal normalized coordinates → distorted ones.
+    /// Maps ideal normalized coordinates to distorted ones.
     #[inline]
     #[must_use]
     pub fn distort(&self, p: DVec2) -> DVec2 {
@@ -72,7 +62,7 @@ impl Opencv {
         }
     }
 
-    /// All but the tilt.
+    /// Applies all terms except the tilt.
     #[inline]
     fn bend(&self, p: DVec2) -> DVec2 {
         let r2 = p.length_squared();
@@ -86,7 +76,7 @@ impl Opencv {
         p * radial + tangential + prism
     }
 
-    /// The radial factor, and twice its derivative by r².
+    /// Returns the radial factor, and twice its derivative with respect to r².
     #[inline]
     fn radial(&self, r2: f64) -> [f64; 2] {
         let above = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
@@ -97,7 +87,7 @@ impl Opencv {
         [radial, (rise - radial * fall) / below]
     }
 
-    /// Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
+    /// Returns the Jacobian of [`Self::distort`] by rows: [[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]].
     #[inline]
     #[must_use]
     pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
@@ -110,7 +100,8 @@ impl Opencv {
         [[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]]
     }
 
-    /// Derivatives of [`Self::distort`] by the coefficients in OpenCV's order, k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4.
+    /// Returns the derivatives of [`Self::distort`] with respect to the coefficients in OpenCV's order: k1,
+    /// k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4.
     #[must_use]
     pub fn by_coefficients(&self, p: DVec2) -> [DVec2; 12] {
         let r2 = p.length_squared();
@@ -160,8 +151,8 @@ impl Opencv {
         ]
     }
 
-    /// Distorted normalized coordinates → ideal ones by Newton's method; `None` if it does not converge to a point where the
-    /// distortion is one-to-one.
+    /// Maps distorted normalized coordinates to ideal ones by Newton's method; `None` if it does not converge
+    /// to a point where the distortion is one-to-one.
     #[inline]
     #[must_use]
     pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
@@ -180,7 +171,7 @@ impl Opencv {
                 return (det > 0.0).then_some(p);
             }
             let step = DVec2::new(d * e.x - b * e.y, a * e.y - c * e.x) / det;
-            // Damping keeps the first steps from leaping over the fold of strong barrel distortion.
+            // Damping keeps the first steps from crossing the fold of strong barrel distortion.
             p -= step * (0.5 / step.length()).min(1.0);
             if !p.is_finite() {
                 return None;
@@ -189,7 +180,8 @@ impl Opencv {
         None
     }
 
-    /// The same where Newton's method goes astray from `q` itself: along the line from the centre, each step from the last.
+    /// [`Self::undistort`] for points from which Newton's method diverges: continuation along the line from
+    /// the centre.
     #[cold]
     fn follow(&self, q: DVec2) -> Option<DVec2> {
         const STEPS: i32 = 32;

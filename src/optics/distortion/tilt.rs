@@ -2,17 +2,16 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-/// The homography that a tilted sensor adds behind the lens.
+/// The homography of a tilted sensor behind the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tilt {
     /// Radians about x, then about y.
     pub tau: [f64; 2],
-    /// Takes distorted normalized coordinates (x, y, 1) to those on the tilted sensor, up to a factor.
+    /// Maps distorted normalized coordinates (x, y, 1) to those on the tilted sensor, up to a factor.
     forward: DMat3,
 }
 
 impl Default for Tilt {
-    /// Perpendicular to the axis.
     fn default() -> Self {
         Self {
             tau: [0.0; 2],
@@ -22,7 +21,8 @@ impl Default for Tilt {
 }
 
 impl Tilt {
-    /// By angles in radians about x, then about y, as OpenCV's `computeTiltProjectionMatrix` takes them.
+    /// Creates a tilt from angles in radians about x, then about y, as in OpenCV's
+    /// `computeTiltProjectionMatrix`.
     #[must_use]
     pub fn new(tau_x: f64, tau_y: f64) -> Self {
         if tau_x == 0.0 && tau_y == 0.0 {
@@ -40,28 +40,28 @@ impl Tilt {
         }
     }
 
-    /// True if the sensor is perpendicular to the axis.
+    /// Returns true if the sensor is perpendicular to the axis.
     #[inline]
     #[must_use]
     pub fn is_none(&self) -> bool {
         self.tau == [0.0; 2]
     }
 
-    /// Coordinates without tilt → those on the tilted sensor.
+    /// Maps coordinates without tilt to those on the tilted sensor.
     #[inline]
     #[must_use]
     pub fn apply(&self, p: DVec2) -> DVec2 {
         homography(&self.forward, p)
     }
 
-    /// Coordinates on the tilted sensor → those without tilt; not finite where there are none.
+    /// Maps coordinates on the tilted sensor to those without tilt; not finite where there are none.
     #[inline]
     #[must_use]
     pub fn undo(&self, q: DVec2) -> DVec2 {
         homography(&self.forward.inverse(), q)
     }
 
-    /// Jacobian of [`Self::apply`] by rows.
+    /// Returns the Jacobian of [`Self::apply`] by rows.
     #[inline]
     #[must_use]
     pub fn jacobian(&self, p: DVec2) -> [[f64; 2]; 2] {
@@ -82,7 +82,6 @@ fn homography(m: &DMat3, p: DVec2) -> DVec2 {
     if v.z > 0.0 {
         DVec2::new(v.x, v.y) / v.z
     } else {
-        // Behind the sensor.
         DVec2::NAN
     }
 }

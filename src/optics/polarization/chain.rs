@@ -1,8 +1,8 @@
-//! The Mueller product along a path, kept in the cheapest form that is exact.
+//! The Mueller product along a path, in the cheapest exact form.
 //!
-//! A path is traced from the camera, so the product grows on the right: `chain ← chain · (next interaction)`. A
-//! depolarizing interaction is f·e₀e₀ᵀ, behind which the product is the outer product of one column (camera side) and
-//! one row (projector side): 8 numbers instead of 16, and most of the time 2 that are not zero.
+//! A path is traced from the camera, so the product is extended on the right: `chain ← chain · (next
+//! interaction)`. A depolarizing interaction is f·e₀e₀ᵀ. After it, the product is the outer product of a
+//! column (camera side) and a row (projector side): 8 numbers instead of 16, mostly only 2 non-zero.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -11,29 +11,21 @@ use super::scatter::Scatter;
 use crate::spectrum::{Spectral, max_lane};
 use glam::Vec3A;
 
-/// The product of all interactions so far: Stokes in the frame of the current ray's light in, camera frame out.
+/// The product of all interactions so far, from the frame of light arriving along the current ray to the
+/// camera frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Chain {
-    /// No polarizing interaction and no depolarizing one yet: a factor times a frame rotation (cos 2θ, sin 2θ).
-    Rotation {
-        /// The factor.
-        f: Spectral,
-        /// cos 2θ.
-        cos2: f32,
-        /// sin 2θ.
-        sin2: f32,
-    },
-    /// General.
+    /// No polarizing or depolarizing interaction yet: a factor times a frame rotation (cos 2θ, sin 2θ).
+    Rotation { f: Spectral, cos2: f32, sin2: f32 },
+    /// Any matrix.
     Full(Mueller),
     /// column · rowᵀ.
     RankOne {
-        /// The camera's side.
         column: [Spectral; 4],
-        /// The projector's side.
         row: [Spectral; 4],
-        /// Of the column only element 0 is non-zero.
+        /// Only element 0 of the column is non-zero.
         column_flat: bool,
-        /// Of the row only element 0 is non-zero.
+        /// Only element 0 of the row is non-zero.
         row_flat: bool,
     },
 }
@@ -56,7 +48,7 @@ pub(super) fn row_times_block(row: &[Spectral; 4], m: &FresnelBlock) -> [Spectra
 }
 
 impl Chain {
-    /// The start of a path: identity scaled per lane, light in the camera frame.
+    /// Returns the start of a path: the identity scaled per lane, in the camera frame.
     #[inline]
     #[must_use]
     pub fn start(f: Spectral) -> Self {
@@ -67,8 +59,8 @@ impl Chain {
         }
     }
 
-    /// Multiplies by R(θ) on the right: afterwards takes Stokes vectors in a frame from which the old one is reached
-    /// by turning by θ (see [`Mueller::rotate_in`]).
+    /// Multiplies by R(θ) on the right. Afterwards the product acts on Stokes vectors in a frame whose
+    /// rotation by θ gives the previous one (see [`Mueller::rotate_in`]).
     #[inline]
     pub fn rotate_in(&mut self, c2: f32, s2: f32) {
         match self {
@@ -85,9 +77,9 @@ impl Chain {
         }
     }
 
-    /// Multiplies by an interaction, in place. `d_out` is the direction in which light leaves it and `frame` the
-    /// current frame of that light; returns the frame of the light that enters, `None` where any frame is valid
-    /// because the interaction depolarizes.
+    /// Multiplies by an interaction in place. `d_out` is the direction in which light leaves it, and `frame`
+    /// the current frame of that light. Returns the frame of the incident light, or `None` if the interaction
+    /// depolarizes, so that any frame is valid.
     #[inline]
     pub fn push(&mut self, scatter: &Scatter, d_out: Vec3A, frame: Vec3A) -> Option<Vec3A> {
         match scatter {
@@ -114,7 +106,7 @@ impl Chain {
         }
     }
 
-    /// [`Self::push`] of [`Scatter::Depolarize`]: any frame is valid behind it.
+    /// [`Self::push`] for [`Scatter::Depolarize`]: any frame is valid afterwards.
     #[inline]
     pub fn depolarize(&mut self, f: Spectral) {
         let z = Spectral::ZERO;
@@ -187,8 +179,8 @@ impl Chain {
         }
     }
 
-    /// Multiplies on the right by the transpose of another product: of one that was grown from the emitter, interaction by
-    /// interaction transposed. The frame of the light in between must be the same for both.
+    /// Multiplies on the right by the transpose of another product, which was built from the emitter with
+    /// transposed interactions. Both must have the same frame for the light between them.
     #[inline]
     pub fn times_transposed(&mut self, other: &Self) {
         let dot =
@@ -259,8 +251,8 @@ impl Chain {
         };
     }
 
-    /// D · self · D with D = diag(1, 1, -1, 1): the transpose of the product for light that runs the other way, see
-    /// [`Scatter::reversed`].
+    /// Returns D · self · D with D = diag(1, 1, -1, 1): the transpose of the product for light in the
+    /// opposite direction, see [`Scatter::reversed`].
     #[inline]
     #[must_use]
     pub fn mirrored(&self) -> Self {
@@ -276,7 +268,6 @@ impl Chain {
         out
     }
 
-    /// Every element times a per-lane factor.
     #[inline]
     pub fn scale(&mut self, f: Spectral) {
         match self {
@@ -286,14 +277,14 @@ impl Chain {
         }
     }
 
-    /// Largest M00 over the lanes: what Russian roulette looks at.
+    /// Returns the maximum M00 over the lanes, for Russian roulette.
     #[inline]
     #[must_use]
     pub fn max_m00(&self) -> f32 {
         max_lane(self.m00())
     }
 
-    /// True if no light passes at any wavelength.
+    /// Returns true if no light passes at any wavelength.
     #[inline(always)]
     #[must_use]
     pub fn is_dark(&self) -> bool {
@@ -309,7 +300,6 @@ impl Chain {
         }
     }
 
-    /// The full matrix.
     #[inline]
     #[must_use]
     pub fn to_mueller(&self) -> Mueller {
@@ -336,7 +326,7 @@ mod tests {
     use crate::polarization::extent::Extent;
     use crate::polarization::fresnel::conductor;
 
-    /// Every form of the chain equals the plain product of 4×4 matrices.
+    /// Every form of the chain equals the product of 4×4 matrices.
     #[test]
     fn chain_equals_plain_products() {
         let block = |c: f32| conductor(c, Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::splat(2.5));
@@ -434,7 +424,7 @@ mod tests {
         }
     }
 
-    /// A product grown from both ends is the product grown from one, wherever they meet.
+    /// A product built from both ends equals one built from one end, wherever they meet.
     #[test]
     fn products_from_both_ends_meet() {
         let block = |c: f32| conductor(c, Spectral::new([0.4, 1.5, 0.2, 2.0]), Spectral::splat(2.5));

@@ -1,4 +1,4 @@
-//! Complex numbers in every wavelength lane, just enough for Fresnel's equations.
+//! Complex numbers per wavelength lane, with the operations that Fresnel's equations need.
 
 use crate::spectrum::Spectral;
 use std::ops::{Add, Div, Mul, Sub};
@@ -6,14 +6,11 @@ use std::ops::{Add, Div, Mul, Sub};
 /// `re + i·im` per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Complex {
-    /// Real parts.
     pub re: Spectral,
-    /// Imaginary parts.
     pub im: Spectral,
 }
 
 impl Complex {
-    /// A real number per lane.
     #[inline]
     #[must_use]
     pub fn real(re: Spectral) -> Self {
@@ -23,14 +20,12 @@ impl Complex {
         }
     }
 
-    /// Squared modulus.
     #[inline]
     #[must_use]
     pub fn norm2(self) -> Spectral {
         self.re * self.re + self.im * self.im
     }
 
-    /// Complex conjugate.
     #[inline]
     #[must_use]
     pub fn conj(self) -> Self {
@@ -40,7 +35,6 @@ impl Complex {
         }
     }
 
-    /// Times a real number per lane.
     #[inline]
     #[must_use]
     pub fn scale(self, f: Spectral) -> Self {
@@ -50,12 +44,12 @@ impl Complex {
         }
     }
 
-    /// The square root with non-negative real part; on the negative real axis the imaginary part is positive, which
-    /// is the decaying wave.
+    /// Returns the square root with non-negative real part. On the negative real axis the imaginary part is
+    /// positive, which is the evanescent wave.
     #[inline]
     #[must_use]
     pub fn sqrt(self) -> Self {
-        // The larger part by a root, the other by division: their difference would cancel for weak absorbers.
+        // The larger part by a root, the other by division: a difference would cancel for weak absorbers.
         let large = ((self.norm2().sqrt() + self.re.abs()) * Spectral::HALF).sqrt();
         let small = self.im * Spectral::HALF / large.max(Spectral::splat(f32::MIN_POSITIVE));
         let minus = self.im.simd_lt(Spectral::ZERO);
@@ -102,7 +96,7 @@ impl Mul for Complex {
 
 impl Div for Complex {
     type Output = Self;
-    /// The divisor must not be zero in a lane that is used.
+    /// The divisor must not be zero in a used lane.
     #[inline]
     fn div(self, rhs: Self) -> Self {
         (self * rhs.conj()).scale(Spectral::ONE / rhs.norm2())
@@ -122,7 +116,7 @@ mod tests {
             (0.0, 2.0, [1.0, 1.0]),
             (-3.0, 4.0, [1.0, 2.0]),
             (-3.0, -4.0, [1.0, -2.0]),
-            // (2 + 10⁻⁵ i)²: the imaginary part is far below what a difference of f32 could give.
+            // (2 + 10⁻⁵ i)²: the imaginary part is far below the resolution of an f32 difference.
             (4.0, 4e-5, [2.0, 1e-5]),
             (-4.0, 4e-5, [1e-5, 2.0]),
         ] {

@@ -1,9 +1,9 @@
-//! Ideal optical elements as Mueller matrices (same in every lane), angles in radians from the frame's x axis,
-//! counter-clockwise looking toward the source.
+//! Ideal optical elements as Mueller matrices (equal in every lane). Angles are in radians from the frame's x
+//! axis, counter-clockwise looking toward the source.
 
 use super::mueller::Mueller;
 
-/// R(θ): Stokes vectors re-expressed in a basis turned by θ.
+/// R(θ): expresses Stokes vectors in a basis rotated by θ.
 #[must_use]
 pub fn rotator(theta: f32) -> Mueller {
     let (s, c) = (2.0 * theta).sin_cos();
@@ -15,13 +15,13 @@ pub fn rotator(theta: f32) -> Mueller {
     ])
 }
 
-/// An element given at 0°, turned by θ: R(-θ) M R(θ).
+/// Rotates an element given at 0° by θ: R(-θ) M R(θ).
 #[must_use]
 pub fn turned(element: Mueller, theta: f32) -> Mueller {
     rotator(-theta) * element * rotator(theta)
 }
 
-/// L(θ): ideal linear polarizer that transmits θ.
+/// L(θ): ideal linear polarizer with transmitting axis θ.
 #[must_use]
 pub fn polarizer(theta: f32) -> Mueller {
     let p = Mueller::splat([
@@ -46,7 +46,7 @@ pub fn retarder(theta: f32, delta: f32) -> Mueller {
     turned(r, theta)
 }
 
-/// Mirror at normal incidence, s-frame on both sides: handedness and +45° are exchanged.
+/// Mirror at normal incidence, s-frame on both sides: swaps handedness and ±45°.
 #[must_use]
 pub fn ideal_mirror() -> Mueller {
     Mueller::splat([
@@ -57,7 +57,7 @@ pub fn ideal_mirror() -> Mueller {
     ])
 }
 
-/// Ideal depolarizer: keeps intensity alone.
+/// Ideal depolarizer: keeps only the intensity.
 #[must_use]
 pub fn depolarizer() -> Mueller {
     let mut m = Mueller::ZERO;

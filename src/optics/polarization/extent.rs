@@ -1,7 +1,7 @@
-//! Which elements of a Mueller matrix can be non-zero, so that only they are kept.
+//! The elements of a Mueller matrix that can be non-zero, so that only these are stored.
 
-/// The part of a finished product that can be non-zero: its first `rows` rows and `cols` columns, 1 or 4 of each. The
-/// product maps projector-frame Stokes in to camera-frame Stokes out.
+/// The part of a finished product that can be non-zero: its first `rows` rows and `cols` columns, 1 or 4 of
+/// each. The product maps projector-frame Stokes in to camera-frame Stokes out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
     /// Stokes elements out: 1 or 4.
@@ -11,14 +11,13 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Number of elements.
     #[inline]
     #[must_use]
     pub fn count(self) -> usize {
         (self.rows * self.cols) as usize
     }
 
-    /// The least extent that holds this one and another.
+    /// Returns the smallest extent that contains both.
     #[inline]
     #[must_use]
     pub fn with(self, other: Self) -> Self {
@@ -28,8 +27,8 @@ impl Extent {
         }
     }
 
-    /// Moves the elements of this extent, which stand row by row from `first` in `table`, to its end with room for
-    /// those of a larger one; the new ones are `zero`. Returns where they begin.
+    /// Copies the elements of this extent, row by row from `first` in `table`, to the end of the table in the
+    /// layout of `larger`. New elements are `zero`. Returns the index of the copy.
     pub fn enlarge<T: Copy>(self, table: &mut Vec<T>, first: u32, larger: Self, zero: T) -> u32 {
         let to = table.len() as u32;
         table.resize(table.len() + larger.count(), zero);

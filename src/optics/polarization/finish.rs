@@ -34,8 +34,8 @@ impl Chain {
         }
     }
 
-    /// [`Self::finish`] after one more interaction that does not depolarize, a factor and a turn of the frame of the
-    /// light that enters, (cos 2θ, sin 2θ): row by row, without copying the chain. For `d_out` and `frame` see
+    /// [`Self::finish`] after one more non-depolarizing interaction, a factor, and a rotation of the frame of
+    /// incident light, (cos 2θ, sin 2θ), without copying the chain. For `d_out` and `frame` see
     /// [`Self::push`].
     #[inline]
     pub fn finish_scattered(
@@ -100,7 +100,7 @@ impl Chain {
         }
     }
 
-    /// [`Self::finish`] after one more interaction, a depolarizing one of factor `f`, without copying the chain.
+    /// [`Self::finish`] after one more depolarizing interaction of factor `f`, without copying the chain.
     #[inline]
     pub fn finish_depolarized(&self, f: Spectral, elements: &mut Vec<Spectral>) -> Extent {
         let rows = match self {

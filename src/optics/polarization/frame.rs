@@ -2,21 +2,24 @@
 
 use glam::{Mat3A, Vec3A};
 
-/// cos 2θ and sin 2θ of the turn from basis `from` to basis `to` of light travelling along `d`, counter-clockwise
-/// looking toward the source. Both bases are unit vectors perpendicular to `d`.
+/// Returns cos 2θ and sin 2θ of the rotation from basis `from` to basis `to` of light travelling along `d`,
+/// counter-clockwise looking toward the source. Both bases are unit vectors perpendicular to `d`.
 #[inline]
 #[must_use]
 pub fn turn(d: Vec3A, from: Vec3A, to: Vec3A) -> (f32, f32) {
     let c = to.dot(from);
     let s = to.dot(d.cross(from));
-    // Both vectors carry rounding; renormalizing keeps long specular chains from gaining or losing polarization.
+    // Renormalize to remove rounding errors of both vectors: otherwise long specular chains gain or lose
+    // polarization.
     let n = (c * c + s * s).max(f32::MIN_POSITIVE).recip();
     ((c * c - s * s) * n, 2.0 * c * s * n)
 }
 
-/// A unit vector perpendicular to `d` that lies in the plane of `d` and `axis` ("`axis` projected perpendicular to the
-/// ray"). Where the two are parallel (sine up to 1e-6) the world's z axis takes its place, or the x axis where `d` is within 25.8°
-/// of z: not just any perpendicular, which might turn with the rounding of `d`.
+/// Returns `axis` projected perpendicular to the ray: the unit vector perpendicular to `d` in the plane of
+/// `d` and `axis`.
+///
+/// If the two are parallel (sine up to 1e-6), the world's z axis replaces `axis`, or the x axis if `d` is
+/// within 25.8° of z. An arbitrary perpendicular might rotate with the rounding of `d`.
 #[inline]
 #[must_use]
 pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
@@ -30,14 +33,15 @@ pub fn project(axis: Vec3A, d: Vec3A) -> Vec3A {
     }
 }
 
-/// Any unit vector perpendicular to the unit vector `d` (Duff et al. 2017, "Building an orthonormal basis, revisited").
+/// Returns a unit vector perpendicular to the unit vector `d` (Duff et al. 2017, "Building an orthonormal
+/// basis, revisited").
 #[inline]
 #[must_use]
 pub fn perpendicular(d: Vec3A) -> Vec3A {
     Vec3A::from_array(perpendiculars(&d.to_array().map(|v| [v])).map(|[v]| v))
 }
 
-/// [`perpendicular`] of several.
+/// [`perpendicular`] for several vectors.
 #[inline(always)]
 #[must_use]
 pub fn perpendiculars<const N: usize>(d: &[[f32; N]; 3]) -> [[f32; N]; 3] {
@@ -52,7 +56,8 @@ pub fn perpendiculars<const N: usize>(d: &[[f32; N]; 3]) -> [[f32; N]; 3] {
     out
 }
 
-/// A right-handed orthonormal basis whose third column is the unit vector `z`: takes local directions to world ones.
+/// Returns a right-handed orthonormal basis whose third column is the unit vector `z`. It maps local
+/// directions to the world.
 #[inline]
 #[must_use]
 pub fn basis(z: Vec3A) -> Mat3A {
@@ -73,7 +78,7 @@ mod tests {
         assert!((c - 1.0_f32.cos()).abs() < 1e-6 && (s - 1.0_f32.sin()).abs() < 1e-6);
     }
 
-    /// An axis along the light has the frame that CONVENTIONS.md says, whatever rounding did to the two.
+    /// An axis along the light has the frame defined in CONVENTIONS.md, independent of rounding.
     #[test]
     fn a_parallel_axis_has_the_stated_frame() {
         for (axis, want) in [

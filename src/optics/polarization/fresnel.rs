@@ -1,8 +1,8 @@
-//! Fresnel's equations as Mueller matrices, s-polarization as the first basis axis on both sides.
+//! Fresnel's equations as Mueller matrices, with s-polarization as the first basis axis on both sides.
 //!
-//! In that basis reflection and refraction at a smooth isotropic interface have block form (Collett 2005, ch. 8;
-//! Wilkie & Weidlich 2012): `[[a, b, 0, 0], [b, a, 0, 0], [0, 0, c, d], [0, 0, -d, c]]`. The signs are those that
-//! Mitsuba 3 prints; the tests pin them to its numbers.
+//! In that basis, reflection and refraction at a smooth isotropic interface have block form (Collett 2005,
+//! ch. 8; Wilkie & Weidlich 2012): `[[a, b, 0, 0], [b, a, 0, 0], [0, 0, c, d], [0, 0, -d, c]]`. The signs are
+//! those of Mitsuba 3; the tests compare with its numbers.
 
 use super::complex::Complex;
 use super::mueller::Mueller;
@@ -22,7 +22,7 @@ pub struct FresnelBlock {
 }
 
 impl FresnelBlock {
-    /// From the complex amplitude coefficients of s and p and a common power factor.
+    /// Creates a block from the complex amplitude coefficients of s and p and a common power factor.
     #[inline]
     pub(super) fn from_amplitudes(s: Complex, p: Complex, factor: Spectral) -> Self {
         let half = Spectral::HALF;
@@ -36,7 +36,6 @@ impl FresnelBlock {
         }
     }
 
-    /// Every element times a per-lane factor.
     #[inline]
     #[must_use]
     pub fn scaled(self, f: Spectral) -> Self {
@@ -48,7 +47,6 @@ impl FresnelBlock {
         }
     }
 
-    /// The full matrix.
     #[inline]
     #[must_use]
     pub fn to_mueller(self) -> Mueller {
@@ -64,8 +62,8 @@ impl FresnelBlock {
     }
 }
 
-/// Reflection by a conductor of complex relative index `n + i·k` (k ≥ 0 absorbs), light meeting it at an angle whose
-/// cosine is `cos_i` in 0..1. Maps the incoming s-frame to the outgoing s-frame.
+/// Returns reflection by a conductor of complex relative index `n + i·k` (k ≥ 0 absorbs). `cos_i` is the
+/// cosine of incidence in 0..1. Maps the incoming s-frame to the outgoing s-frame.
 #[inline]
 #[must_use]
 pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
@@ -73,7 +71,7 @@ pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     let eta = Complex { re: n, im: k };
     let eta2 = eta * eta;
     let sin2 = Spectral::ONE - ci * ci;
-    // η cosθ_t = √(η² - sin²θ_i): one root instead of a complex division.
+    // η cosθ_t = √(η² - sin²θ_i): one square root instead of a complex division.
     let root = (eta2 - Complex::real(sin2)).sqrt();
     let ci_c = Complex::real(ci);
     let r_s = (ci_c - root) / (ci_c + root);
@@ -82,17 +80,17 @@ pub fn conductor(cos_i: f32, n: Spectral, k: Spectral) -> FresnelBlock {
     FresnelBlock::from_amplitudes(r_s, r_p, Spectral::ONE)
 }
 
-/// What a smooth dielectric interface does to light that meets it.
+/// Reflection and transmission of a smooth dielectric interface.
 #[derive(Clone, Copy, Debug)]
 pub struct DielectricFresnel {
     /// Mueller block of reflection.
     pub reflection: FresnelBlock,
-    /// Mueller block of transmission of *power* (no radiance scaling); zero in lanes of total reflection.
+    /// Mueller block of *power* transmission (no radiance scaling); zero in lanes with total reflection.
     pub transmission: FresnelBlock,
 }
 
-/// A smooth dielectric interface: `eta` is the index on the far side over that on the side light comes from, `cos_i`
-/// the cosine of incidence in 0..1.
+/// Returns the blocks of a smooth dielectric interface. `eta` is the index on the far side over that on the
+/// side of incidence; `cos_i` is the cosine of incidence in 0..1.
 #[must_use]
 #[inline]
 pub fn dielectric(cos_i: f32, eta: Spectral) -> DielectricFresnel {
@@ -106,7 +104,7 @@ pub fn dielectric_per_lane(cos_i: Spectral, eta: Spectral) -> DielectricFresnel 
     let ci = cos_i.max(Spectral::ZERO).min(Spectral::ONE);
     let eta2 = eta * eta;
     let sin2 = Spectral::ONE - ci * ci;
-    // Negative under the root means total reflection: the root is then imaginary and the wave decays.
+    // Under total reflection the radicand is negative: the root is imaginary and the wave is evanescent.
     let root = Complex::real(eta2 - sin2).sqrt();
     let ci_c = Complex::real(ci);
     let r_s = (ci_c - root) / (ci_c + root);

@@ -3,10 +3,10 @@
 use crate::spectrum::Spectral;
 use std::ops::{Add, Mul};
 
-/// A Mueller matrix per wavelength lane, `m[out][in]`. The frames it maps between are stated where it is used.
+/// A Mueller matrix per wavelength lane, `m[out][in]`. Its frames are documented where it is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mueller {
-    /// Element `[out][in]`, each for all wavelengths.
+    /// Element `[out][in]`, for all wavelengths.
     pub m: [[Spectral; 4]; 4],
 }
 
@@ -17,7 +17,7 @@ impl Default for Mueller {
 }
 
 impl Mueller {
-    /// D · self · D with D = diag(1, 1, -1, 1): the second axes of both frames turned over.
+    /// Replaces the matrix by D · self · D with D = diag(1, 1, -1, 1): flips the second axes of both frames.
     #[inline]
     pub fn mirror(&mut self) {
         for k in [0, 1, 3] {
@@ -26,7 +26,6 @@ impl Mueller {
         }
     }
 
-    /// Rows and columns exchanged.
     #[inline]
     #[must_use]
     pub fn transposed(&self) -> Self {
@@ -35,12 +34,11 @@ impl Mueller {
         }
     }
 
-    /// No light.
     pub const ZERO: Self = Self {
         m: [[Spectral::ZERO; 4]; 4],
     };
 
-    /// The same real matrix in every lane.
+    /// Returns the same real matrix in every lane.
     #[inline]
     #[must_use]
     pub fn splat(rows: [[f32; 4]; 4]) -> Self {
@@ -49,7 +47,6 @@ impl Mueller {
         }
     }
 
-    /// The identity in every lane.
     #[inline]
     #[must_use]
     pub fn identity() -> Self {
@@ -60,26 +57,24 @@ impl Mueller {
         m
     }
 
-    /// One lane as a plain matrix.
     #[inline]
     #[must_use]
     pub fn lane(&self, lane: usize) -> [[f32; 4]; 4] {
         self.m.map(|row| row.map(|e| e.to_array()[lane]))
     }
 
-    /// Every element times a per-lane factor.
     #[inline]
     #[must_use]
     pub fn scaled(&self, f: Spectral) -> Self {
         let mut out = *self;
-        // A loop: the compiler leaves closures of nested array maps as calls.
+        // A loop, because the compiler does not inline closures of nested array maps.
         for e in out.m.as_flattened_mut() {
             *e *= f;
         }
         out
     }
 
-    /// The matrix applied to a Stokes vector, `out[i] = Σ_j m[i][j] s[j]`.
+    /// Applies the matrix to a Stokes vector, `out[i] = Σ_j m[i][j] s[j]`.
     #[inline]
     #[must_use]
     pub fn apply(&self, s: [Spectral; 4]) -> [Spectral; 4] {
@@ -87,7 +82,7 @@ impl Mueller {
             .map(|row| row[0] * s[0] + row[1] * s[1] + row[2] * s[2] + row[3] * s[3])
     }
 
-    /// A row vector times the matrix, `out[j] = Σ_i row[i] m[i][j]`.
+    /// Returns a row vector times the matrix, `out[j] = Σ_i row[i] m[i][j]`.
     #[inline]
     #[must_use]
     pub fn row_times(&self, row: &[Spectral; 4]) -> [Spectral; 4] {
@@ -95,7 +90,7 @@ impl Mueller {
         std::array::from_fn(|j| row[0] * m[0][j] + row[1] * m[1][j] + row[2] * m[2][j] + row[3] * m[3][j])
     }
 
-    /// R(θ)·M: the outgoing frame turned by θ, given cos 2θ and sin 2θ (PHYSICS: M' = R(θ_out) M R(-θ_in)).
+    /// Computes R(θ)·M: rotates the outgoing frame by θ, given cos 2θ and sin 2θ (M' = R(θ_out) M R(-θ_in)).
     #[inline]
     pub fn rotate_out(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));
@@ -106,8 +101,8 @@ impl Mueller {
         }
     }
 
-    /// M·R(θ): takes Stokes vectors given in a frame from which the present incoming frame is reached by turning
-    /// by θ.
+    /// Computes M·R(θ): afterwards the matrix acts on Stokes vectors in a frame whose rotation by θ gives the
+    /// previous incoming frame.
     #[inline]
     pub fn rotate_in(&mut self, cos2: f32, sin2: f32) {
         let (c, s) = (Spectral::splat(cos2), Spectral::splat(sin2));

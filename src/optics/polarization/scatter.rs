@@ -1,4 +1,4 @@
-//! What one interaction does to light, as a Mueller matrix in the cheapest form that is exact.
+//! One interaction as a Mueller matrix in the cheapest exact form.
 
 use super::frame::turn;
 use super::fresnel::FresnelBlock;
@@ -6,34 +6,33 @@ use super::mueller::Mueller;
 use crate::spectrum::Spectral;
 use glam::Vec3A;
 
-/// What one interaction does to light, from light travelling along `-wi` to light travelling along `wo`.
-// A box would allocate on every bounce; the small variants are written without touching the rest.
+/// One interaction, from light travelling along `-wi` to light travelling along `wo`.
+// A box would allocate at every bounce; small variants are written without touching the rest.
 #[expect(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
 pub enum Scatter {
-    /// f·e₀e₀ᵀ: all polarization is lost; frames do not matter.
+    /// f·e₀e₀ᵀ: complete depolarization; frames do not matter.
     Depolarize(Spectral),
-    /// A Fresnel block whose frame is, on both sides, the unit vector `s` perpendicular to the plane of incidence. Wave
-    /// plates and polarizers that do not bend light have this form too, in the frame `s` of their axis.
+    /// A Fresnel block whose frame on both sides is the unit vector `s` perpendicular to the plane of
+    /// incidence. Wave plates and polarizers that do not deflect light also have this form, in the frame `s`
+    /// of their axis.
     Fresnel {
-        /// The matrix.
         block: FresnelBlock,
         /// Its frame, a unit vector.
         s: Vec3A,
     },
     /// Any matrix, from Stokes vectors in frame `frame_in` (⟂ `wi`) to frame `frame_out` (⟂ `wo`).
     Full {
-        /// The matrix.
         mueller: Mueller,
-        /// Frame of the light that leaves, a unit vector.
+        /// Frame of outgoing light, a unit vector.
         frame_out: Vec3A,
-        /// Frame of the light that comes, a unit vector.
+        /// Frame of incident light, a unit vector.
         frame_in: Vec3A,
     },
 }
 
 impl Scatter {
-    /// Intensity transfer M00 per lane.
+    /// Returns the intensity transfer M00 per lane.
     #[inline]
     #[must_use]
     pub fn m00(&self) -> Spectral {
@@ -44,7 +43,6 @@ impl Scatter {
         }
     }
 
-    /// Every element times a per-lane factor.
     #[inline]
     #[must_use]
     pub fn scaled(self, f: Spectral) -> Self {
@@ -66,8 +64,7 @@ impl Scatter {
         }
     }
 
-    /// The full matrix between the given frames of the light that leaves along `wo` and of that which comes along
-    /// `-wi`.
+    /// Returns the full matrix between the given frames of light leaving along `wo` and arriving along `-wi`.
     #[inline]
     #[must_use]
     pub fn between(&self, wo: Vec3A, frame_out: Vec3A, wi: Vec3A, frame_in: Vec3A) -> Mueller {
@@ -91,8 +88,8 @@ impl Scatter {
         m
     }
 
-    /// The transposed matrix, frames exchanged: what a product that grows from the light's side takes on, see
-    /// [`times_transposed`](super::chain::Chain::times_transposed).
+    /// Returns the transposed matrix with frames exchanged, for products that are built from the light's
+    /// side, see [`times_transposed`](super::chain::Chain::times_transposed).
     #[inline]
     #[must_use]
     pub fn transposed(&self) -> Self {
@@ -117,14 +114,15 @@ impl Scatter {
         }
     }
 
-    /// The same interaction for light that runs the other way, from `wo` to `wi`, by reciprocity: D Mᵀ D with
-    /// D = diag(1, 1, -1, 1), since a frame's second axis turns over with the direction of travel (Sekera 1966, "Scattering
-    /// matrices and reciprocity relationships for various representations of the state of polarization").
+    /// Returns the same interaction for light in the opposite direction, from `wo` to `wi`, by reciprocity: D
+    /// Mᵀ D with D = diag(1, 1, -1, 1), since a frame's second axis flips with the direction of travel
+    /// (Sekera 1966, "Scattering matrices and reciprocity relationships for various representations of the
+    /// state of polarization").
     #[inline]
     #[must_use]
     pub fn reversed(&self) -> Self {
         match self {
-            // Both signs that change are those of the same two elements.
+            // Transposition and D change the signs of the same two elements.
             Self::Depolarize(_) | Self::Fresnel { .. } => *self,
             Self::Full { .. } => {
                 let mut turned = self.transposed();
@@ -136,7 +134,7 @@ impl Scatter {
         }
     }
 
-    /// Frame of the light that enters; any where the interaction depolarizes.
+    /// Returns the frame of incident light; an arbitrary one if the interaction depolarizes.
     #[inline]
     #[must_use]
     pub fn frame_in(&self) -> Vec3A {
@@ -147,7 +145,7 @@ impl Scatter {
         }
     }
 
-    /// This interaction and another between the same two directions, side by side.
+    /// Returns the sum of two interactions between the same two directions.
     #[inline]
     #[must_use]
     pub fn plus(&self, other: &Self, wo: Vec3A, wi: Vec3A) -> Self {

@@ -1,24 +1,24 @@
 //! Reflection by thin films on a substrate, as a Mueller block.
 //!
-//! Film j has index η_j = n + i·k and thickness d_j; with q_j = η_j cosθ_j = √(η_j² - sin²θ_0) (Snell) an interface
-//! reflects the amplitudes
+//! Film j has index η_j = n + i·k and thickness d_j. With q_j = η_j cosθ_j = √(η_j² - sin²θ_0) (Snell), an
+//! interface reflects the amplitudes
 //!
 //! > ρ_s = (q_i - q_j)/(q_i + q_j),  ρ_p = (η_j² q_i - η_i² q_j)/(η_j² q_i + η_i² q_j)
 //!
-//! and, from the substrate outward, what lies below interface i–j reflects (Airy's recursion: Born & Wolf 1999, 1.6.4
-//! and 14.4; Byrnes 2016, arXiv:1603.02720, is the same with matrices)
+//! From the substrate outward, the layers below interface i–j reflect (Airy's recursion: Born & Wolf 1999,
+//! 1.6.4 and 14.4; equivalent to the matrix form of Byrnes 2016, arXiv:1603.02720)
 //!
 //! > r_i = (ρ + r_j e^{2iβ_j}) / (1 + ρ r_j e^{2iβ_j}),  β_j = 2π q_j d_j/λ.
 //!
-//! Signs are those of [`super::fresnel::conductor`], which this is without films. Films are flat, homogeneous and much
-//! thinner than the light's coherence length.
+//! Signs are those of [`super::fresnel::conductor`], which is the case without films. Films are flat,
+//! homogeneous and much thinner than the coherence length of the light.
 
 use super::complex::Complex;
 use super::fresnel::FresnelBlock;
 use crate::spectrum::Spectral;
 use std::f32::consts::TAU;
 
-/// One film; lanes that are not used have index 1 and no thickness.
+/// One film; unused lanes have index 1 and thickness 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Film {
     /// Real part of the refractive index.
@@ -30,7 +30,7 @@ pub struct Film {
 }
 
 impl Film {
-    /// No film: reflects and delays nothing.
+    /// No film: no reflection and no phase.
     pub const NONE: Self = Self {
         n: Spectral::ONE,
         k: Spectral::ZERO,
@@ -38,7 +38,7 @@ impl Film {
     };
 }
 
-/// One homogeneous layer as light of a given angle sees it.
+/// A homogeneous layer at a given angle of incidence.
 #[derive(Clone, Copy)]
 struct Layer {
     /// η².
@@ -58,7 +58,7 @@ impl Layer {
         }
     }
 
-    /// Amplitudes (s, p) that its interface with `below` reflects.
+    /// Returns the amplitudes (s, p) reflected by the interface with `below`.
     #[inline]
     fn interface(&self, below: &Self) -> [Complex; 2] {
         let ratio = |a: Complex, b: Complex| (a - b) / (a + b);
@@ -68,23 +68,23 @@ impl Layer {
         ]
     }
 
-    /// e^{2iβ} of the way down and up again.
+    /// Returns e^{2iβ}, the round-trip phase.
     #[inline]
     fn round_trip(&self, waves: Spectral) -> Complex {
         let twice = Spectral::splat(2.0) * waves;
         let turns = self.q.re * twice;
-        // Whole turns go first: sine and cosine are exact to the last digits near zero only.
+        // Remove whole turns first: sine and cosine are most accurate near zero.
         let (sin, cos) = ((turns - turns.round()) * Spectral::splat(TAU)).sin_cos();
         let decay = (self.q.im * twice * Spectral::splat(-TAU)).exp();
         Complex { re: cos, im: sin }.scale(decay)
     }
 }
 
-/// Reflection by `films`, listed from the outside in, on a substrate of index n + i·k, light meeting them from vacuum
-/// (or all indices relative to the outside) at an angle whose cosine is `cos_i` in 0..1. Maps the incoming s-frame to
-/// the outgoing s-frame.
+/// Returns reflection by `films`, listed from the outside in, on a substrate of index n + i·k.
 ///
-/// Phases are good to 10⁻⁶ of a turn per 10 waves of optical thickness.
+/// Light arrives from vacuum (or all indices are relative to the outside). `cos_i` is the cosine of incidence
+/// in 0..1. Maps the incoming s-frame to the outgoing s-frame. Phases are accurate to 10⁻⁶ of a turn per 10
+/// waves of optical thickness.
 #[must_use]
 pub fn reflection(cos_i: f32, films: &[Film], n: Spectral, k: Spectral) -> FresnelBlock {
     let ci = Spectral::splat(cos_i.clamp(0.0, 1.0));
@@ -144,7 +144,7 @@ mod tests {
                 let what = format!("{n} + {k}i at {i}°");
                 let thin = [film(1.38, 0.0, 0.0, 550.0), film(2.2, 0.1, 0.0, 550.0)];
                 close(lane0(reflection(c, &thin, ns, ks)), lane0(bare), &what);
-                // Half a wave across a film is a whole turn there and back.
+                // Half a wave across a film is a full turn of round-trip phase.
                 let cos_t = (1.0 - (1.0 - c * c) / (1.38 * 1.38)).sqrt();
                 let half = [film(1.38, 0.0, 550.0 / 2.0 / (1.38 * cos_t), 550.0)];
                 close(lane0(reflection(c, &half, ns, ks)), lane0(bare), &what);
@@ -152,7 +152,7 @@ mod tests {
         }
     }
 
-    /// ((n₀ n_s - n₁²)/(n₀ n_s + n₁²))² (Born & Wolf 1.6.4, eq. 58), and nothing at all for n₁² = n₀ n_s.
+    /// ((n₀ n_s - n₁²)/(n₀ n_s + n₁²))² (Born & Wolf 1.6.4, eq. 58), and zero for n₁² = n₀ n_s.
     #[test]
     fn a_quarter_wave_film_reflects_as_the_textbook_says() {
         for (ns, n1) in [(1.52_f32, 1.38_f32), (1.52, 2.3), (1.9044, 1.38)] {
@@ -163,7 +163,7 @@ mod tests {
         }
     }
 
-    /// Each wavelength lane has its own thickness in waves: a quarter wave for one is none for another.
+    /// Each wavelength lane has a separate thickness in waves: a quarter wave in one is none in another.
     #[test]
     fn lanes_are_independent() {
         let at = |lambda: f32| {
@@ -186,8 +186,8 @@ mod tests {
         }
     }
 
-    /// R_s, R_p and the ellipsometric Δ in degrees (r_p/r_s = -tanψ e^{iΔ}) that PyPI `tmm` 0.2.0 gives at 0°, 30°, 60°
-    /// and 85°, 550 nm.
+    /// R_s, R_p and the ellipsometric Δ in degrees (r_p/r_s = -tanψ e^{iΔ}) of PyPI `tmm` 0.2.0 at 0°, 30°,
+    /// 60° and 85°, 550 nm.
     #[test]
     fn agrees_with_an_independent_program() {
         type Stack<'a> = (&'a str, &'a [Film], [f32; 2], [[f64; 3]; 4]);

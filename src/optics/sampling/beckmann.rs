@@ -1,32 +1,36 @@
-//! Beckmann's distribution of facet normals: slopes are Gaussian (Beckmann & Spizzichino 1963; Walter et al. 2007).
+//! Beckmann's distribution of facet normals, with Gaussian slopes (Beckmann & Spizzichino 1963; Walter et al.
+//! 2007).
 //!
 //! D(h) = exp(-tan²θ/α²) / (π α² cos⁴θ). Smith's Λ is exact (Walter et al. 2007, eq. 25; Heitz 2014, eq. 66):
-//! Λ(a) = (erf(a) - 1)/2 + exp(-a²)/(2a√π) with a = 1/(α tanθ). Normals visible from a direction are drawn by inverting
-//! the distribution function of their slope (Heitz & d'Eon 2014) by Newton's method in the domain of erf (Jakob 2014,
-//! "An improved visible normal sampling routine for the Beckmann distribution"). Mitsuba 3 has the rational G1 of Walter
-//! et al. (2007), which lies up to 0.35 % off.
+//! Λ(a) = (erf(a) - 1)/2 + exp(-a²)/(2a√π) with a = 1/(α tanθ).
+//!
+//! Visible normals are sampled by inverting the cumulative distribution of their slope (Heitz & d'Eon 2014),
+//! by Newton's method in the domain of erf (Jakob 2014, "An improved visible normal sampling routine for the
+//! Beckmann distribution"). Mitsuba 3 uses the rational G1 of Walter et al. (2007), which deviates by up to
+//! 0.35 %.
 
 use glam::Vec3A;
 use std::f32::consts::{FRAC_1_PI, FRAC_2_SQRT_PI};
 
-/// 1/√π.
 const FRAC_1_SQRT_PI: f32 = FRAC_2_SQRT_PI / 2.0;
 
-/// erfc(x)·exp(x²) for x ≥ 0, with the absolute error 1.5e-7 in erfc (Abramowitz & Stegun 1964, 7.1.26).
+/// Returns erfc(x)·exp(x²) for x ≥ 0, with the absolute error 1.5e-7 in erfc (Abramowitz & Stegun 1964,
+/// 7.1.26).
 #[inline]
 fn erfcx(x: f32) -> f32 {
     let t = 1.0 / (1.0 + 0.327_591_1 * x);
     ((((1.061_405_4 * t - 1.453_152_1) * t + 1.421_413_8) * t - 0.284_496_74) * t + 0.254_829_6) * t
 }
 
-/// The error function, absolute error 2e-7.
+/// Returns the error function, absolute error 2e-7.
 #[inline]
 #[must_use]
 pub fn erf(x: f32) -> f32 {
     (1.0 - erfcx(x.abs()) * (-x * x).exp()).copysign(x)
 }
 
-/// The inverse of [`erf`] on -1 < x < 1, relative error 1e-6 (Giles 2012, "Approximating the erfinv function").
+/// Returns the inverse of [`erf`] on -1 < x < 1, relative error 1e-6 (Giles 2012, "Approximating the erfinv
+/// function").
 #[inline]
 #[must_use]
 pub fn erf_inv(x: f32) -> f32 {
@@ -61,7 +65,7 @@ pub fn erf_inv(x: f32) -> f32 {
     polynomial.iter().fold(0.0, |p, c| p * t + c) * x
 }
 
-/// D(h) per solid angle of h.
+/// Returns D(h) per solid angle of h.
 #[inline]
 #[must_use]
 pub fn d(h: Vec3A, alpha: f32) -> f32 {
@@ -73,7 +77,7 @@ pub fn d(h: Vec3A, alpha: f32) -> f32 {
     (-(h.x * h.x + h.y * h.y) / (cos2 * a2)).exp() * FRAC_1_PI / (a2 * cos2 * cos2)
 }
 
-/// Smith's Λ for a direction on either side of the surface.
+/// Returns Smith's Λ for a direction on either side of the surface.
 #[inline]
 #[must_use]
 pub fn lambda(w: Vec3A, alpha: f32) -> f32 {
@@ -86,10 +90,10 @@ pub fn lambda(w: Vec3A, alpha: f32) -> f32 {
     ((-a * a).exp() * (FRAC_1_SQRT_PI / a - erfcx(a)) / 2.0).max(0.0)
 }
 
-/// The slope toward the direction of cosine `cos`, as seen from there at α = 1.
+/// Samples the slope toward the direction of cosine `cos` among those visible from it, at α = 1.
 ///
-/// Solves 1 + x + T·exp(-s²) = u·(1 + X + T·exp(-cot²θ)) for x = erf(s), with X = erf(cotθ) and T = tanθ/√π. The left
-/// side rises with x and is concave, so that Newton's steps never leave the interval on the way up.
+/// Solves 1 + x + T·exp(-s²) = u·(1 + X + T·exp(-cot²θ)) for x = erf(s), with X = erf(cotθ) and T = tanθ/√π.
+/// The left side is increasing and concave in x, so that ascending Newton steps stay in the interval.
 #[inline]
 fn visible_slope(cos: f32, u: f32) -> f32 {
     let tan = (1.0 - cos * cos).max(0.0).sqrt() / cos;
@@ -105,7 +109,7 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
         x = x.clamp(bottom, top);
         s = erf_inv(x);
         let excess = 1.0 + x + t * (-s * s).exp() - u * all;
-        // Rarely more than three steps; f32 knows no better.
+        // Rarely more than three steps; the limit of f32 accuracy.
         if excess.abs() < 1e-6 * all {
             break;
         }
@@ -114,13 +118,14 @@ fn visible_slope(cos: f32, u: f32) -> f32 {
     s
 }
 
-/// A normal visible from the unit direction `wo` (wo.z > 0); density G1(wo) max(0, wo·h) D(h) / wo.z.
+/// Samples a normal visible from the unit direction `wo` (wo.z > 0) with density G1(wo) max(0, wo·h) D(h) /
+/// wo.z.
 #[inline]
 #[must_use]
 pub fn visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
-    // Uniforms have 24 bits; their ends have infinite slopes.
+    // Uniforms have 24 bits; at 0 and 1 slopes are infinite.
     let [u, v] = u.map(|u| u.clamp(3e-8, 1.0 - f32::EPSILON));
-    // Stretched so that α = 1, and turned so that `wo` lies in the plane of x.
+    // Stretched to α = 1, and rotated so that `wo` is in the xz plane.
     let w = Vec3A::new(alpha * wo.x, alpha * wo.y, wo.z.max(1e-6)).normalize();
     let sin = (w.x * w.x + w.y * w.y).sqrt();
     let (c, s) = if sin > 0.0 {
@@ -163,13 +168,15 @@ mod tests {
         assert!((erf_inv(0.842_700_8) - 1.0).abs() < 2e-6);
     }
 
-    /// Smith's Λ makes the facets visible from a direction fill its projected area: ∫ max(0, w·h) D dω_h = cosθ / G1.
+    /// By Smith's Λ, the facets visible from a direction fill its projected area: ∫ max(0, w·h) D dω_h = cosθ
+    /// / G1.
     #[test]
     fn visible_facets_fill_the_projected_area() {
         for alpha in [0.05_f32, 0.3, 1.0] {
             for cos in [1.0_f32, 0.7, 0.2, 0.02] {
                 let w = Vec3A::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-                // Slopes across the plane of w integrate out; D cosθ_h dω_h is Gaussian in the slope along it.
+                // Slopes across the plane of w integrate out; D cosθ_h dω_h is Gaussian in the slope along
+                // it.
                 const N: u32 = 20_000;
                 let mut sum = 0.0_f64;
                 for k in 0..N {

@@ -1,12 +1,12 @@
 //! Euler's gamma function: ln Γ by Stirling's series (Abramowitz & Stegun 1964, 6.1.40),
 //!
-//! ln Γ(x) = (x - 1/2) ln x - x + ln(2π)/2 + 1/(12x) - 1/(360x³) + 1/(1260x⁵) - 1/(1680x⁷) + 1/(1188x⁹)
-//! - 691/(360360x¹¹) + …,
+//! ln Γ(x) = (x - 1/2) ln x - x + ln(2π)/2 + 1/(12x) - 1/(360x³) + 1/(1260x⁵) - 1/(1680x⁷) + 1/(1188x⁹) -
+//! 691/(360360x¹¹) + …,
 //!
-//! which errs by less than its first term left out: 1/(156x¹³), 1.2·10⁻¹⁴ at x = 8. Smaller arguments are brought there by
-//! Γ(x + 1) = x Γ(x).
+//! with an error below the first omitted term: 1/(156x¹³), 1.2·10⁻¹⁴ at x = 8. Smaller arguments are
+//! increased to that by Γ(x + 1) = x Γ(x).
 
-/// ln Γ(x) for x > 0; error 2·10⁻¹⁴ beside rounding.
+/// Returns ln Γ(x) for x > 0, with an error of 2·10⁻¹⁴ plus rounding.
 #[must_use]
 pub fn ln_gamma(x: f64) -> f64 {
     const TERMS: [f64; 6] = [

@@ -1,13 +1,13 @@
-//! Distributions of microfacet normals about +z with Smith's masking and shadowing, isotropic.
+//! Isotropic distributions of microfacet normals about +z with Smith's masking and shadowing.
 //!
-//! GGX: D(h) = α² / (π (sin²θ + α² cos²θ)²), Λ = (√(1 + α² tan²θ) - 1)/2 (Trowbridge & Reitz 1975; Walter et al. 2007).
-//! Beckmann: [`super::beckmann`]. Smith (1967) takes facets as independent of their neighbours, so that G1 = 1/(1 + Λ).
-//! Whether a facet that is seen is also lit is answered in one of two ways:
+//! GGX: D(h) = α² / (π (sin²θ + α² cos²θ)²), Λ = (√(1 + α² tan²θ) - 1)/2 (Trowbridge & Reitz 1975; Walter et
+//! al. 2007). Beckmann: [`super::beckmann`]. Smith (1967) assumes facets independent of their neighbours, so
+//! that G1 = 1/(1 + Λ). There are two models of the joint masking and shadowing:
 //!
-//! - correlated (Heitz 2014, eq. 99): one facet, one height. Reflection G2 = 1/(1 + Λo + Λi); in transmission what is
-//!   high for one side is low for the other, G2 = B(1 + Λo, 1 + Λi) with Euler's beta (Heitz et al. 2016, "Multiple-
-//!   scattering microfacet BSDFs with the Smith model", §5.2);
-//! - separable (Walter et al. 2007; what Mitsuba 3 has): G2 = G1(o)·G1(i).
+//! - correlated (Heitz 2014, eq. 99) by the facet's height: reflection G2 = 1/(1 + Λo + Λi). In transmission,
+//!   high on one side is low on the other: G2 = B(1 + Λo, 1 + Λi) with Euler's beta function (Heitz et al.
+//!   2016, "Multiple-scattering microfacet BSDFs with the Smith model", §5.2);
+//! - separable (Walter et al. 2007; Mitsuba 3): G2 = G1(o)·G1(i).
 
 use super::{beckmann, gamma::ln_gamma, warp};
 use glam::Vec3A;
@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::FRAC_1_PI;
 
-/// Shape of the distribution of normals.
+/// Distribution of facet normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Distribution {
@@ -26,30 +26,28 @@ pub enum Distribution {
     Beckmann,
 }
 
-/// How masking and shadowing of the same facet go together.
+/// Correlation of masking and shadowing of a facet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Masking {
-    /// Through the facet's height (Heitz 2014).
+    /// Correlated by the facet's height (Heitz 2014).
     #[default]
     Correlated,
-    /// Not at all: the product of the two (Walter et al. 2007).
+    /// Uncorrelated: the product of the two (Walter et al. 2007).
     Separable,
 }
 
-/// Facets about +z: directions are unit vectors in a frame whose z axis is the surface's normal.
+/// Microfacets about +z. Directions are unit vectors in a frame whose z axis is the surface normal.
 #[derive(Clone, Copy, Debug)]
 pub struct Microfacet {
-    /// How normals are distributed.
     pub distribution: Distribution,
-    /// How facets hide each other.
     pub masking: Masking,
     /// Width α of the distribution (Beckmann: the root mean square slope), above 0.
     pub alpha: f32,
 }
 
 impl Microfacet {
-    /// D(h), per solid angle of h.
+    /// Returns D(h), per solid angle of h.
     #[inline]
     #[must_use]
     pub fn d(&self, h: Vec3A) -> f32 {
@@ -59,7 +57,7 @@ impl Microfacet {
         }
     }
 
-    /// Smith's Λ(w): hidden over visible area of the facets that face `w`, which may lie on either side.
+    /// Returns Smith's Λ(w): hidden over visible area of the facets that face `w`, on either side.
     #[inline]
     fn lambda(&self, w: Vec3A) -> f32 {
         match self.distribution {
@@ -68,14 +66,14 @@ impl Microfacet {
         }
     }
 
-    /// Masking G1(w).
+    /// Returns the masking G1(w).
     #[inline]
     #[must_use]
     pub fn g1(&self, w: Vec3A) -> f32 {
         1.0 / (1.0 + self.lambda(w))
     }
 
-    /// Masking and shadowing G2(wo, wi), of reflection where both lie on one side and else of transmission.
+    /// Returns masking and shadowing G2(wo, wi) of reflection (both on one side) or transmission.
     #[inline]
     #[must_use]
     pub fn g2(&self, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -87,7 +85,7 @@ impl Microfacet {
         }
     }
 
-    /// A normal visible from `wo` (wo.z > 0); density [`Self::visible_pdf`].
+    /// Samples a normal visible from `wo` (wo.z > 0) with density [`Self::visible_pdf`].
     #[inline]
     #[must_use]
     pub fn visible_normal(&self, wo: Vec3A, u: [f32; 2]) -> Vec3A {
@@ -97,7 +95,7 @@ impl Microfacet {
         }
     }
 
-    /// Density of [`Self::visible_normal`] per solid angle of h: G1(wo) max(0, wo·h) D(h) / wo.z.
+    /// Returns the density of [`Self::visible_normal`] per solid angle of h: G1(wo) max(0, wo·h) D(h) / wo.z.
     #[inline]
     #[must_use]
     pub fn visible_pdf(&self, wo: Vec3A, h: Vec3A) -> f32 {
@@ -111,7 +109,7 @@ fn ggx_d(h: Vec3A, alpha: f32) -> f32 {
         return 0.0;
     }
     let a2 = alpha * alpha;
-    // (1 - cos²) + a² cos² without cancellation: x² + y² is exact where cos² is near 1.
+    // (1 - cos²) + a² cos² without cancellation: x² + y² is accurate where cos² is near 1.
     let t = (h.x * h.x + h.y * h.y) + a2 * h.z * h.z;
     a2 * FRAC_1_PI / (t * t)
 }
@@ -122,10 +120,10 @@ fn ggx_lambda(w: Vec3A, alpha: f32) -> f32 {
     ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
 }
 
-/// Euler's B(x, y) for x, y ≥ 1. In f64, since at grazing incidence large logarithms cancel.
+/// Returns Euler's B(x, y) for x, y ≥ 1. In f64, since large logarithms cancel at grazing incidence.
 #[inline]
 fn beta(x: f32, y: f32) -> f32 {
-    // Facets far from the horizon hide nothing: B(1, y) = 1/y.
+    // Without masking: B(1, y) = 1/y.
     if x == 1.0 || y == 1.0 {
         return 1.0 / (x * y);
     }
@@ -188,8 +186,8 @@ mod tests {
         }
     }
 
-    /// A ray that reaches a facet by one height passes the other way by the same: reflection is correlated, so at
-    /// least the product; transmission is anticorrelated, so at most that.
+    /// Reflection is correlated by height, so G2 is at least the product; transmission is anticorrelated, so
+    /// G2 is at most the product.
     #[test]
     fn heights_help_reflection_and_hinder_transmission() {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {

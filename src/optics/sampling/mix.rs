@@ -1,6 +1,6 @@
-//! A hash of 64 bits, that keys of streams and of nets are made with.
+//! A 64-bit hash for the keys of streams and nets.
 
-/// SplitMix64's finalizer (Steele, Lea & Flood 2014): a bijection that spreads every input bit over the output.
+/// SplitMix64's finalizer (Steele, Lea & Flood 2014): a bijection that mixes all bits.
 #[inline]
 #[must_use]
 pub fn mix(mut z: u64) -> u64 {

@@ -1,4 +1,4 @@
-//! Random numbers that depend only on (seed, pixel, sample), and warps of them with their densities.
+//! Random numbers that depend only on (seed, pixel, sample), and warps with their densities.
 
 pub mod beckmann;
 pub mod gamma;

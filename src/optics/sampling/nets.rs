@@ -1,10 +1,10 @@
-//! Sets of points in the unit square that are spread more evenly than chance would have it: scrambled (0, m, 2)-nets in base 2.
+//! Low-discrepancy point sets in the unit square: scrambled (0, m, 2)-nets in base 2.
 //!
-//! Of 2^m points of such a net every box of area 2^-m whose sides are powers of two holds exactly one (Niederreiter 1992), so that
-//! integrands which vary slowly in one direction, or in both, are integrated with far less noise. The nets here are those of Sobol's
-//! first two dimensions, scrambled digit by digit as Owen (1995) does, in an order of chance. [`super::stream::Stream`] draws a
-//! net for each pair of numbers and shifts it by chance once more, digit by digit, so that every number is uniform
-//! and what is estimated has no bias, however few nets there are.
+//! Of the 2^m points of such a net, every box of area 2^-m whose sides are powers of two contains exactly one
+//! (Niederreiter 1992). Integrands that vary slowly in one or both directions are therefore integrated with
+//! much less noise. The nets here are those of Sobol's first two dimensions, scrambled digit by digit (Owen
+//! 1995) and in random order. [`super::stream::Stream`] selects a random net for each pair of numbers and
+//! applies a random digital shift, so that numbers are uniform and estimates unbiased for any number of nets.
 
 use super::mix::mix;
 use rand_core::Rng;
@@ -12,20 +12,20 @@ use rand_pcg::Pcg32;
 use std::array::from_fn;
 use std::sync::LazyLock;
 
-/// Most binary digits of a net: 2^6 points.
+/// Maximum number of binary digits of a net: 2^6 points.
 pub const MOST_BITS: u32 = 6;
 
-/// Points of all nets of one size.
+/// Total number of points of all nets of one size.
 pub const POINTS: usize = 1 << 13;
 
-/// Nets of 2^bits points one after the other: of each point the first `bits` digits of both coordinates, as whole numbers,
+/// Consecutive nets of 2^bits points. Each point is the first `bits` digits of both coordinates as integers,
 /// the second shifted by 8.
 pub type Nets = [u16; POINTS];
 
-/// The nets of 2^bits points, 1 ≤ bits ≤ [`MOST_BITS`].
+/// Returns the nets of 2^bits points, 1 ≤ bits ≤ [`MOST_BITS`].
 ///
 /// # Panics
-/// If there are none of that size.
+/// If `bits` is out of range.
 #[must_use]
 pub fn nets(bits: u32) -> &'static Nets {
     static ALL: LazyLock<[Nets; MOST_BITS as usize]> = LazyLock::new(|| from_fn(|k| make(k as u32 + 1)));
@@ -41,7 +41,7 @@ fn make(bits: u32) -> Nets {
             let [x, y] = [0, 1].map(|axis| scramble(sobol(j, axis, bits), bits, scrambles[axis as usize]));
             *point = (x | y << 8) as u16;
         }
-        // Fisher and Yates.
+        // Fisher–Yates shuffle.
         for last in (1..net.len()).rev() {
             let other = (u64::from(random.next_u32()) * (last as u64 + 1)) >> 32;
             net.swap(last, other as usize);
@@ -50,8 +50,8 @@ fn make(bits: u32) -> Nets {
     out
 }
 
-/// Digits of point `j` of Sobol's sequence along one of its first two axes: those of `j` from the last to the first, times
-/// Pascal's triangle modulo 2 for the second axis.
+/// Returns the digits of point `j` of Sobol's sequence along one of its first two axes: the reversed digits
+/// of `j`, times Pascal's triangle modulo 2 for the second axis.
 fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
     // Digit `row` of the result counts from the most significant one.
     let digit = |row: u32| {
@@ -59,7 +59,8 @@ fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
             let entry = if axis == 0 {
                 u32::from(row == column)
             } else {
-                // A binomial coefficient is odd where the lower number's digits are among the upper one's (Lucas).
+                // A binomial coefficient is odd if the digits of the lower number are a subset of the upper
+                // one's (Lucas).
                 u32::from(row & !column == 0)
             };
             entry & j >> column
@@ -69,7 +70,7 @@ fn sobol(j: u32, axis: u32, bits: u32) -> u32 {
     (0..bits).fold(0, |all, row| all | digit(row) << (bits - 1 - row))
 }
 
-/// Turns each digit of `x` by chance that depends on the digits before it (Owen 1995).
+/// Flips each digit of `x` at random, depending on the digits before it (Owen 1995).
 fn scramble(x: u32, bits: u32, key: u64) -> u32 {
     (0..bits).fold(0, |out, k| {
         let before = u64::from(x >> (bits - k));
@@ -99,7 +100,7 @@ mod tests {
         }
     }
 
-    /// No two nets of some points are the same.
+    /// All nets of one size differ.
     #[test]
     fn nets_differ() {
         let mut all: Vec<&[u16]> = nets(4).chunks_exact(16).collect();

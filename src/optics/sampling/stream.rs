@@ -1,9 +1,10 @@
-//! Counter-based random streams: each camera sample owns one, keyed by (seed, pixel, sample).
+//! Counter-based random streams: one for each camera sample, keyed by (seed, pixel, sample).
 //!
-//! The samples of a pixel are independent, or, stratified, groups of them are: the first numbers of a group's samples then lie in
-//! the strata of nets ([`super::nets`]) that are drawn anew for every group. The variance of the mean is unbiasedly estimated from what is
-//! independent, every error bar is honest at any count, and renders of different seeds pool exactly. No state is
-//! shared, so the answer does not depend on threads, tiles or resumption.
+//! The samples of a pixel are independent. With stratification, groups of them are independent instead: the
+//! first numbers of a group's samples are in the strata of nets ([`super::nets`]) that are selected anew for
+//! every group. The variance of the mean is estimated without bias from the independent samples or groups.
+//! Error bars are therefore valid at any count, and renders with different seeds merge exactly. No state is
+//! shared, so results do not depend on threads, tiles or resumption.
 
 use super::mix::mix;
 use super::nets::{MOST_BITS, Nets, POINTS, nets};
@@ -11,46 +12,46 @@ use rand_core::{Rng, TryRng};
 use rand_pcg::Pcg32;
 use std::convert::Infallible;
 
-/// The stream of one camera sample.
+/// The random stream of one camera sample.
 #[derive(Clone, Debug)]
 pub struct Stream {
     random: Pcg32,
     strata: Strata,
 }
 
-/// Which stratified numbers come next.
+/// State of the stratified numbers.
 #[derive(Clone, Debug)]
 struct Strata {
     nets: &'static Nets,
-    /// That of the group.
+    /// Key of the group.
     key: u64,
-    /// Number of the sample in its group of 2^bits.
+    /// Index of the sample in its group of 2^bits.
     index: u32,
     bits: u32,
-    /// Numbers before this one are stratified, from [`Self::next`] on: none of a sample alone.
+    /// Numbers from [`Self::next`] up to this one are stratified; 0 for an unstratified sample.
     end: u32,
     next: u32,
 }
 
-/// Those of a sample alone.
+/// Placeholder for unstratified samples.
 static NO_NETS: Nets = [0; POINTS];
 
-/// Stratified numbers of a vertex of a path, and of how many vertices: further numbers are independent of all others. Where
-/// a path has been by chance for long, order gains nothing.
+/// Stratified numbers per vertex of a path, and number of vertices that have them; all further numbers are
+/// independent. After several random vertices, stratification has no effect.
 const PER_VERTEX: u32 = 8;
 const VERTICES: u32 = 3;
 
-/// How many samples of a pixel are stratified together: a power of two.
+/// The number of samples of a pixel that are stratified together: a power of two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Group {
     bits: u32,
 }
 
 impl Group {
-    /// Each sample by itself.
+    /// Unstratified, independent samples.
     pub const ALONE: Self = Self { bits: 0 };
 
-    /// The largest group, up to 64 samples, of which `samples` are at least `replicates` and no part of one.
+    /// Returns the largest group, up to 64 samples, that divides `samples` into at least `replicates` groups.
     #[must_use]
     pub fn of(samples: u32, replicates: u32) -> Self {
         let fits = |bits: u32| samples.is_multiple_of(1 << bits) && samples >> bits >= replicates;
@@ -59,14 +60,13 @@ impl Group {
         }
     }
 
-    /// Its samples.
     #[inline]
     #[must_use]
     pub fn size(self) -> u32 {
         1 << self.bits
     }
 
-    /// Number of the group that a sample is in.
+    /// Returns the index of a sample's group.
     #[inline]
     #[must_use]
     pub fn number(self, sample: u32) -> u32 {
@@ -75,7 +75,7 @@ impl Group {
 }
 
 impl Strata {
-    /// What chance has drawn for a pair of numbers: 64 bits.
+    /// Returns 64 random bits for a pair of numbers.
     #[inline]
     fn drawn(&self, pair: u32) -> u64 {
         mix(self
@@ -83,15 +83,15 @@ impl Strata {
             .wrapping_add(u64::from(pair).wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
-    /// The point of the pair's net.
+    /// Returns the sample's point in the net of a pair.
     #[inline]
     fn point(&self, drawn: u64) -> u32 {
-        // A net and an order of its points, and a shift of both coordinates.
+        // Random bits select the net, permute its points, and shift both coordinates.
         let at = (drawn as usize & (POINTS - 1)) ^ self.index as usize;
         u32::from(self.nets[at]) ^ (drawn >> 32) as u32
     }
 
-    /// A number in the stratum that one byte of a point gives.
+    /// Returns a random number in the stratum that one byte of a point selects.
     #[inline]
     fn within(&self, byte: u32, raw: u32) -> u32 {
         byte << (32 - self.bits) | raw >> self.bits
@@ -119,7 +119,7 @@ fn unit(raw: u32) -> f32 {
 }
 
 impl Stream {
-    /// The stream of sample `sample` of pixel number `pixel` under `seed`.
+    /// Returns the stream of sample `sample` of pixel `pixel` under `seed`.
     #[inline]
     #[must_use]
     pub fn new(seed: u64, pixel: u32, sample: u32) -> Self {
@@ -139,14 +139,14 @@ impl Stream {
         }
     }
 
-    /// The stream of a sample whose first numbers are stratified over its group: first two numbers, then, from each
-    /// [`Self::vertex`] on, a few.
+    /// Returns the stream of a sample whose first numbers are stratified over its group: the first two
+    /// numbers, and several after each call of [`Self::vertex`].
     #[inline]
     #[must_use]
     pub fn stratified(seed: u64, pixel: u32, sample: u32, group: Group) -> Self {
         let mut stream = Self::new(seed, pixel, sample);
         if group.bits > 0 {
-            // No sample has this number, so that no stream is keyed by it.
+            // A different constant than in [`Self::new`], so that the key is independent of those of streams.
             let key = mix(seed.wrapping_add(0x3c79_ac49_2ba7_b653)) ^ (u64::from(pixel) << 32);
             stream.strata = Strata {
                 nets: nets(group.bits),
@@ -160,7 +160,7 @@ impl Stream {
         stream
     }
 
-    /// A stream of its own, keyed by the next numbers of this one.
+    /// Returns an independent stream, keyed by the next numbers of this one.
     #[inline]
     #[must_use]
     pub fn fork(&mut self) -> Self {
@@ -168,7 +168,7 @@ impl Stream {
         Self::new(u64::from(a) << 32 | u64::from(b), c, d)
     }
 
-    /// Goes to the numbers of vertex `vertex` of a path, from 0 on, of a stratified sample.
+    /// Moves to the stratified numbers of vertex `vertex` of a path, counted from 0.
     #[inline]
     pub fn vertex(&mut self, vertex: u32) {
         let strata = &mut self.strata;
@@ -177,7 +177,7 @@ impl Stream {
         strata.end = if stratified { strata.next + PER_VERTEX } else { 0 };
     }
 
-    /// Uniform in [0, 1).
+    /// Returns a uniform number in [0, 1).
     #[inline]
     pub fn uniform(&mut self) -> f32 {
         let raw = self.random.next_u32();
@@ -187,12 +187,12 @@ impl Stream {
         unit(raw)
     }
 
-    /// Two independent uniforms in [0, 1); stratified, those of one net.
+    /// Returns two independent uniforms in [0, 1); if stratified, from one net.
     #[inline]
     pub fn uniform2(&mut self) -> [f32; 2] {
         let raw = [self.random.next_u32(), self.random.next_u32()];
         let strata = &mut self.strata;
-        // An odd one out is skipped; there are an even number.
+        // Skip an odd number, so that the pair is from one net; the count per vertex is even.
         if strata.next < strata.end {
             strata.next += strata.next & 1;
             if strata.next < strata.end {
@@ -203,7 +203,7 @@ impl Stream {
     }
 }
 
-/// Lets distributions of other crates draw from the stream.
+/// Lets distributions of other crates sample from the stream.
 impl TryRng for Stream {
     type Error = Infallible;
 
@@ -227,8 +227,8 @@ impl TryRng for Stream {
 mod tests {
     use super::*;
 
-    /// Forks of equal streams are equal, and independent of what these go on with: the covariance of 100,000 pairs of numbers is 0
-    /// within 5 sigma, where a stream that was cloned has 1/12.
+    /// Forks of equal streams are equal, and independent of the rest of the original stream: the covariance
+    /// of 100,000 pairs of numbers is 0 within 5 sigma, where a cloned stream has 1/12.
     #[test]
     fn forks_are_independent() {
         const N: u32 = 100_000;
@@ -271,7 +271,7 @@ mod tests {
         assert_ne!(Stream::new(0, 0, 0).uniform(), Stream::new(1, 0, 0).uniform());
     }
 
-    /// Numbers of a group's samples: one in each stratum of each number, and of the boxes of each pair.
+    /// Returns the numbers of a group's samples: one per stratum of each number and per box of each pair.
     fn of_group(group: Group, seed: u64, number: u32) -> Vec<[f32; 20]> {
         let first = number * group.size();
         let draw = |sample| {
@@ -283,10 +283,10 @@ mod tests {
                 let at = 2 + 9 * vertex as usize;
                 [out[at], out[at + 1]] = stream.uniform2();
                 out[at + 2] = stream.uniform();
-                // The pair's other number is skipped.
+                // The other number of the pair is skipped.
                 [out[at + 3], out[at + 4]] = stream.uniform2();
                 [out[at + 5], out[at + 6]] = [stream.uniform(), stream.uniform()];
-                // No stratum any more.
+                // Unstratified from here on.
                 [out[at + 7], out[at + 8]] = stream.uniform2();
             }
             out
@@ -306,7 +306,7 @@ mod tests {
                 all.into_iter().eq(0..group.size())
             };
             assert!((0..9).chain(11..18).all(strata), "{bits}");
-            // 0.5 is missed by chance: of 64 independent numbers hardly ever one falls into each stratum.
+            // 64 independent numbers almost never fall into one stratum each.
             assert!(bits < 4 || !(strata(9) || strata(10) || strata(18)), "{bits}");
             for pair in [0, 2, 5, 11, 14] {
                 for across in 0..=bits {
@@ -321,8 +321,8 @@ mod tests {
         }
     }
 
-    /// All numbers are uniform, and no two of one sample have anything to do with one another, nor those of one group with the next
-    /// one's (5 sigma, 20,000 groups of 4): mean, and all products of two deviations.
+    /// All numbers are uniform, and those of one sample, and of consecutive groups, are uncorrelated (5
+    /// sigma, 20,000 groups of 4): mean, and all products of two deviations.
     #[test]
     fn stratified_numbers_are_uniform_and_independent() {
         let (group, groups) = (Group { bits: 2 }, 20_000);
@@ -356,8 +356,8 @@ mod tests {
         }
     }
 
-    /// The mean of a product of functions of four numbers has no bias (5 sigma of the groups' own spread), and less variance than
-    /// that of independent samples where the functions are smooth.
+    /// The mean of a product of functions of four numbers is unbiased (5 sigma of the spread between groups),
+    /// and has less variance than with independent samples if the functions are smooth.
     #[test]
     fn groups_integrate_smooth_functions_better() {
         let f = |s: &[f32; 20]| f64::from((1.0 + s[0]) * (1.0 + s[1] * s[1]) + s[2] * s[11]);
@@ -387,7 +387,8 @@ mod tests {
         );
     }
 
-    /// Raw numbers are those that uniforms are made of, and every bit of them is set half the time (5 sigma).
+    /// Raw numbers are those from which uniforms are computed, and every bit is set half of the time (5
+    /// sigma).
     #[test]
     fn raw_numbers_are_those_of_uniforms() {
         let (mut a, mut b) = (Stream::new(7, 1, 2), Stream::new(7, 1, 2));

@@ -4,8 +4,8 @@ use crate::polarization::frame::perpendiculars;
 use glam::{Vec2, Vec3A};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4};
 
-/// sin x and cos x for |x| ≤ π/4, to the last place (minimax polynomials; Moshier's Cephes, `sinf` and `cosf`): the
-/// library's answer for any argument takes five times as long.
+/// Returns sin x and cos x for |x| ≤ π/4, to the last place (minimax polynomials; Moshier's Cephes, `sinf`
+/// and `cosf`). The library function for any argument takes five times as long.
 #[inline]
 fn sin_cos_octant(x: f32) -> (f32, f32) {
     let x2 = x * x;
@@ -14,7 +14,7 @@ fn sin_cos_octant(x: f32) -> (f32, f32) {
     (sin, cos)
 }
 
-/// sin and cos of `turns` full turns, 0 ≤ turns ≤ 1.
+/// Returns sin and cos of `turns` full turns, 0 ≤ turns ≤ 1.
 #[inline]
 #[must_use]
 pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
@@ -24,12 +24,12 @@ pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
     if quarters & 2 == 2 { (-s, -c) } else { (s, c) }
 }
 
-/// The unit disk, uniform (density 1/π); the concentric map of Shirley & Chiu (1997).
+/// Warps to the unit disk, uniform (density 1/π), by the concentric map of Shirley & Chiu (1997).
 #[inline(always)]
 #[must_use]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
-    // Which is larger is a coin toss: selections, not branches that half of the time go the wrong way.
+    // Selections instead of branches: a branch would be mispredicted half of the time.
     let wide = a.abs() > b.abs();
     let (r, other) = if wide { (a, b) } else { (b, a) };
     let ratio = other / if r == 0.0 { 1.0 } else { r };
@@ -41,7 +41,7 @@ pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     }
 }
 
-/// Cosine-weighted hemisphere; density [`cosine_pdf`].
+/// Warps to the cosine-weighted hemisphere; density [`cosine_pdf`].
 #[inline]
 #[must_use]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
@@ -49,8 +49,8 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3A {
     Vec3A::new(p.x, p.y, (1.0 - p.length_squared()).max(0.0).sqrt())
 }
 
-/// [`cosine_hemisphere`] about each of several unit vectors `n` (x, y, z of all), from as many pairs of uniforms: the same
-/// bits as `basis(n) * cosine_hemisphere(u)`, but plain numbers in a loop, which the compiler turns into vectors.
+/// [`cosine_hemisphere`] about several unit vectors `n` (x, y, z arrays), from an equal number of pairs of
+/// uniforms. Bit-identical to `basis(n) * cosine_hemisphere(u)`, but vectorized by the compiler.
 #[inline(always)]
 #[must_use]
 pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) -> [[f32; N]; 3] {
@@ -70,14 +70,14 @@ pub fn cosine_hemispheres<const N: usize>(n: &[[f32; N]; 3], u: &[[f32; N]; 2]) 
     out
 }
 
-/// cosθ / π on the upper hemisphere, 0 below.
+/// Returns cosθ / π on the upper hemisphere, 0 below.
 #[inline]
 #[must_use]
 pub fn cosine_pdf(w: Vec3A) -> f32 {
     w.z.max(0.0) * FRAC_1_PI
 }
 
-/// Uniform unit sphere; density 1/(4π).
+/// Warps to the uniform unit sphere; density 1/(4π).
 #[inline]
 #[must_use]
 pub fn sphere(u: [f32; 2]) -> Vec3A {
@@ -87,8 +87,9 @@ pub fn sphere(u: [f32; 2]) -> Vec3A {
     Vec3A::new(r * c, r * s, z)
 }
 
-/// A normal visible from the unit direction `wo` (wo.z > 0) under the isotropic GGX distribution of roughness
-/// `alpha`; density [`super::microfacet::Microfacet::visible_pdf`]. Spherical caps (Dupuy & Benyoub 2023).
+/// Samples a normal visible from the unit direction `wo` (wo.z > 0) under the isotropic GGX distribution of
+/// roughness `alpha`, by spherical caps (Dupuy & Benyoub 2023). Density:
+/// [`super::microfacet::Microfacet::visible_pdf`].
 #[inline]
 #[must_use]
 pub fn ggx_visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
@@ -119,7 +120,7 @@ pub(super) mod tests {
         }
     }
 
-    /// Pearson's chi² of 2^18 samples of a sampler against its density on a 20 × 40 grid in (cosθ, φ).
+    /// Pearson's chi² test of 2^18 samples of a sampler against its density on a 20 × 40 grid in (cosθ, φ).
     pub fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, pdf: impl Fn(Vec3A) -> f32) {
         const N: usize = 1 << 18;
         const ROWS: usize = 20;

@@ -1,8 +1,8 @@
-//! A bench, frame by frame: what falls on a sensor while every element stands where it stands.
+//! A simulated bench: computes one frame on a sensor for the current settings of all elements.
 //!
-//! The forward model is that of [`super::design_matrix::rows`], halved: the generator's state lights the scene, the
-//! analyzer's rows weigh what comes back. It takes settings and not a capture's number, because in a laboratory stages stand
-//! where they stopped and not where a plan wants them.
+//! The forward model is the factored form of [`super::design_matrix::rows`]: the generator state illuminates
+//! the scene, and the analyzer rows weight the returning light. It takes settings instead of a capture
+//! number, because stages in a laboratory stop at positions that differ from the plan.
 
 use super::design_matrix::ELEMENTS;
 use super::detector::polarizer_array::polarizer;
@@ -12,25 +12,25 @@ use super::scheme::Scheme;
 use super::states::{detecting, illuminating};
 use rayon::prelude::*;
 
-/// Optics as they are, imperfections included, and where light passes them.
+/// The actual optics with their imperfections, and the directions of light through them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bench {
-    /// The elements; what captures it has is of no meaning.
+    /// The elements; the scheme's captures are ignored.
     pub optics: Scheme,
     /// Wavelength, nanometres.
     pub nm: f64,
-    /// Directions of camera pixels, through the analyzer.
+    /// Directions of camera pixels through the analyzer.
     pub camera: Directions,
-    /// Directions of projector pixels, through the generator.
+    /// Directions of projector pixels through the generator.
     pub projector: Directions,
 }
 
-/// The light of one pattern on its way to the camera, pixel by pixel.
+/// The light of one pattern toward the camera, per pixel.
 #[derive(Clone, Copy, Debug)]
 pub enum Light<'a> {
-    /// 16 elements a pixel, row-major: the scene under a pattern, whose illumination is the same everywhere.
+    /// 16 elements per pixel, row-major: the scene under a pattern with uniform illumination.
     Mueller(&'a [f32]),
-    /// The Stokes vector that comes back, already lit (by [`Bench::lighting`]).
+    /// The returning Stokes vector, with the illumination ([`Bench::lighting`]) already applied.
     Stokes(&'a [[f64; 4]]),
 }
 
@@ -43,25 +43,25 @@ impl Light<'_> {
     }
 }
 
-/// A row-major matrix of f32 times a Stokes vector.
+/// Multiplies a row-major f32 matrix by a Stokes vector.
 #[must_use]
 pub fn times(m: &[f32], s: &Stokes) -> Stokes {
     Stokes::from_fn(|i, _| (0..4).map(|j| f64::from(m[4 * i + j]) * s[j]).sum())
 }
 
 impl Bench {
-    /// The Stokes vector that leaves a projector pixel at `(u, v)` of a projector of `size` columns and rows.
+    /// Returns the Stokes vector from the pixel at `(u, v)` of a projector of `size` columns and rows.
     #[must_use]
     pub fn lighting(&self, generator: &[Set], [u, v]: [usize; 2], size: [usize; 2]) -> Stokes {
         let ray = self.projector.ray(u, v, size, self.nm);
         illuminating(&self.optics, generator, &ray)
     }
 
-    /// What falls on a camera of `size` columns and rows, in the unit of the light: one number a pixel of the region
-    /// `[x, y, width, height]`. A polarizer array's pixels are behind its mosaic.
+    /// Returns the intensities on a camera of `size` columns and rows, in the unit of the light: one number
+    /// per pixel of the region `[x, y, width, height]`. For a polarizer array they include its mosaic.
     ///
     /// # Panics
-    /// If the region is beyond the camera, or the light has fewer pixels.
+    /// If the region exceeds the camera, or the light has too few pixels.
     #[must_use]
     pub fn image(
         &self,
@@ -95,7 +95,7 @@ impl Bench {
         out
     }
 
-    /// Radiance in every time bin that one ray of a coaxial rig brings back; `histogram` holds 16 elements a bin.
+    /// Returns the radiance per time bin for one ray of a coaxial rig; `histogram` holds 16 elements per bin.
     #[must_use]
     pub fn histogram(&self, histogram: &[f32], sets: &[Vec<Set>; 2], ray: &Ray) -> Vec<f64> {
         let lighting = illuminating(&self.optics, &sets[0], ray);
@@ -112,7 +112,7 @@ mod tests {
     use super::super::simulate::{Layout, Noise, simulate};
     use super::*;
 
-    /// Frame by frame it is what the batch simulates, along the axis and through a pinhole.
+    /// Single frames equal the simulated batch, along the axis and through a pinhole.
     #[test]
     fn frames_are_those_of_the_batch() {
         let layout = Layout {
@@ -144,7 +144,7 @@ mod tests {
                 };
                 for k in 0..3 {
                     let sets = scheme.sets(k);
-                    // Of the batch the generator sees the pixel's ray too.
+                    // In the batch the generator, too, uses the ray of the pixel.
                     let lit: Vec<[f64; 4]> = (0..24)
                         .map(|i| {
                             let ray = view.ray(i % 6, i / 6, [6, 4], 550.0);

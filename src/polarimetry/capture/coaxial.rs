@@ -1,7 +1,8 @@
-//! The optics that both ways of a coaxial rig share: a beamsplitter and a pair of galvo mirrors.
+//! The optics that both paths of a coaxial rig share: a beamsplitter and a pair of galvo mirrors.
 //!
-//! Baek & Heide 2021, eqs. 12 and 14: light reaches the scene as G B_t Q p and is detected as [L Q B_r G' …]_0. They belong
-//! to the states of generator and analyzer; the galvo's G depends on the direction, which is the ray's.
+//! Baek & Heide 2021, eqs. 12 and 14: the scene receives G B_t Q p, and the detector measures [L Q B_r G'
+//! …]_0. These optics are part of the states of generator and analyzer. The galvo's matrix G depends on the
+//! ray's direction.
 
 use super::element::{Mueller, Ray, diattenuator, retarder};
 use super::spectral_value::SpectralValue;
@@ -10,7 +11,7 @@ use optics::polarization::fresnel;
 use optics::spectrum::Spectral;
 use serde::{Deserialize, Serialize};
 
-/// One arm of a beamsplitter, its axes along the frame's.
+/// One arm of a beamsplitter. Its axes are those of the frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
@@ -19,7 +20,7 @@ pub struct Arm {
     /// (T_x - T_y)/(T_x + T_y).
     #[serde(default = "nothing")]
     pub diattenuation: SpectralValue,
-    /// Phase by which y lags x, degrees (beyond the mirror image that reflection makes).
+    /// Phase by which y lags x, degrees, in addition to the mirror image of a reflection.
     #[serde(default = "nothing")]
     pub retardance_deg: SpectralValue,
 }
@@ -35,27 +36,27 @@ impl Arm {
     }
 }
 
-/// A coaxial rig's shared optics.
+/// The shared optics of a coaxial rig.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Coaxial {
-    /// B_t, on the way out.
+    /// B_t, toward the scene.
     pub transmission: Arm,
-    /// B_r, on the way back.
+    /// B_r, from the scene.
     pub reflection: Arm,
-    /// The mirrors that point the beam; absent where it stands still.
+    /// The mirrors that steer the beam; `None` if the beam is fixed.
     pub galvo: Option<Galvo>,
 }
 
 impl Coaxial {
-    /// Share of unpolarized light that comes out and back along the axis.
+    /// Returns the fraction of unpolarized light that passes out and back along the axis.
     fn brightness(&self, nm: f64) -> f64 {
         let axis = Ray::axial(nm);
         self.outward(&axis)[(0, 0)] * self.inward(&axis)[(0, 0)]
     }
 
-    /// Makes out of these optics, some of whose parts are others than those of `before`, some that are as bright along the axis, by
-    /// the transmitting arm's efficiency: captures that do not tell brightness leave it what it was believed to be.
+    /// Scales the efficiency of the transmitting arm so that the brightness along the axis equals that of
+    /// `before`. Use this after other parts were fitted to captures that do not determine the brightness.
     pub fn keep_brightness(&mut self, before: &Self, wavelengths: &[f64]) {
         let efficiency = |nm: f64| {
             let as_before = before.brightness(nm) / self.brightness(nm);
@@ -69,19 +70,19 @@ impl Coaxial {
         };
     }
 
-    /// B_t.
+    /// Returns B_t.
     #[must_use]
     pub fn transmission(&self, nm: f64) -> Mueller {
         self.transmission.matrix(nm)
     }
 
-    /// B_r: the arm's matrix and the mirror image.
+    /// Returns B_r: the matrix of the arm times the mirror image.
     #[must_use]
     pub fn reflection(&self, nm: f64) -> Mueller {
         self.reflection.matrix(nm) * mirror_image()
     }
 
-    /// G B_t of the ray's direction, from the elements to the scene.
+    /// Returns G B_t for the ray's direction, from the elements to the scene.
     #[must_use]
     pub fn outward(&self, ray: &Ray) -> Mueller {
         let b = self.transmission(ray.nm);
@@ -89,7 +90,7 @@ impl Coaxial {
         galvo.map_or(b, |g| g.outward(ray.nm, ray.direction()) * b)
     }
 
-    /// B_r G' of the ray's direction, from the scene to the elements.
+    /// Returns B_r G' for the ray's direction, from the scene to the elements.
     #[must_use]
     pub fn inward(&self, ray: &Ray) -> Mueller {
         let b = self.reflection(ray.nm);
@@ -98,22 +99,22 @@ impl Coaxial {
     }
 }
 
-/// Reflection exchanges handedness and ±45°.
+/// A reflection swaps the handedness and ±45°.
 fn mirror_image() -> Mueller {
     Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, -1.0))
 }
 
-/// Two metal mirrors at right angles, each at 45° to the beam at rest.
+/// Two metal mirrors at right angles, each at 45° to the undeflected beam.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Galvo {
     /// Refractive index of the metal.
     pub n: SpectralValue,
-    /// Its extinction coefficient.
+    /// Extinction coefficient of the metal.
     pub k: SpectralValue,
 }
 
-/// A ray with the frame its Stokes vectors are written in: x is perpendicular to it, y = direction × x.
+/// A ray with the frame of its Stokes vectors: x is perpendicular to the ray, y = direction × x.
 #[derive(Clone, Copy, Debug)]
 struct Framed {
     direction: Vector3<f64>,
@@ -121,11 +122,12 @@ struct Framed {
 }
 
 impl Galvo {
-    /// G of a direction (x and y angles from the axis at rest, radians): from the frame before the mirrors to that of the
-    /// beam beyond them.
+    /// Returns G for a direction (x and y angles from the undeflected axis, radians). It maps from the frame
+    /// before the mirrors to the frame of the beam behind them.
     ///
-    /// Before the mirrors light travels along +X; the first turns it to +Y, the second to +Z. Frames have as x axis the
-    /// projection of Y before the mirrors, and of X beyond them, onto the plane across the beam.
+    /// Before the mirrors, light travels along +X. The first mirror turns it to +Y, the second to +Z. The x
+    /// axis of a frame is an axis projected onto the plane perpendicular to the beam: Y before the mirrors, X
+    /// behind them.
     #[must_use]
     pub fn outward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
         let (normals, beam) = self.bounces(direction);
@@ -136,18 +138,18 @@ impl Galvo {
         self.along(nm, start, &normals, across(Vector3::x(), beam))
     }
 
-    /// G' of light that comes back from the same direction, frames as of [`Galvo::outward`] but with y turned round with
-    /// the ray.
+    /// Returns G' for light that returns from the same direction. Frames are those of [`Galvo::outward`],
+    /// with y reversed like the ray.
     #[must_use]
     pub fn inward(&self, nm: f64, direction: [f64; 2]) -> Mueller {
-        // Sekera 1966: a way that is travelled backwards has the matrix Q Mᵀ Q.
+        // Sekera 1966: the matrix of the reversed path is Q Mᵀ Q.
         let q = Mueller::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
         q * self.outward(nm, direction).transpose() * q
     }
 
-    /// The mirrors' normals and the beam's direction beyond them.
+    /// Returns the normals of the mirrors and the direction of the beam behind them.
     fn bounces(&self, [alpha_x, alpha_y]: [f64; 2]) -> ([Vector3<f64>; 2], Vector3<f64>) {
-        // A mirror that turns by half an angle turns the beam by all of it.
+        // A mirror rotated by an angle deflects the beam by twice that angle.
         let (s, c) = (std::f64::consts::FRAC_PI_4 + alpha_x / 2.0).sin_cos();
         let first = Vector3::new(-s, c, 0.0);
         let (s, c) = (std::f64::consts::FRAC_PI_4 + alpha_y / 2.0).sin_cos();
@@ -160,7 +162,7 @@ impl Galvo {
         let (mut m, mut ray) = (Mueller::identity(), start);
         for normal in normals {
             let s = ray.direction.cross(normal);
-            // At normal incidence any axis is an s axis.
+            // At normal incidence every axis is an s axis.
             let s = s.try_normalize(1e-9).unwrap_or(ray.x);
             m = turned(&ray, s) * m;
             let cos = ray.direction.dot(normal).abs();
@@ -186,12 +188,12 @@ fn reflected(d: Vector3<f64>, normal: Vector3<f64>) -> Vector3<f64> {
     d - normal * (2.0 * d.dot(&normal))
 }
 
-/// The part of an axis across a direction.
+/// Returns the normalized part of an axis that is perpendicular to a direction.
 fn across(axis: Vector3<f64>, direction: Vector3<f64>) -> Vector3<f64> {
     (axis - direction * axis.dot(&direction)).normalize()
 }
 
-/// From a ray's frame to that with x axis `x`.
+/// Returns the rotation from a ray's frame to the frame with x axis `x`.
 fn turned(ray: &Framed, x: Vector3<f64>) -> Mueller {
     let y = ray.direction.cross(&ray.x);
     super::element::rotator(x.dot(&y).atan2(x.dot(&ray.x)))
@@ -208,7 +210,7 @@ mod tests {
         }
     }
 
-    /// The way back, walked mirror by mirror, is what reciprocity says.
+    /// Tracing the return path mirror by mirror agrees with reciprocity.
     #[test]
     fn the_way_back_is_the_way_out_reversed() {
         let galvo = silver();
@@ -223,7 +225,7 @@ mod tests {
         }
     }
 
-    /// Perfect mirrors at rest only turn the frame: two s axes at right angles, two mirror images.
+    /// Perfect undeflected mirrors only rotate the frame: two perpendicular s axes, two mirror images.
     #[test]
     fn perfect_mirrors_keep_all_light_polarized() {
         let mut galvo = silver();
@@ -231,7 +233,7 @@ mod tests {
         let m = galvo.outward(550.0, [0.0, 0.0]);
         assert!((m * m.transpose() - Mueller::identity()).amax() < 1e-3, "{m}");
         assert!((m[(3, 3)] - 1.0).abs() < 1e-3);
-        // The beam leaves along its axis; angles of the beam are those asked for.
+        // The undeflected beam leaves along its axis, and a deflected beam has the requested angle.
         let (_, beam) = galvo.bounces([0.0, 0.0]);
         assert!((beam - Vector3::z()).norm() < 1e-12);
         let (_, beam) = galvo.bounces([0.0, 0.1]);

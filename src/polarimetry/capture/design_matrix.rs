@@ -1,9 +1,9 @@
-//! The one forward model: intensities are a matrix times the elements of a Mueller matrix.
+//! The forward model: intensities are a matrix times the elements of a Mueller matrix.
 //!
-//! Row (k, c) of the design matrix A is the analyzer's row a of channel c times the generator's state g of capture k,
-//! A[(k, c), 4i + j] = a_i g_j, so that A vec(T) are the intensities a·T·g of Baek & Heide 2021, eqs. 3 and 6, for a
-//! Mueller matrix T with elements `T[i][j]` (Stokes out i, in j) in row-major order. It simulates captures, plans angles, and
-//! is what reconstruction inverts.
+//! Row (k, c) of the design matrix A combines the analyzer row a of channel c and the generator state g of
+//! capture k: A[(k, c), 4i + j] = a_i g_j. Then A vec(T) are the intensities a·T·g of Baek & Heide 2021, eqs.
+//! 3 and 6, for a Mueller matrix T with elements `T[i][j]` (Stokes out i, in j) in row-major order.
+//! Simulation, the search for angles and reconstruction all use this matrix.
 
 use super::element::{Ray, Set};
 use super::scheme::{Scheme, Sensor};
@@ -11,25 +11,21 @@ use super::states::{detecting, illuminating};
 use nalgebra::{DMatrix, DVector, SMatrix};
 use thiserror::Error;
 
-/// Elements of a Mueller matrix.
 pub const ELEMENTS: usize = 16;
-/// Singular values below this times the largest are rounding.
+/// Singular values below this fraction of the largest are rounding errors.
 pub const RANK_TOLERANCE: f64 = 1e-9;
 
-/// Captures that do not determine a Mueller matrix.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error(
     "scheme `{name}` has rank {rank} of 16: its {captures} captures do not determine a Mueller matrix; {}",
     fix(*captures, *least)
 )]
 pub struct RankError {
-    /// Name of the scheme.
     pub name: String,
-    /// Rank of its design matrix.
+    /// Rank of the design matrix.
     pub rank: usize,
-    /// Its captures.
     pub captures: usize,
-    /// The least number of captures with which such a sensor can.
+    /// The smallest number of captures that suffices with this sensor.
     pub least: usize,
 }
 
@@ -43,8 +39,8 @@ fn fix(captures: usize, least: usize) -> String {
     }
 }
 
-/// Rows of the design matrix for one capture, one for each channel of the sensor, with generator and analyzer set so:
-/// where stages are in truth, which a scheme's plan need not be.
+/// Returns the rows of the design matrix for one capture, one per channel of the sensor. `sets` holds the
+/// actual settings of generator and analyzer, which may differ from the scheme's nominal ones.
 pub fn rows(
     scheme: &Scheme,
     sets: &[Vec<Set>; 2],
@@ -57,7 +53,7 @@ pub fn rows(
 /// The design matrix of a scheme for a ray.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DesignMatrix {
-    /// One row for each measurement (capture by capture, channels of a capture together), 16 columns.
+    /// One row per measurement (by capture, then by channel), 16 columns.
     pub a: DMatrix<f64>,
     name: String,
     captures: usize,
@@ -65,7 +61,7 @@ pub struct DesignMatrix {
 }
 
 impl DesignMatrix {
-    /// Of all captures and channels.
+    /// Builds the matrix of all captures and channels.
     #[must_use]
     pub fn new(scheme: &Scheme, ray: &Ray) -> Self {
         let channels = scheme.sensor.channels();
@@ -85,13 +81,13 @@ impl DesignMatrix {
         }
     }
 
-    /// Intensities of a Mueller matrix, row-major.
+    /// Returns the intensities of a row-major Mueller matrix.
     #[must_use]
     pub fn intensities(&self, mueller: &[f64; 16]) -> DVector<f64> {
         &self.a * DVector::from_column_slice(mueller)
     }
 
-    /// Singular values, falling.
+    /// Returns the singular values in descending order.
     #[must_use]
     pub fn singular_values(&self) -> Vec<f64> {
         let mut values: Vec<f64> = self.a.singular_values().iter().copied().collect();
@@ -99,7 +95,7 @@ impl DesignMatrix {
         values
     }
 
-    /// Number of elements, or mixtures of them, that the captures determine.
+    /// Returns the number of independent combinations of elements that the captures determine.
     #[must_use]
     pub fn rank(&self) -> usize {
         let values = self.singular_values();
@@ -110,7 +106,7 @@ impl DesignMatrix {
             .count()
     }
 
-    /// Largest over least singular value of all 16; infinite below rank 16.
+    /// Returns the condition number of the 16 columns; infinite below rank 16.
     #[must_use]
     pub fn condition(&self) -> f64 {
         let values = self.singular_values();
@@ -120,7 +116,7 @@ impl DesignMatrix {
         }
     }
 
-    /// (AᵀA)⁻¹: covariance of the least-squares estimate over the variance of the noise.
+    /// Returns (AᵀA)⁻¹: the covariance of the least-squares estimate for noise of unit variance.
     ///
     /// # Errors
     /// If the captures do not determine a Mueller matrix.
@@ -130,7 +126,7 @@ impl DesignMatrix {
         Ok(SMatrix::from_fn(|i, j| product[(i, j)]))
     }
 
-    /// Σ var/σ² of the 16 elements of the least-squares estimate: tr (AᵀA)⁻¹.
+    /// Returns tr (AᵀA)⁻¹: the sum of var/σ² over the 16 elements of the least-squares estimate.
     ///
     /// # Errors
     /// As [`DesignMatrix::covariance`].
@@ -138,7 +134,7 @@ impl DesignMatrix {
         Ok(self.covariance()?.trace())
     }
 
-    /// A⁺, 16 rows: the least-squares estimate is its product with the intensities.
+    /// Returns A⁺ (16 rows), which maps intensities to the least-squares estimate.
     ///
     /// # Errors
     /// As [`DesignMatrix::covariance`].
@@ -149,17 +145,17 @@ impl DesignMatrix {
         }
         let (q, r) = self.a.clone().qr().unpack();
         let zero = || DMatrix::zeros(ELEMENTS, self.a.nrows());
-        // R is regular, as the rank is full.
+        // The rank is full, so R is invertible.
         Ok(r.solve_upper_triangular(&q.transpose()).unwrap_or_else(zero))
     }
 
-    /// A⁺ whatever the rank (see [`minimum_norm`]).
+    /// Returns A⁺ for any rank (see [`minimum_norm`]).
     #[must_use]
     pub fn minimum_norm(&self) -> DMatrix<f64> {
         self.pseudo_inverse().unwrap_or_else(|_| minimum_norm(&self.a))
     }
 
-    /// What is said of a scheme of this rank.
+    /// Returns the error for a scheme of this rank.
     #[must_use]
     pub fn rank_error(&self, rank: usize) -> RankError {
         RankError {
@@ -171,9 +167,11 @@ impl DesignMatrix {
     }
 }
 
-/// A⁺ = (AᵀA)⁺Aᵀ of any rank: of all matrices that explain the intensities equally well, it gives the one of least norm.
-/// By the eigenvectors of AᵀA, because nalgebra's singular vectors are wrong where a singular value is exactly zero.
-/// Singular values below 1e-6 of the largest count as zero.
+/// Returns A⁺ = (AᵀA)⁺Aᵀ for any rank, which yields the matrix of minimum norm among all least-squares
+/// solutions. Singular values below 1e-6 of the largest count as zero.
+///
+/// Uses the eigenvectors of AᵀA, because nalgebra's singular vectors are wrong if a singular value is exactly
+/// zero.
 #[must_use]
 pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
     let normal = a.transpose() * a;
@@ -190,15 +188,17 @@ pub fn minimum_norm(a: &DMatrix<f64>) -> DMatrix<f64> {
     inverse * a.transpose()
 }
 
-/// The least Σ var/σ² that K captures can have with ideal elements: 1600/K; with a polarizer array 400/K, or 440/K behind
-/// quarter-wave plates.
+/// Returns the lower bound of Σ var/σ² for K captures with ideal elements: 1600/K. With a polarizer array the
+/// bound is 400/K, or 440/K behind quarter-wave plates.
 ///
-/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ, so no set of states beats one that is spread evenly over
-/// the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello 2015). Behind a polarizer g = ½(1, v), the
-/// mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its inverse 40: for two such sides 1600. The four channels of an
-/// array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder turns it: all but one direction n of the sphere. Spread
-/// evenly that is diag(1, ⅓, ⅓, ⅓) and 10, hence 400; but quarter-wave plates keep n on the equator, which gives
-/// diag(1, ¼, ¼, ½) and 11.
+/// The trace of (AᵀA)⁻¹ is convex in AᵀA = Σ_k g gᵀ ⊗ Σ_c a aᵀ. The optimal states are therefore spread
+/// evenly over the sphere on both sides (a spherical 2-design; Foreman, Favaro & Aiello 2015).
+///
+/// - Behind a polarizer g = ½(1, v). The mean of g gᵀ is ¼ diag(1, ⅓, ⅓, ⅓), and the trace of its inverse is
+///   40. Two such sides give 1600.
+/// - The four channels of an array have Σ a aᵀ = diag(1, ½, ½, 0) before the retarder rotates it: all
+///   directions of the sphere except one, n. Spread evenly this is diag(1, ⅓, ⅓, ⅓) with trace 10, hence 400.
+/// - Quarter-wave plates keep n on the equator, which gives diag(1, ¼, ¼, ½) with trace 11, hence 440.
 #[must_use]
 pub fn a_optimal_bound(scheme: &Scheme) -> f64 {
     let whole = match scheme.sensor {
@@ -222,7 +222,7 @@ mod tests {
         matrix(&Scheme::drr(captures, array).expect("a scheme"))
     }
 
-    /// The known variances of dual rotating retarders.
+    /// The error variances of dual rotating retarders have their known values.
     #[test]
     fn dual_rotating_retarders_have_their_variances() {
         for (captures, want) in [(36, 196.0), (25, 2054.0)] {
@@ -231,7 +231,7 @@ mod tests {
         }
     }
 
-    /// Against the product of matrices, written out.
+    /// The design matrix agrees with the explicit matrix product.
     #[test]
     fn rows_are_the_matrix_product() {
         let scheme = Scheme::qrpr(5, true).expect("a scheme");
@@ -252,7 +252,8 @@ mod tests {
         }
     }
 
-    /// A coaxial rig: beamsplitter and galvo on both ways, in the order of eqs. 12 and 14, for a direction off the axis.
+    /// A coaxial rig includes beamsplitter and galvo on both paths, in the order of eqs. 12 and 14, for an
+    /// off-axis direction.
     #[test]
     fn shared_optics_are_passed_twice() {
         let text = "sensor = { kind = \"intensity\" }\nsource = [1, 1, 0, 0]\n\
@@ -286,7 +287,7 @@ mod tests {
         }
     }
 
-    /// Least squares gives back what was put in, for every scheme of full rank.
+    /// Least squares recovers the input for every scheme of full rank.
     #[test]
     fn without_noise_recovery_is_exact() {
         let schemes = [
@@ -309,7 +310,7 @@ mod tests {
         }
     }
 
-    /// As many captures as are said to be the least do, and one less does not.
+    /// The stated minimum number of captures suffices, and one fewer does not.
     #[test]
     fn the_least_captures_are() {
         for (array, least) in [(false, 16), (true, 8)] {
@@ -317,11 +318,11 @@ mod tests {
             assert_eq!((rank(least), rank(least - 1)), (16, 15));
         }
         let rank = |k| matrix(&Scheme::liquid_crystal(k, true).expect("a scheme")).rank();
-        // Three numbers from each of five captures, but what they say of s0 alone takes four.
+        // Each of five captures gives three numbers, but measuring s0 alone takes four captures.
         assert_eq!((rank(6), rank(5)), (16, 14));
     }
 
-    /// A scheme that cannot work says its rank and what it takes.
+    /// The error of a rank-deficient scheme states its rank and the required number of captures.
     #[test]
     fn low_ranks_are_named() {
         let few = drr(10, false).pseudo_inverse().expect_err("too few");

@@ -1,22 +1,24 @@
-//! Directions in which light passes a rig's elements, pixel by pixel: through a camera's pinhole, or where a galvo points.
+//! Directions in which light passes the elements of a rig, per pixel: through a camera's pinhole, or where a
+//! galvo points.
 
 use super::element::Ray;
 use super::simulate::Layout;
 
-/// Where the pixels of an image look.
+/// Viewing directions of the pixels of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Directions {
-    /// All along the optical axis, as a telecentric lens has it.
+    /// All along the optical axis, as with a telecentric lens.
     Axial,
-    /// Through a pinhole on the axis: tangents of the angles to the outer edges of the image in x and y.
+    /// Through a pinhole on the axis.
     Pinhole {
-        /// Half of the image's width and height at distance one.
+        /// Half of the image's width and height at distance one: tangents of the angles to the image's edges
+        /// in x and y.
         half: [f64; 2],
     },
 }
 
 impl Directions {
-    /// Through a pinhole with square pixels and this horizontal field of view, radians (below π).
+    /// Returns a pinhole with square pixels and this horizontal field of view, radians (below π).
     #[must_use]
     pub fn pinhole(fov_x: f64, width: usize, height: usize) -> Self {
         let half = (fov_x / 2.0).tan();
@@ -25,8 +27,9 @@ impl Directions {
         }
     }
 
-    /// The ray through the middle of a pixel, of `size` columns and rows. Azimuths count from the frame's x axis, which
-    /// points to the right of an image, counter-clockwise looking toward the source: rows from the top count downward.
+    /// Returns the ray through the centre of a pixel in an image of `size` columns and rows. Azimuths are
+    /// counter-clockwise looking toward the source, from the frame's x axis, which points to the right of the
+    /// image. Rows count from the top, that is, downward.
     #[must_use]
     pub fn ray(&self, x: usize, y: usize, size: [usize; 2], nm: f64) -> Ray {
         let Self::Pinhole { half } = self else {
@@ -41,7 +44,8 @@ impl Directions {
         }
     }
 
-    /// Rays of all pixels of a layout, rows from the top, wavelengths last; one a wavelength if all are along the axis.
+    /// Returns the rays of all pixels of a layout: rows from the top, wavelengths last. If all rays are
+    /// axial, returns one per wavelength.
     #[must_use]
     pub fn rays(&self, layout: Layout, wavelengths_nm: &[f64]) -> Vec<Ray> {
         if *self == Self::Axial {
@@ -63,7 +67,7 @@ mod tests {
     fn a_pinholes_corners_look_where_they_should() {
         let view = Directions::pinhole(90_f64.to_radians(), 4, 2);
         let ray = view.ray(3, 0, [4, 2], 550.0);
-        // Centre of the upper right pixel at (0.75, 0.25) of distance one.
+        // The centre of the upper right pixel is at (0.75, 0.25) at distance one.
         assert!((ray.incidence.tan() - 0.75_f64.hypot(0.25)).abs() < 1e-12);
         assert!((ray.azimuth - 0.25_f64.atan2(0.75)).abs() < 1e-12);
         let [x, y] = ray.direction();

@@ -1,53 +1,49 @@
-//! Polarizers and retarders of a rig as Mueller matrices in f64, with their imperfections, and with derivatives for
-//! angles and retardances, which learning needs.
+//! Polarizers and retarders of a rig as Mueller matrices in f64, with their imperfections and with
+//! derivatives for angles and retardances, which learning needs.
 //!
-//! The signs are those of [`optics::polarization::elements`]: angles counter-clockwise from the frame's x axis looking
-//! toward the source, the slow axis lags. An element at angle θ is R(-θ) M R(θ); with R(θ) = exp(2θG) its derivative
-//! for θ is 2(MG - GM).
+//! Signs are those of [`optics::polarization::elements`]: angles are counter-clockwise from the frame's x
+//! axis looking toward the source, and the slow axis lags. An element at angle θ is R(-θ) M R(θ). With R(θ) =
+//! exp(2θG), its derivative for θ is 2(MG - GM).
 
 use super::spectral_value::SpectralValue;
 use nalgebra::{Matrix4, Vector4};
 
-/// Mueller matrices of a rig.
 pub type Mueller = Matrix4<f64>;
-/// Stokes vectors of a rig.
 pub type Stokes = Vector4<f64>;
 
-/// What an element does to light that passes it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ElementKind {
-    /// A linear polarizer; its angle is that of the light it passes.
+    /// A linear polarizer; its angle is the angle of the light that it transmits.
     Polarizer {
-        /// Least over greatest transmittance for linearly polarized light.
+        /// Ratio of the least to the greatest transmittance for linearly polarized light.
         extinction: SpectralValue,
     },
-    /// A linear retarder; its angle is that of the fast axis.
+    /// A linear retarder; its angle is the angle of the fast axis.
     Retarder {
-        /// Nominal retardance, radians: a quarter-wave plate has π/2.
+        /// Nominal retardance, radians; π/2 for a quarter-wave plate.
         retardance: Setting,
-        /// Added to the nominal one at a wavelength, radians.
+        /// Difference from the nominal retardance at a wavelength, radians.
         error: SpectralValue,
-        /// Whole waves that it has besides, which an oblique ray changes too.
+        /// Number of additional whole waves, which also change for an oblique ray.
         order: u32,
         /// Mean refractive index, for oblique rays.
         index: f64,
     },
 }
 
-/// A number that is the same for all captures, or one for each. Angles and retardances, radians.
+/// A number for all captures, or one per capture. Angles and retardances are in radians.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Setting {
-    /// For all captures.
     Fixed(f64),
-    /// Capture by capture.
+    /// One value per capture.
     Each(Vec<f64>),
 }
 
 impl Setting {
-    /// The value at capture number `k`.
+    /// Returns the value at capture `k`.
     ///
     /// # Panics
-    /// If there is no such capture; [`super::scheme::Scheme`] sees to it that there is.
+    /// If `k` is out of range; [`super::scheme::Scheme`] ensures that every capture has a value.
     #[must_use]
     pub fn at(&self, k: usize) -> f64 {
         match self {
@@ -57,31 +53,29 @@ impl Setting {
     }
 }
 
-/// What an element is set to in one capture.
+/// The settings of an element in one capture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Set {
-    /// Angle that its stage reads, radians.
+    /// Angle reading of the stage, radians.
     pub angle: f64,
-    /// Nominal retardance, radians; of a polarizer without meaning.
+    /// Nominal retardance, radians; unused for polarizers.
     pub retardance: f64,
 }
 
-/// An element of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Element {
-    /// What it is called, e.g. `retarder_2`.
+    /// Name, e.g. `retarder_2`.
     pub name: String,
-    /// What it is.
     pub kind: ElementKind,
-    /// Angle of its stage.
+    /// Angle of the stage.
     pub angle: Setting,
-    /// Its axis' angle when the stage reads zero, radians.
+    /// Angle of the axis when the stage reads zero, radians.
     pub axis_offset: f64,
-    /// Transmittance: of a polarizer, for light along its axis.
+    /// Transmittance; for a polarizer, that of light along its axis.
     pub transmittance: SpectralValue,
 }
 
-/// Where and at which wavelength light passes a rig.
+/// Direction and wavelength of light that passes a rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Wavelength, nanometres.
@@ -93,14 +87,14 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// Its angles from the axis in x and y, radians: where a galvo points for it.
+    /// Returns the angles from the axis in x and y, radians. A galvo points in this direction.
     #[must_use]
     pub fn direction(&self) -> [f64; 2] {
         let (s, c) = self.azimuth.sin_cos();
         [c, s].map(|part| (self.incidence.tan() * part).atan())
     }
 
-    /// Along the optical axis.
+    /// Returns the ray along the optical axis.
     #[must_use]
     pub fn axial(nm: f64) -> Self {
         Self {
@@ -119,7 +113,7 @@ fn generator() -> Mueller {
     g
 }
 
-/// R(θ): Stokes vectors re-expressed in a basis turned by θ.
+/// R(θ): expresses Stokes vectors in a basis rotated by θ.
 #[must_use]
 pub fn rotator(theta: f64) -> Mueller {
     let (s, c) = (2.0 * theta).sin_cos();
@@ -128,7 +122,7 @@ pub fn rotator(theta: f64) -> Mueller {
     r
 }
 
-/// Linear diattenuator at 0° that passes `most` along x and `least` along y, both of light's power.
+/// Returns a linear diattenuator at 0° with power transmittance `most` along x and `least` along y.
 #[must_use]
 pub fn diattenuator(most: f64, least: f64) -> Mueller {
     let (mean, half, cross) = (
@@ -141,7 +135,7 @@ pub fn diattenuator(most: f64, least: f64) -> Mueller {
     m
 }
 
-/// Linear retarder with its fast axis at 0°.
+/// Returns a linear retarder with its fast axis at 0°.
 #[must_use]
 pub fn retarder(delta: f64) -> Mueller {
     let (s, c) = delta.sin_cos();
@@ -150,7 +144,7 @@ pub fn retarder(delta: f64) -> Mueller {
     m
 }
 
-/// A matrix at some setting with its derivatives for the angle and for the retardance.
+/// A matrix at a setting, with its derivatives for angle θ and retardance δ.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet {
     /// M.
@@ -161,17 +155,16 @@ pub struct Jet {
     pub second: [Mueller; 3],
 }
 
-/// What of an element changes from capture to capture.
+/// A property of an element that changes between captures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Angle of the stage.
     Angle,
-    /// Retardance, as liquid crystals change it.
+    /// Retardance, for liquid crystals.
     Retardance,
 }
 
 impl Element {
-    /// An ideal linear polarizer.
     #[must_use]
     pub fn polarizer(name: &str, angle: Setting) -> Self {
         Self::ideal(
@@ -183,7 +176,6 @@ impl Element {
         )
     }
 
-    /// An ideal retarder.
     #[must_use]
     pub fn retarder(name: &str, angle: Setting, retardance: Setting) -> Self {
         let kind = ElementKind::Retarder {
@@ -205,7 +197,6 @@ impl Element {
         }
     }
 
-    /// What it is set to at a capture.
     #[must_use]
     pub fn set_at(&self, k: usize) -> Set {
         let retardance = match &self.kind {
@@ -218,12 +209,12 @@ impl Element {
         }
     }
 
-    /// Retardance at a setting for a ray, radians; 0 of a polarizer.
+    /// Returns the retardance at a setting for a ray, radians; 0 for a polarizer.
     ///
-    /// Of a plate that is weakly birefringent with index n, whose slow axis lies in it, a ray at angle α in air, whose
-    /// plane of incidence is at β from the slow axis, meets the retardance (δ + 2πm)(1 - s² cos² β)/√(1 - s²), s = sin α/n:
-    /// the first term of the extraordinary and ordinary waves' k_z (Yeh & Gu, "Optics of Liquid Crystal Displays", 2010,
-    /// sec. 3.2) in their difference.
+    /// The plate is weakly birefringent with index n, and its slow axis is in its plane. For a ray at angle α
+    /// in air, with the plane of incidence at β from the slow axis, the retardance is (δ + 2πm)(1 - s² cos²
+    /// β)/√(1 - s²), s = sin α/n. This is the difference of the extraordinary and ordinary waves' k_z (Yeh &
+    /// Gu, "Optics of Liquid Crystal Displays", 2010, sec. 3.2) to first order in the birefringence.
     #[must_use]
     pub fn retardance(&self, set: Set, ray: &Ray) -> f64 {
         let ElementKind::Retarder { error, .. } = &self.kind else {
@@ -233,7 +224,7 @@ impl Element {
         scale * (set.retardance + error.at(ray.nm) + waves) - waves
     }
 
-    /// What an oblique ray multiplies the whole retardance with, and the whole waves of it, radians.
+    /// Returns the factor of an oblique ray on the total retardance, and the whole waves in radians.
     fn oblique(&self, set: Set, ray: &Ray) -> (f64, f64) {
         let ElementKind::Retarder { order, index, .. } = &self.kind else {
             return (1.0, 0.0);
@@ -245,7 +236,7 @@ impl Element {
         ((1.0 - s2 * along) / (1.0 - s2).sqrt(), waves)
     }
 
-    /// The element in its own axes.
+    /// Returns the matrix in the element's axes.
     fn unturned(&self, set: Set, ray: &Ray) -> Mueller {
         let t = self.transmittance.at(ray.nm);
         match &self.kind {
@@ -254,15 +245,15 @@ impl Element {
         }
     }
 
-    /// Mueller matrix at a setting, whatever the scheme says: where a stage is in truth, and a cell's retardance.
+    /// Returns the Mueller matrix at the actual settings, which may differ from those of the scheme.
     #[must_use]
     pub fn matrix(&self, set: Set, ray: &Ray) -> Mueller {
         let theta = set.angle + self.axis_offset;
         rotator(-theta) * self.unturned(set, ray) * rotator(theta)
     }
 
-    /// Mueller matrix at a capture, with derivatives. Those for the angle leave out that turning an oblique plate changes
-    /// its retardance, which is of second order in the incidence.
+    /// Returns the Mueller matrix at a capture with its derivatives. The angle derivatives neglect that
+    /// rotating an oblique plate changes its retardance, which is of second order in the incidence.
     #[must_use]
     pub fn jet(&self, k: usize, ray: &Ray) -> Jet {
         let set = self.set_at(k);
@@ -271,7 +262,7 @@ impl Element {
         if let ElementKind::Retarder { .. } = &self.kind {
             let (scale, _) = self.oblique(set, ray);
             let quarter = retarder(self.retardance(set, ray) + std::f64::consts::FRAC_PI_2);
-            // d/dδ shifts sine and cosine by a quarter of a turn; what δ does not touch has no derivative.
+            // d/dδ shifts sine and cosine by a quarter period; elements without δ have no derivative.
             by_delta = quarter * (self.transmittance.at(ray.nm) * scale);
             by_delta2 = self.unturned(set, ray) * (-scale * scale);
             for d in [&mut by_delta, &mut by_delta2] {
@@ -290,7 +281,7 @@ impl Element {
         }
     }
 
-    /// What of it changes from capture to capture.
+    /// Returns the quantities that change between captures.
     pub fn driven(&self) -> impl Iterator<Item = Quantity> {
         let angle = matches!(self.angle, Setting::Each(_)).then_some(Quantity::Angle);
         let each = matches!(
@@ -303,7 +294,7 @@ impl Element {
         angle.into_iter().chain(each.then_some(Quantity::Retardance))
     }
 
-    /// The settings of what [`Element::driven`] names.
+    /// Returns the setting of a quantity; `None` for the retardance of a polarizer.
     #[must_use]
     pub fn setting(&self, quantity: Quantity) -> Option<&Setting> {
         match (quantity, &self.kind) {
@@ -313,7 +304,7 @@ impl Element {
         }
     }
 
-    /// As [`Element::setting`], to be changed.
+    /// Returns [`Element::setting`] by mutable reference.
     pub fn setting_mut(&mut self, quantity: Quantity) -> Option<&mut Setting> {
         match (quantity, &mut self.kind) {
             (Quantity::Angle, _) => Some(&mut self.angle),
@@ -334,7 +325,7 @@ mod tests {
         (0..4).all(|i| (0..4).all(|j| (a[(i, j)] - f64::from(b[i][j])).abs() < 1e-6))
     }
 
-    /// One convention everywhere: the elements of the renderer.
+    /// Signs agree with the elements of the renderer.
     #[test]
     fn the_signs_are_the_renderers() {
         let ray = Ray::axial(550.0);
@@ -348,7 +339,7 @@ mod tests {
         }
     }
 
-    /// Derivatives against central differences.
+    /// Derivatives agree with central differences.
     #[test]
     fn derivatives_are_those_of_the_matrix() {
         let ray = Ray {
@@ -380,8 +371,9 @@ mod tests {
         }
     }
 
-    /// An oblique ray in the plane of the fast axis lengthens the path only; in that of the slow axis it lowers the
-    /// extraordinary index too. Against the waves' k_z of a plate with indices 1.5499 and 1.5501.
+    /// An oblique ray in the plane of the fast axis only lengthens the path. In the plane of the slow axis it
+    /// also lowers the extraordinary index. The reference is the waves' k_z of a plate with indices 1.5499
+    /// and 1.5501.
     #[test]
     fn oblique_rays_see_the_waves_retardance() {
         let (no, ne, alpha) = (1.5499_f64, 1.5501_f64, 0.3_f64);

@@ -1,7 +1,7 @@
-//! What a rig measures: schemes of polarizing elements, their one forward model, and detectors.
+//! The capture model: schemes of polarizing elements, their only forward model, and detectors.
 //!
 //! ```text
-//! scheme (file or constructor) -> states of generator and analyzer -> design matrix -> intensities -> detector
+//! scheme (file or code) -> generator and analyzer states -> design matrix -> intensities -> detector
 //! ```
 
 pub mod bench;

@@ -1,7 +1,9 @@
-//! Known Mueller matrices as a rig sees them: pixels in rows and columns, with the ray of each wavelength.
+//! Known Mueller matrices in the order that capture simulation needs: rows and columns of pixels, with a ray
+//! per wavelength.
 //!
-//! An array of matrices, or a slice of a stored tensor, has axes in some order; [`simulate`] wants rows, columns, whatever is
-//! a capture of its own, and wavelengths. A [`MuellerImage`] is the matrices with what leads from the one to the other.
+//! An array of matrices or a slice of a stored tensor can have its axes in any order. [`simulate`] expects
+//! rows, columns, axes of separate captures, and wavelengths. A [`MuellerImage`] holds the reordered matrices
+//! and the mapping between both orders.
 
 use super::detector::error::DetectorError;
 use super::detector::file::{Detector, with_bins};
@@ -12,89 +14,77 @@ use super::scheme::Scheme;
 use super::simulate::{Captured, Layout, Noise, simulate};
 use tensor::axes::{Axis, AxisKind};
 
-/// The wavelength of matrices that come without one, nanometres.
+/// Default wavelength of matrices without one, nanometres.
 pub const DEFAULT_NM: f64 = 550.0;
 
-/// Why matrices are no image, or an instrument cannot look at them.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageError {
-    /// A wavelength is not positive and finite.
     #[error("{0}; give nanometres, as in 450,550,660")]
     Wavelength(f64),
-    /// The last axis is not that of the wavelengths.
+    /// The last axis does not match the wavelengths.
     #[error(
         "the last axis before the matrices, of shape {shape:?}, is not as long as the {wavelengths} wavelengths"
     )]
     Wavelengths {
-        /// Lengths of the axes before the two of Stokes elements.
+        /// Lengths of the axes before the two Stokes axes.
         shape: Vec<usize>,
-        /// Number of wavelengths.
         wavelengths: usize,
     },
-    /// Light that is kept in parts, which no sensor sees apart.
+    /// Light is resolved along an axis that no sensor distinguishes.
     #[error(
         "the slice has an axis {0}, along which no sensor tells light apart; choose an entry with -k {0}=0, or a slice that \
          is summed over it"
     )]
     Parts(&'static str),
-    /// An axis without entries.
     #[error("there are no matrices; keep at least one of each axis")]
     Empty,
-    /// The elements do not fill the shape.
+    /// The number of elements does not match the shape.
     #[error("{found} elements do not fill the shape {shape:?} of matrices of 16")]
     Elements {
-        /// Lengths of the axes before the two of Stokes elements.
+        /// Lengths of the axes before the two Stokes axes.
         shape: Vec<usize>,
-        /// Number of elements.
         found: usize,
     },
-    /// Binning and superpixels take two rows and two columns.
+    /// Binning and superpixels need two rows and two columns.
     #[error(
         "an image of {height} x {width} is too small for binning or demosaicking; take out `binning` and `demosaic`"
     )]
-    TooSmall {
-        /// Rows.
-        height: usize,
-        /// Columns.
-        width: usize,
-    },
-    /// A diode counts photons in time bins, and there are none.
+    TooSmall { height: usize, width: usize },
+    /// A photon counter needs time bins, and the image has none.
     #[error(
         "a [spad] counts photons in time bins; capture a slice with time bins and no projector axes, or give a [cmos]"
     )]
     NoTimeBins,
-    /// The counter's bins are not those of the image.
+    /// The time bins of counter and image differ.
     #[error("{cause}; the slice has {bins} bins of {bin_ps} ps")]
     TimeBins {
-        /// What does not agree.
         cause: DetectorError,
-        /// Time bins of the image.
+        /// Number of time bins of the image.
         bins: usize,
         /// Their width, ps.
         bin_ps: f64,
     },
 }
 
-/// Mueller matrices, their order, and the rays that they are seen along.
+/// Mueller matrices, their order, and their rays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MuellerImage {
-    /// 16 elements a pixel, row-major (Stokes out first), pixels in the order of `layout`.
+    /// 16 elements per pixel, row-major (Stokes out first), pixels in the order of `layout`.
     pub matrices: Vec<f64>,
-    /// Rows, columns, captures besides and wavelengths.
+    /// Rows, columns, further captures and wavelengths.
     pub layout: Layout,
-    /// The ray of each wavelength, or of each place and wavelength ([`Self::seen_by`]): those of `view`.
+    /// The ray of each wavelength, or of each pixel and wavelength ([`Self::seen_by`]), from `view`.
     pub rays: Vec<Ray>,
-    /// Where pixels look.
     pub view: Directions,
-    /// Width of the time bins, ps, where there is nothing but these besides rows, columns and wavelengths.
+    /// Width of the time bins, ps, if time is the only axis in addition to rows, columns and wavelengths.
     pub bin_ps: Option<f64>,
-    /// Lengths of the pixels' axes, and which of them are rows and columns.
+    /// Lengths of the pixels' axes; `y` and `x` are the axes of rows and columns.
     shape: Vec<usize>,
     y: Option<usize>,
     x: Option<usize>,
 }
 
-/// What is known of the axes of some matrices.
+/// Properties of the axes of an array of matrices.
 struct Frame {
     shape: Vec<usize>,
     has_lanes: bool,
@@ -111,12 +101,12 @@ fn check_wavelengths(nm: &[f64]) -> Result<(), ImageError> {
 }
 
 impl MuellerImage {
-    /// An array of matrices of shape (..., 4, 4), of which `shape` is what stands before the two last: rows, columns,
-    /// whatever is a capture of its own, and, with `wavelengths_nm`, the wavelengths. Without these there is no such axis
-    /// and all light has [`DEFAULT_NM`].
+    /// Builds an image from an array of shape (..., 4, 4). `shape` holds the leading axes: rows, columns,
+    /// axes of separate captures and, if `wavelengths_nm` is not empty, the wavelengths. Without wavelengths
+    /// all light has [`DEFAULT_NM`].
     ///
     /// # Errors
-    /// [`ImageError`]: a wavelength that is none, lengths that do not agree, no matrices.
+    /// [`ImageError`] for an invalid wavelength, lengths that differ, or no matrices.
     pub fn of_array(
         matrices: Vec<f64>,
         shape: Vec<usize>,
@@ -144,11 +134,12 @@ impl MuellerImage {
         Self::new(matrices, frame, nm)
     }
 
-    /// Matrices over the axes of a tensor's slice, wavelengths last if there is such an axis; `wavelengths_nm` are those of
-    /// that axis, or the one at which the slice was taken, and `bin_ps` is the width of its time bins.
+    /// Builds an image from the axes of a tensor slice, with wavelengths last if there is such an axis.
+    /// `wavelengths_nm` holds the wavelengths of that axis, or the single one of the slice. `bin_ps` is the
+    /// width of its time bins.
     ///
     /// # Errors
-    /// As [`Self::of_array`], and [`ImageError::Parts`] if light is kept in parts by bounces, component or label.
+    /// As [`Self::of_array`]; [`ImageError::Parts`] if the slice resolves bounces, components or labels.
     pub fn of_slice(
         matrices: Vec<f64>,
         axes: &[Axis],
@@ -218,7 +209,8 @@ impl MuellerImage {
         })
     }
 
-    /// The shape of the pixels of what was captured with a layout: binning and superpixels halve rows and columns.
+    /// Returns the shape of the pixels captured with a layout: binning and superpixels halve rows and
+    /// columns.
     #[must_use]
     pub fn captured_shape(&self, captured: Layout) -> Vec<usize> {
         let mut shape = self.shape.clone();
@@ -230,7 +222,7 @@ impl MuellerImage {
         shape
     }
 
-    /// The same matrices seen along rays of a pinhole with this horizontal field of view, radians, instead of along the axis.
+    /// Returns the same matrices with rays through a pinhole of this horizontal field of view, radians.
     #[must_use]
     pub fn seen_by(mut self, fov_x: f64) -> Self {
         self.view = Directions::pinhole(fov_x, self.layout.width, self.layout.height);
@@ -238,13 +230,13 @@ impl MuellerImage {
         self
     }
 
-    /// Wavelengths, one a lane.
+    /// Returns the wavelengths, one per lane.
     #[must_use]
     pub fn wavelengths_nm(&self) -> Vec<f64> {
         self.rays.iter().take(self.layout.lanes).map(|r| r.nm).collect()
     }
 
-    /// Mean of T00 over all pixels where it is finite, in the unit of the matrices; NaN if it is nowhere.
+    /// Returns the mean of all finite T00, in the unit of the matrices; NaN if none is finite.
     #[must_use]
     pub fn mean(&self) -> f64 {
         let lit = self.matrices.iter().step_by(16).filter(|v| v.is_finite());
@@ -252,10 +244,10 @@ impl MuellerImage {
         sum / n
     }
 
-    /// What an instrument does to light of this image; a diode's counter gets the image's time bins.
+    /// Returns the noise model of a detector for this image. A photon counter receives the image's time bins.
     ///
     /// # Errors
-    /// [`ImageError`] if the instrument cannot look at such an image.
+    /// [`ImageError`] if the detector cannot capture this image.
     pub fn noise_of(&self, detector: Detector) -> Result<Noise, ImageError> {
         match detector {
             Detector::Cmos { camera, demosaic } => {
@@ -279,16 +271,16 @@ impl MuellerImage {
         }
     }
 
-    /// Whether it has time bins, so that a photon counter reads it.
+    /// Returns whether the image has time bins, so that a photon counter can read it.
     #[must_use]
     pub fn is_timed(&self) -> bool {
         self.bin_ps.is_some()
     }
 
-    /// All captures of a scheme; see [`simulate`].
+    /// Simulates all captures of a scheme; see [`simulate`].
     ///
     /// # Errors
-    /// Those of [`simulate`].
+    /// As [`simulate`].
     pub fn capture(&self, scheme: &Scheme, noise: &Noise, seed: u64) -> Result<Captured, DetectorError> {
         simulate(&self.matrices, self.layout, scheme, &self.rays, noise, seed)
     }

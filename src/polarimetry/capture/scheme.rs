@@ -1,10 +1,13 @@
-//! Capture schemes: which polarizing elements light passes on its way out and back, and what each is set to in every
-//! capture.
+//! Capture schemes: the polarizing elements on both paths and their settings in every capture.
 //!
-//! Baek & Heide 2021, sec. 4: I_k = [L(θ4) Q(θ3) T Q(θ2) L(θ1) p]_0, with p unpolarized light of one unit. Dual rotating
-//! retarders (DRR; Azzam 1978) fix the polarizers and turn the quarter-wave plates by 5° and 25° a capture; quad rotating
-//! polarizers and retarders (QRPR) turn all four; with a polarizer array (-P) four fixed polarizers on the sensor stand in
-//! for L(θ4). Liquid crystals keep all angles and change retardances.
+//! Baek & Heide 2021, sec. 4: I_k = [L(θ4) Q(θ3) T Q(θ2) L(θ1) p]_0, where p is unpolarized light of unit
+//! intensity.
+//!
+//! - Dual rotating retarders (DRR; Azzam 1978) fix the polarizers and rotate the quarter-wave plates by 5°
+//!   and 25° per capture.
+//! - Quad rotating polarizers and retarders (QRPR) rotate all four elements.
+//! - With a polarizer array (-P), four fixed polarizers on the sensor replace L(θ4).
+//! - Liquid crystals keep all angles and change their retardances.
 
 use super::coaxial::Coaxial;
 use super::element::{Element, ElementKind, Quantity, Set, Setting};
@@ -12,25 +15,24 @@ use super::spectral_value::SpectralValue;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use thiserror::Error;
 
-/// Angles of the polarizers on a sensor, degrees, in the order in which its four images are stored everywhere.
+/// Angles of the polarizers on a sensor, degrees, in the storage order of its four images.
 pub const ARRAY_DEG: [f64; 4] = [0.0, 45.0, 90.0, 135.0];
 
-/// What the light falls on.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sensor {
-    /// Pixels that do not care for polarization: one number a capture.
+    /// Pixels that are insensitive to polarization: one number per capture.
     Intensity,
-    /// Pixels behind linear polarizers at [`ARRAY_DEG`]: four numbers a capture.
+    /// Pixels behind linear polarizers at [`ARRAY_DEG`]: four numbers per capture.
     PolarizerArray {
-        /// Least over greatest transmittance of the polarizers.
+        /// Ratio of the least to the greatest transmittance of the polarizers.
         extinction: SpectralValue,
-        /// Added to their angles, radians.
+        /// Errors of the polarizers' angles, radians.
         axis_offsets: [f64; 4],
     },
 }
 
 impl Sensor {
-    /// A perfect polarizer array.
+    /// Returns an ideal polarizer array.
     #[must_use]
     pub fn array() -> Self {
         Self::PolarizerArray {
@@ -39,7 +41,7 @@ impl Sensor {
         }
     }
 
-    /// Numbers that one capture gives a pixel.
+    /// Returns the number of measurements per pixel and capture.
     #[must_use]
     pub fn channels(&self) -> usize {
         match self {
@@ -49,77 +51,67 @@ impl Sensor {
     }
 }
 
-/// What is wrong with a scheme.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum SchemeError {
-    /// Lists of settings are not of one length.
+    /// Lists of settings differ in length.
     #[error(
         "the settings of `{name}` are {found}, but those of `{other}` are {want}; give one for each capture"
     )]
     Lengths {
-        /// Name of the element.
         name: String,
-        /// Its settings.
+        /// Number of its settings.
         found: usize,
-        /// Name of the element that it is compared with.
+        /// Name of the other element.
         other: String,
-        /// Settings of that one.
+        /// Number of the other element's settings.
         want: usize,
     },
-    /// There is no capture.
     #[error("a scheme has at least one capture; give settings for it")]
     Empty,
-    /// A setting is not finite.
     #[error("the setting of `{name}` at capture {capture} is not a finite number; fix it")]
     NotFinite {
-        /// Name of the element.
         name: String,
-        /// The capture, from 0.
+        /// The capture, counted from 0.
         capture: usize,
     },
 }
 
-/// Side of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Before it.
+    /// Before the scene.
     Generator,
-    /// Behind it.
+    /// Behind the scene.
     Analyzer,
 }
 
-/// Something that changes from capture to capture.
+/// A setting that changes between captures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Motor {
-    /// Where its element is.
     pub side: Side,
-    /// Which of the side's elements, counted as light meets them.
+    /// Index of the element on its side, in the order in which light passes.
     pub element: usize,
-    /// What of it.
     pub quantity: Quantity,
 }
 
-/// A checked scheme: every setting is there for every capture.
+/// A checked scheme: every setting has a value for every capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scheme {
-    /// What it is called in tables.
+    /// Name for tables.
     pub name: String,
-    /// Stokes vector of the source: [1, 0, 0, 0] where it is unpolarized.
+    /// Stokes vector of the source; [1, 0, 0, 0] is unpolarized.
     pub source: [f64; 4],
     generator: Vec<Element>,
     analyzer: Vec<Element>,
-    /// What detects.
     pub sensor: Sensor,
-    /// Beamsplitter and galvo mirrors of a coaxial rig.
     pub coaxial: Option<Coaxial>,
     captures: usize,
 }
 
 impl Scheme {
-    /// Puts a scheme together; elements in the order in which light meets them.
+    /// Builds a scheme. Elements are in the order in which light passes them.
     ///
     /// # Errors
-    /// If settings are missing or not finite.
+    /// If a setting is missing or not finite.
     pub fn new(
         name: &str,
         generator: Vec<Element>,
@@ -138,35 +130,35 @@ impl Scheme {
         })
     }
 
-    /// Elements before the scene.
+    /// Returns the elements before the scene.
     #[must_use]
     pub fn generator(&self) -> &[Element] {
         &self.generator
     }
 
-    /// Elements behind the scene, without the sensor's own polarizers.
+    /// Returns the elements behind the scene, without the polarizers of the sensor.
     #[must_use]
     pub fn analyzer(&self) -> &[Element] {
         &self.analyzer
     }
 
-    /// Number of captures K.
+    /// Returns the number of captures K.
     #[must_use]
     pub fn captures(&self) -> usize {
         self.captures
     }
 
-    /// What the elements of the generator and of the analyzer are set to in capture `k`.
+    /// Returns the settings of generator and analyzer in capture `k`.
     ///
     /// # Panics
-    /// If there is no such capture.
+    /// If `k` is out of range.
     #[must_use]
     pub fn sets(&self, k: usize) -> [Vec<Set>; 2] {
         let of = |side: &[Element]| side.iter().map(|e| e.set_at(k)).collect();
         [of(&self.generator), of(&self.analyzer)]
     }
 
-    /// Numbers that all captures give a pixel: K, or 4K of a polarizer array (capture by capture).
+    /// Returns the number of measurements per pixel: K, or 4K with a polarizer array (by capture).
     #[must_use]
     pub fn measurements(&self) -> usize {
         self.captures * self.sensor.channels()
@@ -186,7 +178,7 @@ impl Scheme {
         )
     }
 
-    /// True if the analyzer's only retarder is a perfect quarter-wave plate.
+    /// Returns whether the analyzer's only retarder is a perfect quarter-wave plate.
     #[must_use]
     pub fn quarter_waves(&self) -> bool {
         let mut retarders = self.analyzer.iter().filter_map(|e| match &e.kind {
@@ -201,11 +193,12 @@ impl Scheme {
         perfect && retarders.next().is_none()
     }
 
-    /// The least number of captures with which such a sensor can determine a Mueller matrix.
+    /// Returns the smallest number of captures that determines a Mueller matrix with this sensor.
     ///
-    /// A polarizer array gives three independent numbers a capture, as I(0°) + I(90°) = I(45°) + I(135°): six captures.
-    /// Behind quarter-wave plates two of the three, s0 and s3 of the light, are the same for all angles of the plate; of
-    /// those four captures say all, and each gives one new number: eight.
+    /// A polarizer array gives three independent numbers per capture, because I(0°) + I(90°) = I(45°) +
+    /// I(135°): six captures. Behind a quarter-wave plate, two of the three are the same for all angles of
+    /// the plate: s0 and s3 of the light. Four captures determine these two, and each capture gives one
+    /// further number: eight captures.
     #[must_use]
     pub fn least_captures(&self) -> usize {
         match self.sensor {
@@ -215,7 +208,7 @@ impl Scheme {
         }
     }
 
-    /// All that changes from capture to capture, in the order of the elements.
+    /// Returns all settings that change between captures, in the order of the elements.
     #[must_use]
     pub fn motors(&self) -> Vec<Motor> {
         self.elements()
@@ -229,7 +222,6 @@ impl Scheme {
             .collect()
     }
 
-    /// The element of a motor.
     #[must_use]
     pub fn element(&self, motor: Motor) -> &Element {
         match motor.side {
@@ -238,7 +230,7 @@ impl Scheme {
         }
     }
 
-    /// All settings that change, radians: motor by motor, each for all captures.
+    /// Returns all variable settings in radians: by motor, then by capture.
     #[must_use]
     pub fn parameters(&self) -> Vec<f64> {
         self.motors()
@@ -248,10 +240,10 @@ impl Scheme {
             .collect()
     }
 
-    /// The scheme with other settings, in the order of [`Scheme::parameters`].
+    /// Returns the scheme with other settings, in the order of [`Scheme::parameters`].
     ///
     /// # Panics
-    /// If there are not as many of them.
+    /// If the number of parameters is wrong.
     #[must_use]
     pub fn with_parameters(&self, parameters: &[f64]) -> Self {
         let motors = self.motors();
@@ -273,7 +265,7 @@ impl Scheme {
         out
     }
 
-    /// Changes an element but for its settings, which stay: its imperfections.
+    /// Changes the imperfections of an element; its settings are kept.
     pub fn imperfect(&mut self, side: Side, element: usize, change: impl FnOnce(&mut Element)) {
         let elements = match side {
             Side::Generator => &mut self.generator,
@@ -292,10 +284,11 @@ impl Scheme {
         }
     }
 
-    /// The scheme with an element at other angles, radians: one for each capture.
+    /// Returns the scheme with an element at other angles (radians, one per capture). If no element has that
+    /// name, the scheme is unchanged.
     ///
     /// # Errors
-    /// If they are not as many, or not finite. Where no element has the name, nothing is turned.
+    /// If the number of angles is wrong, or an angle is not finite.
     pub fn turned(&self, name: &str, angles: &[f64]) -> Result<Self, SchemeError> {
         let same = angles.iter().all(|a| Some(a) == angles.first());
         let (mut generator, mut analyzer) = (self.generator.clone(), self.analyzer.clone());
@@ -314,10 +307,11 @@ impl Scheme {
         Ok(out)
     }
 
-    /// Dual rotating retarders: retarder 2 at 5°(k-1), retarder 3 at 25°(k-1), polarizers at 0° (Azzam 1978; sec. 4).
+    /// Returns dual rotating retarders: retarder 2 at 5°(k-1), retarder 3 at 25°(k-1), polarizers at 0°
+    /// (Azzam 1978; sec. 4).
     ///
     /// # Errors
-    /// If there is no capture.
+    /// If `captures` is 0.
     pub fn drr(captures: usize, array: bool) -> Result<Self, SchemeError> {
         let turning =
             |step: f64| Setting::Each((0..captures).map(|k| (step * k as f64).to_radians()).collect());
@@ -331,12 +325,12 @@ impl Scheme {
         Self::four(&format!("{name} {captures}"), angles, array)
     }
 
-    /// Quad rotating polarizers and retarders at hand-made angles: the retarders as of [`Scheme::drr`], the polarizers by
-    /// the golden angle and its double, so that no two captures agree. What learning starts from, not what one measures
-    /// with.
+    /// Returns quad rotating polarizers and retarders at hand-chosen angles. The retarders are those of
+    /// [`Scheme::drr`]. The polarizers step by the golden angle and twice that, so that no two captures are
+    /// equal. This is a starting point for learning, not a scheme for measurements.
     ///
     /// # Errors
-    /// If there is no capture.
+    /// If `captures` is 0.
     pub fn qrpr(captures: usize, array: bool) -> Result<Self, SchemeError> {
         const GOLDEN_DEG: f64 = 137.507_764_050_037_85;
         let turning = |step: f64| {
@@ -353,10 +347,11 @@ impl Scheme {
         Self::four(&format!("{name} {captures}"), angles, array)
     }
 
-    /// The angles of [`Scheme::drr`] with all four elements free to turn: where learning starts (sec. 4).
+    /// Returns the angles of [`Scheme::drr`] with all four elements variable: the starting point of learning
+    /// (sec. 4).
     ///
     /// # Errors
-    /// If there is no capture.
+    /// If `captures` is 0.
     pub fn quad(captures: usize, array: bool) -> Result<Self, SchemeError> {
         let turning =
             |step: f64| Setting::Each((0..captures).map(|k| (step * k as f64).to_radians()).collect());
@@ -368,10 +363,11 @@ impl Scheme {
         )
     }
 
-    /// Polarizer 1, retarder 2, the scene, retarder 3 and, unless the sensor has its own, polarizer 4; quarter-wave plates.
+    /// Returns polarizer 1, retarder 2, the scene, retarder 3 and, for an intensity sensor, polarizer 4.
+    /// Retarders are quarter-wave plates.
     ///
     /// # Errors
-    /// If lists of angles (radians) differ in length.
+    /// If the lists of angles (radians) differ in length, are empty or contain a non-finite angle.
     pub fn four(name: &str, angles: [Setting; 4], array: bool) -> Result<Self, SchemeError> {
         let [p1, r2, r3, p4] = angles;
         let quarter = || Setting::Fixed(FRAC_PI_2);
@@ -387,12 +383,15 @@ impl Scheme {
         Self::new(name, generator, analyzer, Sensor::Intensity)
     }
 
-    /// Liquid-crystal retarders at 45° and 0° behind a polarizer on one side, and the same in reverse on the other: nothing
-    /// turns. Two a side, because one alone moves the state on one circle of the Poincaré sphere, which leaves the rank
-    /// at 9. Retardances run over 0 to 1.1 waves by the fractional parts of multiples of four irrational numbers.
+    /// Returns a scheme without moving parts: a polarizer and liquid-crystal retarders at 45° and 0° on one
+    /// side, and the mirror image on the other.
+    ///
+    /// Each side needs two retarders: a single one moves the state along one circle of the Poincaré sphere,
+    /// which limits the rank to 9. Retardances cover 0 to 1.1 waves as fractional parts of multiples of four
+    /// irrational numbers.
     ///
     /// # Errors
-    /// If there is no capture.
+    /// If `captures` is 0.
     pub fn liquid_crystal(captures: usize, array: bool) -> Result<Self, SchemeError> {
         let run = |x: f64| {
             let delta = |k| (k as f64 * x + 0.1).rem_euclid(1.0) * 1.1 * std::f64::consts::TAU;
@@ -419,7 +418,7 @@ impl Scheme {
     }
 }
 
-/// The number of captures that all lists of settings agree on.
+/// Returns the number of captures if all lists of settings have the same length.
 fn captures(generator: &[Element], analyzer: &[Element]) -> Result<usize, SchemeError> {
     let mut all: Option<(usize, &str)> = None;
     for e in generator.iter().chain(analyzer) {

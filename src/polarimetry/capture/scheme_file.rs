@@ -1,9 +1,9 @@
-//! Scheme files: TOML that says everything, and CSV tables of angles as rigs and papers list them.
+//! Scheme files: TOML for complete schemes, and CSV tables of angles as in rigs and papers.
 //!
 //! ```toml
 //! name = "L-QRPR 16"
 //! sensor = { kind = "intensity" }             # or "polarizer_array", with extinction and axis_offsets_deg
-//! [[generator]]                               # in the order in which light meets them
+//! [[generator]]                               # in the order in which light passes them
 //! name = "polarizer_1"
 //! kind = "polarizer"
 //! angle_deg = [0.0, 12.5, …]                  # one number for all captures, or one for each
@@ -18,10 +18,10 @@
 //! …
 //! ```
 //!
-//! A calibration's file ([`base::calibration_file`]) is a scheme, too: its other tables are left aside.
+//! A calibration file ([`base::calibration_file`]) is also a scheme file; its other tables are ignored.
 //!
-//! A CSV table has the columns `polarizer_1,retarder_2,retarder_3,polarizer_4` (degrees), and optionally `retardance_2,
-//! retardance_3`; without `polarizer_4` it is for a polarizer array.
+//! A CSV table has the columns `polarizer_1,retarder_2,retarder_3,polarizer_4` (degrees), and optionally
+//! `retardance_2,retardance_3`. Without `polarizer_4` it describes a polarizer array.
 
 mod format;
 mod table;
@@ -37,10 +37,10 @@ use base::locate::{InputError, Located};
 use format::{ElementFile, SchemeFile, Text, stem};
 use std::path::Path;
 
-/// Reads a scheme: TOML, or CSV if the name ends so.
+/// Reads a scheme from a CSV file if the extension is `csv`, otherwise from TOML.
 ///
 /// # Errors
-/// [`InputError`] naming file, line, column and fix.
+/// [`InputError`] with file, line, column and fix.
 pub fn load(path: &Path) -> Result<Scheme, InputError> {
     let fix = "make one: sunstone scheme drr -k 36 -o scheme.toml";
     let text = document::read(path, "scheme", fix)?;
@@ -51,7 +51,7 @@ pub fn load(path: &Path) -> Result<Scheme, InputError> {
     }
 }
 
-/// A scheme from TOML text; `path` is for messages.
+/// Parses a scheme from TOML text; `path` is used in messages.
 ///
 /// # Errors
 /// As [`load`].

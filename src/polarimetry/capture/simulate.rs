@@ -1,11 +1,12 @@
-//! Captures in simulation: known Mueller matrices → what the instrument of a scheme reads, capture by capture.
+//! Simulated captures: known Mueller matrices → readings of the detector of a scheme, by capture.
 //!
-//! The forward model is [`DesignMatrix`] alone, one for each wavelength, so what is simulated here and what a reconstruction
-//! inverts cannot differ but by noise. Rays are one for each wavelength, along the optical axis, or one for each pixel too:
-//! errors of plates and mirrors that depend on the direction (the galvo's, of a coaxial rig) are then those of every pixel.
+//! The forward model is [`DesignMatrix`], one per wavelength. Simulation and reconstruction therefore differ
+//! only by noise. Rays are given per wavelength along the optical axis, or per pixel and wavelength. In the
+//! second case, errors of plates and mirrors that depend on the direction (e.g. the galvo of a coaxial rig)
+//! are those of each pixel.
 //!
-//! Readings are given in the unit of the matrices, the dark signal subtracted; saturated ones are NaN. Every number follows
-//! from the seed, its pixel and its measurement, whatever the number of threads.
+//! Readings are in the unit of the matrices, with the dark signal subtracted. Saturated readings are NaN.
+//! Every number depends only on the seed, its pixel and its measurement, not on the number of threads.
 
 use super::design_matrix::{DesignMatrix, ELEMENTS, rows};
 use super::detector::cmos::{Cmos, Exposed};
@@ -18,22 +19,20 @@ use super::scheme::Scheme;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// The order of pixels: rows from the top, columns, then whatever is a capture of its own (time bins, projector pixels), then
+/// The order of pixels: rows from the top, columns, axes of separate captures (time bins, projector pixels),
 /// wavelengths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// Rows.
     pub height: usize,
-    /// Columns.
     pub width: usize,
-    /// Time bins, or images besides.
+    /// Time bins, or other separate images.
     pub times: usize,
     /// Wavelengths.
     pub lanes: usize,
 }
 
 impl Layout {
-    /// Number of matrices.
+    /// Returns the number of matrices.
     #[must_use]
     pub fn pixels(&self) -> usize {
         let area = self.height.saturating_mul(self.width);
@@ -41,44 +40,43 @@ impl Layout {
     }
 }
 
-/// What comes between light and numbers.
+/// The detector model between light and readings.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Noise {
-    /// Nothing.
+    /// No noise.
     None,
-    /// Normal noise of the same size everywhere.
+    /// Normal noise of constant standard deviation.
     Gaussian {
-        /// Its standard deviation, in the unit of the matrices.
+        /// Standard deviation, in the unit of the matrices.
         sigma: f64,
     },
-    /// A camera; images at other times or wavelengths are frames of their own.
+    /// A camera; images at other times or wavelengths are separate frames.
     Cmos {
-        /// Its settings.
         camera: Cmos,
-        /// How the mosaic of a polarizer array is taken apart; without it every pixel sees all four channels.
+        /// Demosaicking method for a polarizer array; without it every pixel records all four channels.
         demosaic: Option<Method>,
     },
-    /// A diode at every place, whose counter has the layout's time bins from the laser pulse on. Its jitter stays in the
-    /// readings (see [`super::detector::spad`]).
+    /// A diode per pixel. Its counter has the layout's time bins, starting at the laser pulse. Readings
+    /// include the jitter (see [`super::detector::spad`]).
     Spad(Spad),
 }
 
-/// What was read.
+/// Readings of all captures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Captured {
-    /// Readings in the unit of the matrices: measurement by measurement (as rows of the design matrix), each for all pixels.
+    /// Readings in the unit of the matrices: by measurement (as rows of the design matrix), then by pixel.
     pub intensities: Vec<f32>,
-    /// Their variances, of a camera: infinite where saturated. Not of a diode, whose bins without counts would have variance 0.
+    /// Variances of a camera's readings, infinite where saturated. `None` for a diode, because bins without
+    /// counts would have variance 0.
     pub variances: Option<Vec<f32>>,
-    /// Number of readings that are saturated.
     pub saturated: usize,
-    /// Places of what was read: half as high and wide with binning or superpixels.
+    /// Layout of the readings: half as high and wide with binning or superpixels.
     pub layout: Layout,
 }
 
 impl Captured {
-    /// Root mean square of the noise's standard deviation, in the unit of the matrices; `None` where it is not known, as of a
-    /// diode.
+    /// Returns the root mean square of the noise's standard deviation, in the unit of the matrices; `None`
+    /// where it is unknown, as for a diode.
     #[must_use]
     pub fn typical_noise(&self, noise: &Noise) -> Option<f64> {
         match (noise, &self.variances) {
@@ -96,12 +94,14 @@ impl Captured {
 
 /// Simulates all captures of a scheme.
 ///
-/// `matrices` holds 16 elements a pixel, row-major (Stokes out first), in the order of `layout`; `rays` the ray of each
-/// wavelength, or of each place and wavelength ([`super::directions::Directions::rays`]). Intensities that are negative (of matrices that cannot exist) are dark to cameras and diodes.
+/// `matrices` holds 16 elements per pixel, row-major (Stokes out first), in the order of `layout`. `rays`
+/// holds the ray of each wavelength, or of each pixel and wavelength
+/// ([`super::directions::Directions::rays`]). Cameras and diodes read negative intensities (from unphysical
+/// matrices) as zero.
 ///
 /// # Errors
-/// [`DetectorError`]: lengths that do not agree, settings that no instrument has or that do not fit the layout, values that
-/// are not finite.
+/// [`DetectorError`] for lengths that differ, invalid settings, settings that do not fit the layout, or
+/// non-finite values.
 pub fn simulate(
     matrices: &[f64],
     layout: Layout,
@@ -120,7 +120,7 @@ pub fn simulate(
     if rays.len() != all {
         count("the rays of all wavelengths", layout.lanes, rays.len())?;
     }
-    // Random streams have numbers of 32 bits.
+    // Random streams have 32-bit indices.
     count("the pixels of one capture", pixels.min(u32::MAX as usize), pixels)?;
     let keys = scheme
         .measurements()
@@ -155,7 +155,7 @@ pub fn simulate(
     }
 }
 
-/// Means of matrices over the places that fell together: the truth of what was captured with `to` for a layout.
+/// Returns the means of matrices over binned pixels: the ground truth for captures of layout `to`.
 #[must_use]
 pub fn averaged(matrices: &[f64], from: Layout, to: Layout) -> Vec<f64> {
     let (fy, fx) = (from.height / to.height.max(1), from.width / to.width.max(1));
@@ -178,13 +178,13 @@ pub fn averaged(matrices: &[f64], from: Layout, to: Layout) -> Vec<f64> {
     out
 }
 
-/// Rows of a design matrix, each in one piece.
+/// Returns the rows of a design matrix as contiguous arrays.
 fn rows_of(design: &DesignMatrix) -> Vec<[f64; ELEMENTS]> {
     let of = |m| std::array::from_fn(|e| design.a[(m, e)]);
     (0..design.a.nrows()).map(of).collect()
 }
 
-/// Rows of one measurement; of pixels whose rays are their own the last one is kept.
+/// Rows of one measurement; caches the last row where every pixel has its own ray.
 struct Rows<'a> {
     job: &'a Job<'a>,
     m: usize,
@@ -192,7 +192,7 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// Intensity at a pixel, without noise.
+    /// Returns the noise-free intensity at a pixel.
     fn clean(&mut self, pixel: usize) -> f64 {
         let job = self.job;
         let index = job.ray(pixel);
@@ -213,20 +213,20 @@ impl Rows<'_> {
     }
 }
 
-/// What all kinds of noise need.
+/// Data that all noise models share.
 struct Job<'a> {
     matrices: &'a [f64],
     layout: Layout,
     rays: &'a [Ray],
     scheme: &'a Scheme,
-    /// By wavelength, then by measurement; none where every pixel has a ray of its own.
+    /// By wavelength, then by measurement; empty where every pixel has its own ray.
     designs: Vec<Vec<[f64; ELEMENTS]>>,
     measurements: usize,
     seed: u64,
 }
 
 impl Job<'_> {
-    /// The ray of a pixel.
+    /// Returns the index of a pixel's ray.
     fn ray(&self, pixel: usize) -> usize {
         let Layout { times, lanes, .. } = self.layout;
         if self.rays.len() == lanes {
@@ -236,7 +236,7 @@ impl Job<'_> {
         }
     }
 
-    /// Rows of measurement `m` for pixels that come one after the other.
+    /// Returns the rows of measurement `m`, to be read for consecutive pixels.
     fn rows(&self, m: usize) -> Rows<'_> {
         Rows {
             job: self,
@@ -288,7 +288,7 @@ impl Job<'_> {
             width: width / side,
             ..self.layout
         };
-        // Measurements that one exposure gives.
+        // Number of measurements per exposure.
         let group = if method.is_some() { 4 } else { 1 };
         let pixels = layout.pixels();
         let mut intensities = vec![0.0_f32; self.measurements * pixels];
@@ -377,7 +377,7 @@ impl Job<'_> {
     }
 }
 
-/// The four channels of a raw frame. One of which no pixel is left is saturated.
+/// Returns the four channels of a raw frame. A channel without any valid pixel is marked as saturated.
 fn taken_apart(raw: &Exposed, method: Method) -> Result<Vec<Exposed>, DetectorError> {
     let radiance = demosaic(&raw.radiance, raw.width, raw.height, method)?;
     let variance = demosaic_variance(&raw.variance, raw.width, raw.height, method)?;

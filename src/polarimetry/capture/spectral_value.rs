@@ -1,20 +1,20 @@
-//! A number that may depend on the wavelength: one value, or a table that is interpolated.
+//! A number that may depend on the wavelength: one value, or an interpolated table.
 
 use serde::{Deserialize, Serialize};
 
-/// One value for all wavelengths, or rows of [nanometres, value] in rising order, linear between them and constant
-/// beyond.
+/// One value for all wavelengths, or rows of [nanometres, value] in ascending order. The table is linear
+/// between rows and constant beyond them.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(untagged)]
 pub enum SpectralValue {
-    /// The same at all wavelengths.
+    /// The same value at all wavelengths.
     Same(f64),
     /// Rows of [nm, value].
     Table(Vec<[f64; 2]>),
 }
 
 impl SpectralValue {
-    /// The value at a wavelength in nanometres; an empty table gives 0.
+    /// Returns the value at a wavelength in nanometres; 0 for an empty table.
     #[must_use]
     pub fn at(&self, nm: f64) -> f64 {
         match self {
@@ -30,7 +30,7 @@ impl SpectralValue {
         }
     }
 
-    /// All its values times a factor.
+    /// Returns all values times a factor.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         match self {
@@ -39,10 +39,10 @@ impl SpectralValue {
         }
     }
 
-    /// What is wrong with it, if anything: values outside `low..=high`, wavelengths that do not rise, no rows.
+    /// Checks that values are within `low..=high`, that wavelengths ascend and that the table has rows.
     ///
     /// # Errors
-    /// In words that go after the name of the field.
+    /// A phrase that continues a message after the name of the field.
     pub fn check(&self, low: f64, high: f64) -> Result<(), String> {
         let inside = |v: f64| (low..=high).contains(&v);
         let ok = match self {

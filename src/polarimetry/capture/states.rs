@@ -1,8 +1,9 @@
-//! States that a generator makes and an analyzer detects, and how they change with every setting.
+//! States that a generator creates and an analyzer detects, with their derivatives for every setting.
 //!
-//! The generator's state is the Stokes vector g = E_n … E_1 p that meets the scene; the analyzer's is the row vector a
-//! with which a detector weighs the Stokes vector that comes back, so that a capture of T is a·T·g. Derivatives are
-//! carried along element by element: with v = E v', ∂v = E ∂v' for settings of earlier elements and (∂E) v' for its own.
+//! The generator state is the Stokes vector g = E_n … E_1 p that illuminates the scene. The analyzer state is
+//! the row vector a that weights the returning Stokes vector, so that a capture of T is a·T·g. Derivatives
+//! are propagated element by element. With v = E v', ∂v = E ∂v' for settings of earlier elements and (∂E) v'
+//! for settings of E.
 
 use super::element::{Jet, Quantity, Ray, Set, Stokes, diattenuator, rotator};
 use super::scheme::{ARRAY_DEG, Scheme, Sensor, Side};
@@ -11,11 +12,10 @@ use nalgebra::Matrix4;
 /// A state with its derivatives for the motors of its side.
 #[derive(Clone, Debug)]
 pub struct StateJet {
-    /// The state.
     pub value: Stokes,
-    /// Motor (counted in [`Scheme::motors`]) and derivative for it.
+    /// Motor (index in [`Scheme::motors`]) and first derivative.
     pub first: Vec<(usize, Stokes)>,
-    /// Two motors, the former not after the latter, and the second derivative.
+    /// Two motors in ascending order and the second derivative.
     pub second: Vec<(usize, usize, Stokes)>,
 }
 
@@ -28,7 +28,7 @@ impl StateJet {
         }
     }
 
-    /// Passes an element that nothing changes.
+    /// Applies a constant element.
     fn through(&mut self, m: &Matrix4<f64>) {
         self.value = m * self.value;
         for (_, v) in &mut self.first {
@@ -39,7 +39,7 @@ impl StateJet {
         }
     }
 
-    /// Passes an element; `motors` are its own: number and what of it.
+    /// Applies an element; `motors` lists its motors: index and quantity.
     fn pass(&mut self, jet: &Jet, motors: &[(usize, Quantity)], orders: usize) {
         let before = self.value;
         let firsts = self.first.clone();
@@ -67,7 +67,7 @@ impl StateJet {
     }
 }
 
-/// Numbers of the motors of every element of a side.
+/// Returns the indices and quantities of an element's motors.
 fn motors_of(scheme: &Scheme, side: Side, element: usize) -> Vec<(usize, Quantity)> {
     let motors = scheme.motors().into_iter().enumerate();
     motors
@@ -76,7 +76,8 @@ fn motors_of(scheme: &Scheme, side: Side, element: usize) -> Vec<(usize, Quantit
         .collect()
 }
 
-/// The ray at the elements: of a coaxial rig they stand before the mirrors that point it, where it is on the axis.
+/// Returns the ray at the elements. In a coaxial rig they stand before the mirrors, where the ray is on the
+/// axis.
 fn at_elements(scheme: &Scheme, ray: &Ray) -> Ray {
     if scheme.coaxial.is_some() {
         Ray::axial(ray.nm)
@@ -85,8 +86,8 @@ fn at_elements(scheme: &Scheme, ray: &Ray) -> Ray {
     }
 }
 
-/// The Stokes vector that meets the scene with elements set so, those of the generator as light meets them. The one
-/// forward model of captures has this half and [`detecting`].
+/// Returns the Stokes vector that illuminates the scene for the given generator settings. Together with
+/// [`detecting`] this is the only forward model of captures.
 #[must_use]
 pub fn illuminating(scheme: &Scheme, generator: &[Set], ray: &Ray) -> Stokes {
     let elements_ray = &at_elements(scheme, ray);
@@ -98,7 +99,7 @@ pub fn illuminating(scheme: &Scheme, generator: &[Set], ray: &Ray) -> Stokes {
     coaxial.map_or(state, |c| c.outward(ray) * state)
 }
 
-/// The rows in which each channel weighs what comes from the scene, with elements of the analyzer set so.
+/// Returns the rows with which each channel weights light from the scene, for the given analyzer settings.
 pub fn detecting(scheme: &Scheme, analyzer: &[Set], ray: &Ray) -> impl Iterator<Item = Stokes> + use<> {
     let elements_ray = &at_elements(scheme, ray);
     let mut through = Matrix4::identity();
@@ -114,7 +115,8 @@ pub fn detecting(scheme: &Scheme, analyzer: &[Set], ray: &Ray) -> impl Iterator<
         .map(move |row| transposed * row)
 }
 
-/// The Stokes vector that meets the scene in capture `k`, with derivatives up to `orders` (0, 1 or 2).
+/// Returns the Stokes vector that illuminates the scene in capture `k`, with derivatives up to `orders` (0, 1
+/// or 2).
 #[must_use]
 pub fn generated(scheme: &Scheme, k: usize, ray: &Ray, orders: usize) -> StateJet {
     let mut state = StateJet::constant(Stokes::from(scheme.source));
@@ -133,7 +135,8 @@ pub fn generated(scheme: &Scheme, k: usize, ray: &Ray, orders: usize) -> StateJe
     state
 }
 
-/// The rows in which a sensor weighs the Stokes vector that falls on it: one, or four of a polarizer array.
+/// Returns the rows with which a sensor weights an incident Stokes vector: one, or four for a polarizer
+/// array.
 fn sensor_rows(sensor: &Sensor, nm: f64) -> Vec<Stokes> {
     match sensor {
         Sensor::Intensity => vec![Stokes::new(1.0, 0.0, 0.0, 0.0)],
@@ -153,8 +156,8 @@ fn sensor_rows(sensor: &Sensor, nm: f64) -> Vec<Stokes> {
     }
 }
 
-/// Rows of the same span and the same normal matrix, as few as there can be: what noise that is the same in all channels
-/// leaves to be known.
+/// Returns the smallest set of rows with the same span and the same normal matrix. It carries the same
+/// information if the noise is equal in all channels.
 fn sufficient(rows: &[Stokes]) -> Vec<Stokes> {
     if rows.len() == 1 {
         return rows.to_vec();
@@ -168,8 +171,8 @@ fn sufficient(rows: &[Stokes]) -> Vec<Stokes> {
         .collect()
 }
 
-/// The rows a with which capture `k` weighs what comes from the scene, one for each channel, with derivatives up to
-/// `orders`. With `few`, channels that say nothing new are left out (see [`crate::reconstruct::loss`]).
+/// Returns the rows a with which capture `k` weights light from the scene, one per channel, with derivatives
+/// up to `orders`. `few` omits redundant channels (see [`crate::reconstruct::loss`]).
 #[must_use]
 pub fn analyzed(scheme: &Scheme, k: usize, ray: &Ray, orders: usize, few: bool) -> Vec<StateJet> {
     let mut rows = sensor_rows(&scheme.sensor, ray.nm);
@@ -206,7 +209,7 @@ pub fn analyzed(scheme: &Scheme, k: usize, ray: &Ray, orders: usize, few: bool) 
         .collect()
 }
 
-/// Rows are passed on from the last element to the first by the transposed matrices.
+/// Rows propagate from the last element to the first through the transposed matrices.
 fn transposed(jet: &Jet) -> Jet {
     Jet {
         value: jet.value.transpose(),
@@ -219,7 +222,7 @@ fn transposed(jet: &Jet) -> Jet {
 mod tests {
     use super::*;
 
-    /// Both ways to the states: with derivatives along a scheme, and of what stages are set to.
+    /// The states of a scheme with derivatives equal those computed from its settings.
     #[test]
     fn states_are_those_of_the_scheme() {
         for scheme in [Scheme::qrpr(3, true), Scheme::liquid_crystal(3, false)] {
@@ -245,7 +248,8 @@ mod tests {
         }
     }
 
-    /// First and second derivatives of both states against central differences, for turning and for liquid-crystal schemes.
+    /// First and second derivatives of both states agree with central differences, for rotating and
+    /// liquid-crystal schemes.
     #[test]
     fn derivatives_are_those_of_the_states() {
         let schemes = [
@@ -298,7 +302,7 @@ mod tests {
         }
     }
 
-    /// Fewer rows, the same normal matrix.
+    /// The reduced rows have the same normal matrix.
     #[test]
     fn few_rows_know_as_much_as_all() {
         let scheme = Scheme::qrpr(3, true).expect("a scheme");

@@ -1,33 +1,35 @@
-//! Lu–Chipman decomposition of many matrices, several at a time in the lanes of vectors.
+//! Lu–Chipman decomposition of several matrices at a time, in the lanes of SIMD vectors.
 //!
-//! The polar decomposition of m' is found by Newton's method for the orthogonal factor,
+//! The polar decomposition of m' uses Newton's method for the orthogonal factor,
 //!
 //! > X ← ½(γX + X⁻ᵀ/γ),  γ = √(‖X⁻¹‖/‖X‖)
 //!
-//! (Higham 1986, "Computing the polar decomposition, with applications"), which needs no eigenvectors and converges in some
-//! seven steps. Matrices that it does not serve (singular m', D = 1) take the way of [`super::lu_chipman`].
+//! (Higham 1986, "Computing the polar decomposition, with applications"). It needs no eigenvectors and
+//! converges in about seven steps. Where it is unsuitable (singular m', D = 1), [`super::lu_chipman`]
+//! decomposes the matrix.
 //!
-//! Plain arrays in loops, which the compiler turns into vectors of the processor's width.
+//! The code uses plain arrays in loops, which the compiler vectorizes for the target processor.
 
 use super::cloude::Matrix;
 use super::lu_chipman::{Parts, decompose};
 use super::properties::Properties;
 use wide::f64x4;
 
-/// Matrices that are decomposed together.
+/// Number of matrices that are decomposed together.
 pub const LANES: usize = 4;
 
-/// Most steps of Newton's method, and how many of them are scaled: it brings far matrices near fast, and costs two roots.
+/// Maximum number of Newton steps, and number of scaled steps. Scaling speeds up distant matrices, but costs
+/// two square roots.
 const STEPS: usize = 16;
 const SCALED: usize = 3;
 
-/// X is orthogonal where a step changes it by less.
+/// Convergence threshold: X is orthogonal if a step changes it by less.
 const STILL: f64 = 1e-14;
 
-/// Least determinant of m', and least 1 - D², that the fast way serves.
+/// Smallest determinant of m' and smallest 1 - D² for the fast method.
 const REGULAR: f64 = 1e-9;
 
-/// One number of each matrix.
+/// One number per matrix.
 type Lanes = [f64; LANES];
 type Three = [[Lanes; 3]; 3];
 
@@ -52,7 +54,7 @@ fn dot(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
     each(|k| a[0][k].mul_add(b[0][k], a[1][k].mul_add(b[1][k], a[2][k] * b[2][k])))
 }
 
-/// Cofactors: the inverse transposed, times the determinant.
+/// Cofactors: the transposed inverse times the determinant.
 #[inline(always)]
 fn cofactors(x: &Three) -> Three {
     let mut out = [[[0.0; LANES]; 3]; 3];
@@ -72,7 +74,7 @@ fn squares(x: &Three) -> Lanes {
     each(|k| rows[0][k] + rows[1][k] + rows[2][k])
 }
 
-/// The orthogonal polar factor, and the last change of it.
+/// Returns the orthogonal polar factor and its change in the last step.
 #[inline(always)]
 fn orthogonal(m: &Three) -> (Three, Lanes) {
     let mut x = *m;
@@ -104,7 +106,7 @@ fn orthogonal(m: &Three) -> (Three, Lanes) {
     (x, change)
 }
 
-/// Angles from their sines and cosines, both times any positive factor.
+/// Angles from sines and cosines, both scaled by any positive factor.
 #[inline(always)]
 fn angles(sin: &Lanes, cos: &Lanes) -> Lanes {
     let mut out = [0.0; LANES];
@@ -118,9 +120,9 @@ fn angles(sin: &Lanes, cos: &Lanes) -> Lanes {
     out
 }
 
-/// Some matrices' decomposition, one number of each beside one another.
+/// The decomposition of several matrices in structure-of-arrays form.
 pub struct Batch {
-    /// True where all else holds; the others are left to [`decompose`].
+    /// True where the other fields are valid; [`decompose`] handles the rest.
     regular: [bool; LANES],
     rest: Lanes,
     p_delta: [Lanes; 3],
@@ -139,7 +141,7 @@ impl Batch {
     pub fn new(m: &[Matrix; LANES], rounding: f64) -> Self {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-            // SAFETY: the processor has what the function asks for.
+            // SAFETY: the processor supports the required features.
             return unsafe { Self::avx2(m, rounding) };
         }
         Self::any(m, rounding)
@@ -186,7 +188,7 @@ impl Batch {
                 *e = each(|k| e[k].copysign(e[k] * det[k]));
             }
         }
-        // m_Δ = m' m_Rᵀ, symmetric but for rounding.
+        // m_Δ = m' m_Rᵀ, symmetric except for rounding.
         let mut delta = [[[0.0; LANES]; 3]; 3];
         for i in 0..3 {
             for j in i..3 {
@@ -226,8 +228,8 @@ impl Batch {
         }
     }
 
-    /// Properties of matrix number `k`, which is `m`, but for the retarder's axis, which costs time: [`Properties::of`] has it;
-    /// `None` where there is no decomposition.
+    /// Returns the properties of matrix `k`, which is `m`; `None` without a decomposition. The retarder's
+    /// axis is omitted because it is slow to compute; [`Properties::of`] returns it.
     #[inline]
     #[must_use]
     pub fn properties(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Properties> {
@@ -243,7 +245,7 @@ impl Batch {
         })
     }
 
-    /// Parts of matrix number `k`, which is `m`; `None` where there is no decomposition.
+    /// Returns the factors of matrix `k`, which is `m`; `None` without a decomposition.
     #[inline]
     #[must_use]
     pub fn parts(&self, k: usize, m: &Matrix, rounding: f64) -> Option<Parts> {
@@ -287,7 +289,7 @@ mod tests {
             .all(|(a, b)| (a - b).abs() <= tolerance)
     }
 
-    /// Many at a time give what one at a time gives, and rebuild their matrices.
+    /// The batch equals single decompositions, and its factors reproduce the matrices.
     #[test]
     fn many_are_as_one() {
         let all: Vec<Matrix> = samples(4000, 2).map(|s| s.m).collect();
@@ -319,7 +321,7 @@ mod tests {
         }
     }
 
-    /// Lanes that need the slow way, or have no parts, do not disturb their neighbours.
+    /// Lanes that need the slow method or have no decomposition do not affect the others.
     #[test]
     fn odd_lanes_keep_to_themselves() {
         let good = samples(1, 3).next().expect("a sample").m;

@@ -1,20 +1,21 @@
-//! Cloude's coherency matrix: which Mueller matrices can exist, and how far one is from a single Jones matrix.
+//! Cloude's coherency matrix: tests whether a Mueller matrix is realizable and how close it is to a single
+//! Jones matrix.
 //!
-//! H = ¼ Σ m_ij σ_i ⊗ σ_j* (Cloude 1986, Optik 75:26; Gil & Ossikovski 2016, ch. 5). H is Hermitian with trace m00. A
-//! matrix can be made by a mixture of Jones matrices, that is, by passive or active matter, exactly if H has no
-//! negative eigenvalue. For a single Jones matrix J, H = ½ |J⟩⟨J| with |J⟩ = (J00, J01, J10, J11).
+//! H = ¼ Σ m_ij σ_i ⊗ σ_j* (Cloude 1986, Optik 75:26; Gil & Ossikovski 2016, ch. 5). H is Hermitian with
+//! trace m00. A matrix is a mixture of Jones matrices, and thus realizable, if and only if H has no negative
+//! eigenvalue. For a single Jones matrix J, H = ½ |J⟩⟨J| with |J⟩ = (J00, J01, J10, J11).
 //!
-//! Pauli matrices in the order of the Stokes elements of CONVENTIONS.md: σ0 = 1, σ1 = diag(1, -1) (horizontal minus
-//! vertical), σ2 = [[0, 1], [1, 0]] (+45° minus -45°), σ3 = [[0, -i], [i, 0]] (right minus left circular, for fields
-//! Re E·exp(+iωt), in which a lagging slow axis has the factor exp(-iδ)). The other sign of time conjugates H and
-//! keeps its eigenvalues.
+//! Pauli matrices are in the order of the Stokes elements of CONVENTIONS.md: σ0 = 1, σ1 = diag(1, -1)
+//! (horizontal minus vertical), σ2 = [[0, 1], [1, 0]] (+45° minus -45°), σ3 = [[0, -i], [i, 0]] (right minus
+//! left circular). Fields are Re E·exp(+iωt), so that a lagging slow axis has the factor exp(-iδ). The
+//! opposite sign of time conjugates H and keeps its eigenvalues.
 
 use nalgebra::{Complex, Matrix2, Matrix4, SymmetricEigen};
 
 /// A Mueller matrix `m[out][in]`.
 pub type Matrix = [[f64; 4]; 4];
 
-/// σ_i in the order of the Stokes elements.
+/// Returns σ_i in the order of the Stokes elements.
 #[must_use]
 pub fn pauli(i: usize) -> Matrix2<Complex<f64>> {
     let (o, l, j) = (
@@ -34,7 +35,7 @@ fn basis(i: usize, j: usize) -> Matrix4<Complex<f64>> {
     pauli(i).kronecker(&pauli(j).conjugate())
 }
 
-/// H of a Mueller matrix.
+/// Returns H of a Mueller matrix.
 #[must_use]
 pub fn coherency(m: &Matrix) -> Matrix4<Complex<f64>> {
     let mut h = Matrix4::zeros();
@@ -46,7 +47,7 @@ pub fn coherency(m: &Matrix) -> Matrix4<Complex<f64>> {
     h
 }
 
-/// The Mueller matrix of a Hermitian H: m_ij = tr(H σ_i ⊗ σ_j*).
+/// Returns the Mueller matrix of a Hermitian H: m_ij = tr(H σ_i ⊗ σ_j*).
 #[must_use]
 pub fn mueller(h: &Matrix4<Complex<f64>>) -> Matrix {
     let mut m = [[0.0; 4]; 4];
@@ -58,7 +59,8 @@ pub fn mueller(h: &Matrix4<Complex<f64>>) -> Matrix {
     m
 }
 
-/// The four eigenvalues of H, falling; their sum is m00. `None` if an element is not finite.
+/// Returns the four eigenvalues of H in descending order; their sum is m00. Returns `None` if an element is
+/// not finite.
 #[must_use]
 pub fn eigenvalues(m: &Matrix) -> Option<[f64; 4]> {
     let mut values: [f64; 4] = decomposed(m)?.eigenvalues.into();
@@ -71,15 +73,16 @@ fn decomposed(m: &Matrix) -> Option<SymmetricEigen<Complex<f64>, nalgebra::U4>> 
     finite.then(|| coherency(m).symmetric_eigen())
 }
 
-/// True if no eigenvalue of H lies below -`tolerance`·m00. A dark matrix (all zero) is realizable, one that is not
-/// finite is not.
+/// Returns whether every eigenvalue of H is at least -`tolerance`·m00. The zero matrix is realizable, a
+/// non-finite matrix is not.
 #[must_use]
 pub fn is_realizable(m: &Matrix, tolerance: f64) -> bool {
     eigenvalues(m).is_some_and(|v| v[3] >= -tolerance * m[0][0].max(0.0))
 }
 
-/// The realizable matrix nearest in the sum of squared differences of the elements: negative eigenvalues are set to
-/// zero (the map from M to H keeps lengths up to a factor). `None` if an element is not finite.
+/// Returns the realizable matrix with the smallest sum of squared element differences; `None` if an element
+/// is not finite. Negative eigenvalues are set to zero, because the map from M to H preserves lengths up to a
+/// factor.
 #[must_use]
 pub fn nearest(m: &Matrix) -> Option<Matrix> {
     let mut eigen = decomposed(m)?;
@@ -87,8 +90,9 @@ pub fn nearest(m: &Matrix) -> Option<Matrix> {
     Some(mueller(&eigen.recompose()))
 }
 
-/// Cloude entropy -Σ p log₄ p of the eigenvalues' shares p (negative ones count as zero): 0 for a single Jones
-/// matrix, 1 for the ideal depolarizer. `None` for a matrix that is dark or not finite.
+/// Returns Cloude's entropy -Σ p log₄ p of the normalized eigenvalues p (negative ones count as zero): 0 for
+/// a single Jones matrix, 1 for the ideal depolarizer. Returns `None` for a matrix that is dark or not
+/// finite.
 #[must_use]
 pub fn entropy(m: &Matrix) -> Option<f64> {
     let values = eigenvalues(m)?.map(|v| v.max(0.0));
@@ -133,7 +137,7 @@ mod tests {
         );
     }
 
-    /// M of a Jones matrix: m_ij = ½ tr(σ_i J σ_j J†).
+    /// Mueller matrix of a Jones matrix: m_ij = ½ tr(σ_i J σ_j J†).
     fn of_jones(j: &Matrix2<Complex<f64>>) -> Matrix {
         let e = |a: usize, b: usize| (pauli(a) * j * pauli(b) * j.adjoint()).trace().re / 2.0;
         std::array::from_fn(|a| std::array::from_fn(|b| e(a, b)))
@@ -151,8 +155,9 @@ mod tests {
         assert!(eigenvalues(&diagonal([f64::NAN, 0.0, 0.0, 0.0])).is_none());
     }
 
-    /// Order and signs of the Pauli matrices are the program's: H of its elements is the projector on their Jones
-    /// vectors, for a retarder with the slow axis' factor exp(-iδ), which the wrong sign of σ3 would conjugate.
+    /// The Pauli matrices follow the program's order and signs: H of an optical element is the projector onto
+    /// its Jones vector. The test uses a retarder whose slow axis has the factor exp(-iδ), which the wrong
+    /// sign of σ3 would conjugate.
     #[test]
     fn paulis_are_those_of_the_conventions() {
         let (o, l) = (Complex::new(0.0, 0.0), Complex::new(1.0, 0.0));
@@ -193,7 +198,7 @@ mod tests {
             }
         }
         for m in &all {
-            // Single-precision elements of matrices that lie on the border of the cone.
+            // Single-precision elements of matrices on the boundary of the cone.
             assert!(is_realizable(m, 2e-6), "{m:?} has {:?}", eigenvalues(m));
             if m[0][0] > 0.0 {
                 assert!(entropy(m).unwrap() < 1e-4, "{m:?} is a single Jones matrix");
@@ -209,7 +214,7 @@ mod tests {
     fn entropy_runs_from_pure_to_random() {
         assert!((entropy(&matrix(depolarizer())).unwrap() - 1.0).abs() < 1e-12);
         assert!(entropy(&diagonal([1.0; 4])).unwrap().abs() < 1e-12);
-        // Half the light keeps its polarization: shares 5/8, 1/8, 1/8, 1/8.
+        // Half the light keeps its polarization: eigenvalue fractions 5/8, 1/8, 1/8, 1/8.
         let want = -(0.625 * 0.625_f64.ln() + 0.375 * 0.125_f64.ln()) / 4.0_f64.ln();
         assert!((entropy(&diagonal([1.0, 0.5, 0.5, 0.5])).unwrap() - want).abs() < 1e-12);
         assert!(entropy(&[[0.0; 4]; 4]).is_none());
@@ -217,7 +222,7 @@ mod tests {
 
     #[test]
     fn the_nearest_realizable_matrix_is_known_for_a_flip() {
-        // Eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0: the element -1 is met half way by all.
+        // Eigenvalues ½, ½, ½, -½ become ½, ½, ½, 0, which changes all four diagonal elements by ½.
         let near = nearest(&diagonal([1.0, 1.0, 1.0, -1.0])).unwrap();
         assert!(
             distance(&near, &diagonal([1.5, 0.5, 0.5, -0.5])) < 1e-12,
@@ -257,7 +262,8 @@ mod tests {
             prop_assert!(distance(&mueller(&h), &m) < 1e-13);
             let near = nearest(&m).unwrap();
             prop_assert!(is_realizable(&near, 1e-10), "{:?}", eigenvalues(&near));
-            // No mixture of the two is nearer: the projection on a convex cone is perpendicular to its point.
+            // No mixture of both is closer: the residual of a projection onto a convex cone is perpendicular
+            // to the projected point.
             let dot: f64 = near.iter().flatten().zip(m.iter().flatten()).map(|(n, m)| n * (m - n)).sum();
             prop_assert!(dot.abs() < 1e-10);
         }

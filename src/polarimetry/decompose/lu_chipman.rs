@@ -1,47 +1,48 @@
-//! Lu–Chipman decomposition of a Mueller matrix into depolarizer, retarder and diattenuator,
+//! Lu–Chipman decomposition of a Mueller matrix into depolarizer, retarder and diattenuator.
 //!
 //! > M = M_Δ M_R M_D
 //!
 //! (Lu & Chipman 1996, J. Opt. Soc. Am. A 13:1106; Baek & Heide 2021, eq. 13). With M = m00 [1 Dᵀ; P m],
 //!
 //! > M_D = m00 [1 Dᵀ; D m_D],  m_D = c·1 + (1 - c) D̂ D̂ᵀ,  c = √(1 - D²),
-//! > M_Δ = [1 0; P_Δ m_Δ],     M_R = [1 0; 0 m_R],
+//! > M_Δ = [1 0; P_Δ m_Δ],  M_R = [1 0; 0 m_R],
 //! > P_Δ = (P - m D)/(1 - D²),  m' = m_Δ m_R,
 //!
-//! where m' is the lower right of M M_D⁻¹ and m_Δ m_R its polar decomposition: m_Δ symmetric, m_R a proper rotation.
+//! where m' is the lower right block of M M_D⁻¹ and m_Δ m_R its polar decomposition: m_Δ symmetric, m_R a
+//! proper rotation.
 //!
-//! Conventions where that leaves a choice:
-//! - det m' < 0: m_Δ has the sign of the determinant (all three eigenvalues negative), as Lu & Chipman have it, and m_R stays a
-//!   proper rotation.
-//! - m' of rank 2: m_Δ is positive; the rotation follows from the two directions that are left.
-//! - m' of rank 1, s·u vᵀ: the smallest rotation that takes v to u; half a turn about some axis across where u = -v.
+//! Conventions for the cases where this is not unique:
+//! - det m' < 0: m_Δ has the sign of the determinant (all three eigenvalues are negative), as in Lu &
+//!   Chipman. m_R remains a proper rotation.
+//! - m' of rank 2: m_Δ is positive; the two remaining directions determine the rotation.
+//! - m' of rank 1, s·u vᵀ: the smallest rotation from v to u. If u = -v, half a turn about a perpendicular
+//!   axis.
 //! - m' = 0 (an ideal depolarizer): no rotation.
-//! - D = 1 up to rounding (an ideal polarizer): light behind M_D has one state, so m_Δ and m_R act on D alone: m_R is the smallest
-//!   rotation of D to P, and m_Δ = |P|·1.
-//! - D > 1, m00 ≤ 0, or an element that is not finite: no such matrix exists, and there is no decomposition.
+//! - D = 1 within rounding (an ideal polarizer): light behind M_D has a single state, so m_Δ and m_R act on D
+//!   only. m_R is the smallest rotation from D to P, and m_Δ = |P|·1.
+//! - D > 1, m00 ≤ 0, or a non-finite element: no such matrix exists, and there is no decomposition.
 
 use super::cloude::Matrix;
 use nalgebra::{Matrix3, Vector3};
 
-/// Relative rounding of matrices that are given in double precision: where 1 - D² or a singular value of m' is not known from
-/// zero.
+/// Relative rounding of double-precision matrices: the threshold at which 1 - D² or a singular value of m'
+/// counts as zero.
 pub const DOUBLE: f64 = 1e-12;
-/// The same of matrices that are given in single precision.
+/// Relative rounding of single-precision matrices.
 pub const SINGLE: f64 = 1e-6;
 
-/// The three factors of a Mueller matrix, in the order in which light meets them from last to first.
+/// The three factors of a Mueller matrix. Light passes the last one first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parts {
-    /// M_Δ, of m00 = 1.
+    /// M_Δ, with m00 = 1.
     pub depolarizer: Matrix,
-    /// M_R, of m00 = 1.
+    /// M_R, with m00 = 1.
     pub retarder: Matrix,
     /// M_D, which carries the intensity m00.
     pub diattenuator: Matrix,
 }
 
 impl Parts {
-    /// Builds the factors from their pieces.
     fn new(m00: f64, d: Vector3<f64>, p_delta: Vector3<f64>, delta: &Matrix3<f64>, r: &Matrix3<f64>) -> Self {
         let d2 = d.norm_squared();
         let c = (1.0 - d2).max(0.0).sqrt();
@@ -54,7 +55,7 @@ impl Parts {
     }
 }
 
-/// m00·[1 Dᵀ; P m].
+/// Returns m00·[1 Dᵀ; P m].
 pub(super) fn compose(m00: f64, d: Vector3<f64>, p: Vector3<f64>, m: &Matrix3<f64>) -> Matrix {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
@@ -68,8 +69,8 @@ pub(super) fn compose(m00: f64, d: Vector3<f64>, p: Vector3<f64>, m: &Matrix3<f6
     })
 }
 
-/// Decomposes a Mueller matrix whose elements are rounded to `rounding`, relative to m00 ([`DOUBLE`], [`SINGLE`]); `None` where
-/// there is no decomposition (see the module).
+/// Decomposes a Mueller matrix whose elements are rounded to `rounding`, relative to m00 ([`DOUBLE`],
+/// [`SINGLE`]). Returns `None` if there is no decomposition (see the module).
 #[must_use]
 pub fn decompose(m: &Matrix, rounding: f64) -> Option<Parts> {
     let m00 = m[0][0];
@@ -102,7 +103,7 @@ pub fn decompose(m: &Matrix, rounding: f64) -> Option<Parts> {
     Some(Parts::new(m00, d, p_delta, &delta, &r))
 }
 
-/// The symmetric and the rotating factor of a matrix; singular values up to `rounding` are zero.
+/// Returns the symmetric factor and the rotation of a matrix; singular values up to `rounding` count as zero.
 fn polar(m: &Matrix3<f64>, rounding: f64) -> (Matrix3<f64>, Matrix3<f64>) {
     let svd = m.svd(true, true);
     let (Some(mut u), Some(mut vt)) = (svd.u, svd.v_t) else {
@@ -132,14 +133,14 @@ fn polar(m: &Matrix3<f64>, rounding: f64) -> (Matrix3<f64>, Matrix3<f64>) {
     }
 }
 
-/// The smallest rotation of one direction to another; none where one of them is zero.
+/// Returns the smallest rotation from one direction to another; the identity if one of them is zero.
 fn smallest_rotation(from: Vector3<f64>, to: Vector3<f64>) -> Matrix3<f64> {
     let (Some(a), Some(b)) = (from.try_normalize(0.0), to.try_normalize(0.0)) else {
         return Matrix3::identity();
     };
     let cos = a.dot(&b);
     if cos < -1.0 + 1e-12 {
-        // Half a turn about the axis across that is nearest to the first coordinate axes.
+        // Half a turn about the perpendicular axis that is closest to the first coordinate axes.
         let across = |e: Vector3<f64>| e - a * a.dot(&e);
         let axis = across(Vector3::x())
             .try_normalize(1e-3)
@@ -179,7 +180,7 @@ mod tests {
         assert!((delta - delta.transpose()).norm() < 1e-10, "{delta}");
     }
 
-    /// Products rebuild the input, and constructed parameters come back.
+    /// Products of the factors reproduce the input, and constructed parameters are recovered.
     #[test]
     fn constructed_parts_come_back() {
         for Sample {
@@ -214,7 +215,7 @@ mod tests {
         rows
     }
 
-    /// A polarizer, turned and before or behind a retarder: D = 1.
+    /// A polarizer, rotated, before or behind a retarder: D = 1.
     #[test]
     fn polarizers_rebuild() {
         let (c, s) = (0.6, 0.8);
@@ -228,7 +229,7 @@ mod tests {
                 assert_proper(&parts);
             }
         }
-        // One that depolarizes behind it.
+        // A polarizer followed by a depolarizer.
         let m = matrix([
             [0.5, 0.5, 0., 0.],
             [0.1, 0.1, 0., 0.],
@@ -238,7 +239,7 @@ mod tests {
         assert_rebuilds(&m, &decompose(&m, DOUBLE).expect("a decomposition"), 1e-12);
     }
 
-    /// Singular and negative depolarizers rebuild, with the conventions of the module.
+    /// Singular and negative depolarizers are reproduced, with the conventions of the module.
     #[test]
     fn singular_and_negative_depolarizers() {
         let diagonal = |d: [f64; 4]| {
@@ -268,7 +269,7 @@ mod tests {
         assert_eq!(none.retarder, diagonal([1.0; 4]));
     }
 
-    /// What cannot be a Mueller matrix has no parts.
+    /// Matrices that cannot be Mueller matrices have no decomposition.
     #[test]
     fn impossible_matrices_have_none() {
         let mut m = [[0.0; 4]; 4];

@@ -7,13 +7,13 @@ use super::properties::Properties;
 use rayon::prelude::*;
 use tensor::number::Number;
 
-/// Matrices that one piece of work holds; a multiple of [`LANES`].
+/// Number of matrices per work unit; a multiple of [`LANES`].
 const CHUNK: usize = 1024;
 
-/// A number that arrays hold. Its loops over matrices are compiled here, in one unit with what they call, and not where they
-/// are called from.
+/// A number type of arrays. Its loops over matrices are compiled in this crate, together with the functions
+/// that they call, and not in the caller's crate.
 pub trait Real: Number {
-    /// Relative rounding of matrices of such numbers.
+    /// Relative rounding of matrices of this type.
     const ROUNDING: f64;
 
     /// See [`maps`].
@@ -44,16 +44,16 @@ macro_rules! real {
 real!(f32, SINGLE);
 real!(f64, DOUBLE);
 
-/// What a map shows.
+/// The quantity of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// Degree of polarization that unpolarized light leaves with, 0..1.
+    /// Degree of polarization of the output for unpolarized input, 0..1.
     Polarizance,
     /// (largest - least transmittance) / (their sum), 0..1.
     Diattenuation,
     /// Radians, 0..π.
     Retardance,
-    /// 1 - |tr m_Δ| / 3 of the depolarizer's inner 3×3 matrix: 0 keeps all polarization, 1 none.
+    /// 1 - |tr m_Δ| / 3 of the depolarizer's inner 3×3 matrix: 0 preserves all polarization, 1 none.
     Depolarization,
     /// Stokes components of the retarder's fast axis.
     RetardanceAxis,
@@ -68,7 +68,6 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// All of them.
     pub const ALL: [Self; 9] = [
         Self::Polarizance,
         Self::Diattenuation,
@@ -81,7 +80,7 @@ impl Quantity {
         Self::Diattenuator,
     ];
 
-    /// Name in files.
+    /// Returns the name in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -97,7 +96,6 @@ impl Quantity {
         }
     }
 
-    /// Shape of one value.
     #[must_use]
     pub fn shape(self) -> &'static [u64] {
         match self {
@@ -107,13 +105,13 @@ impl Quantity {
         }
     }
 
-    /// Numbers in one value.
+    /// Returns the number of elements of one value.
     #[must_use]
     pub fn size(self) -> usize {
         self.shape().iter().product::<u64>() as usize
     }
 
-    /// True if the factors are needed for it.
+    /// Returns whether the quantity needs the factors.
     fn needs_parts(self) -> bool {
         matches!(
             self,
@@ -121,7 +119,6 @@ impl Quantity {
         )
     }
 
-    /// Of a matrix.
     #[inline(always)]
     fn write<T: Real>(self, m: &Matrix, found: &Found, out: &mut [T]) {
         let Some((parts, p)) = found else {
@@ -141,8 +138,8 @@ impl Quantity {
         }
     }
 
-    /// Of the first of some matrices, as many as `out` has room for; only where no factors are needed. What it is, is asked once
-    /// for all of them.
+    /// Writes the values of the first matrices, up to the length of `out`, for quantities that do not need
+    /// the factors. Dispatches on the quantity once for all of them.
     #[inline(always)]
     fn write_scalars<T: Real>(self, m: &[Matrix; LANES], found: &[Option<Properties>; LANES], out: &mut [T]) {
         let fill = |out: &mut [T], f: fn(&Properties) -> f64| {
@@ -164,7 +161,7 @@ impl Quantity {
         }
     }
 
-    /// One of the four scalars of Lu & Chipman; not a number for all else.
+    /// Returns one of the four scalars of Lu & Chipman; NaN for other quantities.
     fn scalar(self, p: &Properties) -> f64 {
         match self {
             Self::Polarizance => p.polarizance,
@@ -176,7 +173,7 @@ impl Quantity {
     }
 }
 
-/// The factors of a matrix and its properties; `None` where there is no decomposition.
+/// The factors of a matrix and its properties; `None` without a decomposition.
 type Found = Option<(Parts, Properties)>;
 
 fn matrix<T: Real>(values: &[T]) -> Matrix {
@@ -187,8 +184,8 @@ fn matrix<T: Real>(values: &[T]) -> Matrix {
     m
 }
 
-/// Maps of the given quantities over matrices that lie one after another, sixteen elements each, `m[out][in]`; and how many
-/// matrices have no decomposition, where all is not a number.
+/// Returns the maps of quantities over consecutive matrices of 16 elements, `m[out][in]`, and the number of
+/// matrices without a decomposition, whose values are NaN.
 ///
 /// # Panics
 /// If the number of elements is not a multiple of 16.
@@ -204,7 +201,7 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
         .iter()
         .map(|q| vec![T::default(); n * q.size()])
         .collect();
-    // What each piece of work writes to.
+    // The output slices of each work unit.
     let mut pieces: Vec<Vec<&mut [T]>> = (0..n.div_ceil(CHUNK)).map(|_| vec![]).collect();
     for (values, q) in out.iter_mut().zip(quantities) {
         for (piece, part) in pieces.iter_mut().zip(values.chunks_mut(CHUNK * q.size())) {
@@ -219,7 +216,7 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
             let mut missing = 0;
             let mut m = [[[0.0; 4]; 4]; LANES];
             for (k, some) in elements.chunks(16 * LANES).enumerate() {
-                // The last ones may leave others in their places: copies of matrices that are done.
+                // Unused lanes of the last batch keep copies of earlier matrices.
                 let count = some.len() / 16;
                 for (m, elements) in m.iter_mut().zip(some.chunks_exact(16)) {
                     *m = matrix(elements);
@@ -251,7 +248,7 @@ fn all_maps<T: Real>(elements: &[T], quantities: &[Quantity]) -> (Vec<Vec<T>>, u
     (out, missing)
 }
 
-/// Quantities whose errors can be told.
+/// Quantities with error estimates.
 pub const WITH_ERRORS: [Quantity; 4] = [
     Quantity::Polarizance,
     Quantity::Diattenuation,
@@ -259,14 +256,14 @@ pub const WITH_ERRORS: [Quantity; 4] = [
     Quantity::Depolarization,
 ];
 
-/// Standard errors of [`WITH_ERRORS`] from those of the elements, taken as independent:
+/// Returns the standard errors of [`WITH_ERRORS`] from those of the elements, which are assumed independent:
 ///
-/// > σ² = Σ_ij ((f(m + σ_ij) - f(m - σ_ij))/2)²,
+/// > σ² = Σ_ij ((f(m + σ_ij) - f(m - σ_ij))/2)².
 ///
-/// with differences over the errors themselves, so that they hold where the quantity bends.
+/// Differences are taken over the errors themselves, so they remain valid where the quantity is nonlinear.
 ///
 /// # Panics
-/// If there are not as many errors as elements, or not a multiple of 16.
+/// If the numbers of errors and elements differ, or are not a multiple of 16.
 #[must_use]
 pub fn errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
     T::errors(elements, sigmas)
@@ -281,7 +278,7 @@ fn all_errors<T: Real>(elements: &[T], sigmas: &[T]) -> Vec<Vec<T>> {
     let one = |(m, sigmas): (&[T], &[T])| -> [T; 4] {
         let (m, sigmas) = (matrix(m), matrix(sigmas));
         let mut sums = [0.0; 4];
-        // Each element up and down, as many as fit at a time.
+        // Shifts each element up and down, several elements per batch.
         for first in (0..16).step_by(LANES / 2) {
             let mut moved = [m; LANES];
             for (k, moved) in moved.iter_mut().enumerate() {
@@ -320,7 +317,8 @@ mod tests {
         samples(n, 7).flat_map(|s| s.m.into_iter().flatten()).collect()
     }
 
-    /// Maps hold what each matrix has by itself, whatever the number of matrices, and NaN where there is nothing.
+    /// Maps equal the values of single matrices for any number of matrices, and are NaN without a
+    /// decomposition.
     #[test]
     fn maps_hold_each_matrix() {
         for n in [1_u32, 3, 4, 1023, 1025, 2050] {
@@ -354,8 +352,8 @@ mod tests {
         assert_eq!(maps::<f32>(&[], &Quantity::ALL).1, 0);
     }
 
-    /// Errors are the scatter of the quantities when elements scatter: 4000 draws, 5 sigma of a standard deviation plus what
-    /// second order leaves.
+    /// Stated errors equal the scatter of quantities of noisy elements: 4000 draws, 5 sigma of a standard
+    /// deviation plus second-order terms.
     #[test]
     fn errors_are_the_scatter() {
         let all = elements(6);
@@ -367,7 +365,7 @@ mod tests {
             let mut noisy = vec![];
             for _ in 0..draws {
                 for (e, s) in m.iter().zip(&sigmas) {
-                    // Twelve uniforms have variance 1.
+                    // The sum of twelve uniform numbers has variance 1.
                     let g: f64 = (0..12).map(|_| f64::from(stream.uniform())).sum::<f64>() - 6.0;
                     noisy.push(e + s * g);
                 }

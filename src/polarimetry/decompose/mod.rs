@@ -1,6 +1,7 @@
-//! What a Mueller matrix says about matter: whether it can exist, and what it is made of.
+//! Analysis of Mueller matrices: realizability, and the decomposition into physical factors.
 //!
-//! Plain 4×4 matrices in f64, `m[out][in]`, one wavelength at a time; frames are those of the matrix.
+//! Matrices are plain 4×4 arrays in f64, `m[out][in]`, at one wavelength. Results are in the frames of the
+//! matrix.
 
 pub mod batch;
 pub mod cloude;

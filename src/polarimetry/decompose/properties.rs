@@ -1,36 +1,35 @@
-//! Scalars that sum up a Mueller matrix (Baek & Heide 2021, eqs. 14 to 16; Lu & Chipman 1996, eqs. 16 to 19, 48).
+//! Scalars that summarize a Mueller matrix (Baek & Heide 2021, eqs. 14 to 16; Lu & Chipman 1996, eqs. 16 to
+//! 19, 48).
 
 use super::cloude::Matrix;
 use super::lu_chipman::Parts;
 
-/// The polarization properties of a Mueller matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Properties {
-    /// P = |(m10, m20, m30)|/m00, 0..1: degree of polarization that unpolarized light leaves with.
+    /// P = |(m10, m20, m30)|/m00, 0..1: degree of polarization of the output for unpolarized input.
     pub polarizance: f64,
-    /// D = |(m01, m02, m03)|/m00, 0..1: how much transmittance depends on polarization.
+    /// D = |(m01, m02, m03)|/m00, 0..1: dependence of transmittance on polarization.
     pub diattenuation: f64,
-    /// R = acos(tr M_R/2 - 1) in radians, 0..π, of the Lu–Chipman retarder.
+    /// R = acos(tr M_R/2 - 1) of the Lu–Chipman retarder in radians, 0..π.
     pub retardance: f64,
     /// Δ = 1 - |tr m_Δ|/3, 0..1: depolarization power.
     pub depolarization: f64,
-    /// Stokes components (s1, s2, s3) of the retarder's fast axis, a unit vector; zero where R = 0. Where R = π, of the two
-    /// that are right the one whose first component that is not zero is positive.
+    /// Stokes components (s1, s2, s3) of the retarder's fast axis as a unit vector; zero if R = 0. If R = π,
+    /// the one of both valid axes whose first nonzero component is positive.
     pub axis: [f64; 3],
 }
 
-/// Length of three numbers.
 fn length(v: [f64; 3]) -> f64 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
 impl Properties {
-    /// Of a Mueller matrix and its Lu–Chipman parts.
+    /// Returns the properties of a Mueller matrix and its Lu–Chipman factors.
     #[must_use]
     pub fn of(m: &Matrix, parts: &Parts) -> Self {
         let (r, delta) = (&parts.retarder, &parts.depolarizer);
         let trace = |m: &Matrix| m[1][1] + m[2][2] + m[3][3];
-        // Twice the axis times sin R, which is precise for small R as the cosine is not.
+        // Twice the axis times sin R, which is precise for small R, in contrast to the cosine.
         let turn = [r[2][3] - r[3][2], r[3][1] - r[1][3], r[1][2] - r[2][1]];
         let (sin2, cos2) = (length(turn), trace(r) - 1.0);
         Self {
@@ -43,13 +42,13 @@ impl Properties {
     }
 }
 
-/// Direction of the rotation's axis.
+/// Returns the direction of the rotation axis.
 fn axis(r: &Matrix, turn: [f64; 3], sin2: f64) -> [f64; 3] {
     if sin2 > 1e-6 {
         return turn.map(|t| t / sin2);
     }
     if r[1][1] + r[2][2] + r[3][3] > 1.0 {
-        // No rotation, or one too small to have a direction.
+        // No rotation, or one too small for a direction.
         return if sin2 > 1e-12 {
             turn.map(|t| t / sin2)
         } else {
@@ -86,7 +85,7 @@ mod tests {
         m.lane(0).map(|row| row.map(f64::from))
     }
 
-    /// A retarder's fast axis at θ has the Stokes components cos 2θ, sin 2θ; its retardance is what it was made with.
+    /// A retarder's fast axis at θ has the Stokes components cos 2θ, sin 2θ, and its retardance is recovered.
     #[test]
     fn retarders_have_their_fast_axis() {
         for (theta, delta) in [(0.0_f32, 0.5_f32), (0.4, 1.5), (1.2, 3.0), (0.7, 1e-3)] {
@@ -118,7 +117,7 @@ mod tests {
         assert_abs_diff_eq!(of(m).depolarization, 0.5, epsilon = 1e-12);
     }
 
-    /// A quarter turn of the plane of polarization is a circular retarder.
+    /// A rotator by 45° is a circular retarder with a retardance of π/2.
     #[test]
     fn rotators_are_circular_retarders() {
         let r = optics::polarization::elements::rotator(std::f32::consts::FRAC_PI_4);

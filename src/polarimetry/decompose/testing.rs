@@ -1,4 +1,4 @@
-//! Random Mueller matrices of known parts, for tests.
+//! Random Mueller matrices with known factors, for tests.
 
 use super::cloude::Matrix;
 use super::lu_chipman::{Parts, compose};
@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// A matrix and what it was made of.
+/// A matrix and its factors.
 pub struct Sample {
     pub m: Matrix,
     pub parts: Parts,
@@ -23,8 +23,8 @@ fn direction(stream: &mut Stream) -> Vector3<f64> {
     Vector3::new(f64::from(d.x), f64::from(d.y), f64::from(d.z)).normalize()
 }
 
-/// Matrices of random parts: diattenuation up to 0.95, eigenvalues of m_Δ from 0.05, all positive or all negative,
-/// retardance from 0.05 to π - 0.05.
+/// Matrices with random factors: diattenuation up to 0.95, eigenvalues of m_Δ from 0.05 (all positive or all
+/// negative), retardance from 0.05 to π - 0.05.
 pub fn samples(n: u32, seed: u64) -> impl Iterator<Item = Sample> {
     (0..n).map(move |k| {
         let mut stream = Stream::new(seed, k, 0);
@@ -37,7 +37,7 @@ pub fn samples(n: u32, seed: u64) -> impl Iterator<Item = Sample> {
         let axis = direction(&mut stream);
         let turn = Rotation3::from_axis_angle(&Unit::new_normalize(direction(&mut stream)), spin);
         let delta = turn * Matrix3::from_diagonal(&(values * sign)) * turn.inverse();
-        // A retarder turns Stokes vectors about its fast axis, clockwise in the order s1, s2, s3.
+        // A retarder rotates Stokes vectors about its fast axis, clockwise in the order s1, s2, s3.
         let r = Rotation3::from_axis_angle(&Unit::new_normalize(axis), -retardance);
         let (zero, c) = (Vector3::zeros(), (1.0 - length * length).sqrt());
         let m_d = Matrix3::identity() * c + d * d.transpose() / (1.0 + c);

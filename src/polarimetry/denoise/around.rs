@@ -1,10 +1,10 @@
-//! Means over the box of pixels around each.
+//! Means over a box of pixels around each pixel.
 
 use super::Size;
 use rayon::prelude::*;
 
-/// Means of each channel over the `known` pixels at most `radius` rows and columns away; zero where there is none. Values of
-/// other pixels must be zero.
+/// Returns the means of each channel over the `known` pixels at most `radius` rows and columns away; zero if
+/// there is none. Values of unknown pixels must be zero.
 #[must_use]
 pub fn around(
     values: &[f32],

@@ -1,11 +1,13 @@
-//! Means of any channels of an image by its weights, with the errors that they have.
+//! Weighted means of the channels of an image, with their errors.
 //!
-//! The error of F = Σ w y is its propagated variance P = Σ w² V, and the square of its bias, for which
+//! The error of F = Σ w y combines its propagated variance P = Σ w² V and the square of its bias, estimated
+//! by
 //!
 //! > b² = (F - M)² - V + 2 V ∂F/∂M - P
 //!
-//! is an estimate (see [`super::weights`]): far too noisy for one pixel, it is averaged over a box, and what is below zero counts as
-//! zero. What F would have more if outliers had not been replaced ([`super::outliers`]) is a bias besides, and its square is added.
+//! (see [`super::weights`]). A single pixel's estimate is far too noisy, so it is averaged over a box, and
+//! negative values count as zero. The light removed by the replacement of outliers ([`super::outliers`]) is a
+//! further bias, and its square is added.
 
 use super::around::around;
 use super::guide::unit;
@@ -16,11 +18,11 @@ use super::weights::{Sums, Weights, add, other};
 use super::{CALM, Values};
 use rayon::prelude::*;
 
-/// Averages numbers of the renders, of the pixels that the weights are for. Pixels that are not moved keep their numbers: of two
-/// renders, their mean.
+/// Averages the renders' values with weights of the same pixels. Pixels that are not averaged keep their
+/// values; with two renders they keep the mean of both.
 ///
 /// # Panics
-/// If the renders are not as many as those of the weights, or of other pixels.
+/// If the number of renders or pixels differs from that of the weights.
 #[must_use]
 pub fn average(weights: &Weights, renders: &[Values]) -> Values {
     assert_eq!(renders.len(), weights.of.len(), "as many renders as weights");
@@ -37,7 +39,7 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
         .collect();
     let noise: Vec<Vec<f32>> = scaled.iter().map(|r| variances(r, &weights.known)).collect();
     let row = weights.size[1] * channels;
-    // Propagated variances and what is estimated of the bias.
+    // Propagated variances and bias estimates.
     let mut spread = vec![0.0_f32; out.mean.len()];
     let mut bias = vec![0.0_f32; out.mean.len()];
     let rows = out.mean.par_chunks_mut(row).zip(spread.par_chunks_mut(row));
@@ -57,7 +59,7 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
                 sums.clear();
                 // M and V.
                 let (mut rendered, mut own) = (vec![0.0_f32; channels], vec![0.0_f32; channels]);
-                // What the mean would have more with the outliers.
+                // The increase of the mean with outliers included.
                 let mut left = vec![0.0_f32; channels];
                 for (render, share) in weights.shares.iter().enumerate() {
                     let of = &weights.of[render][window.clone()];
@@ -102,7 +104,8 @@ pub fn average(weights: &Weights, renders: &[Values]) -> Values {
     out
 }
 
-/// The numbers of known pixels in a unit in which their squares can be taken, and the factor of that; zero elsewhere.
+/// Returns the values of known pixels, scaled so that their squares do not overflow, and the scale factor.
+/// Unknown pixels are zero.
 fn scaled(renders: &[Values], known: &[bool]) -> (Vec<Values>, f32) {
     let all = renders.iter().flat_map(|r| r.mean.iter().chain(&r.error));
     let largest = all.map(|x| x.abs()).filter(|x| x.is_finite()).fold(0.0, f32::max);
@@ -119,7 +122,7 @@ fn scaled(renders: &[Values], known: &[bool]) -> (Vec<Values>, f32) {
     (all.collect(), scale)
 }
 
-/// What pixels have that are not moved: their own numbers, of two renders the mean with its error.
+/// Returns the values of pixels that are not averaged: the input, or the mean of two renders with its error.
 fn kept(weights: &Weights, renders: &[Values]) -> Values {
     if let [only] = renders {
         return only.clone();

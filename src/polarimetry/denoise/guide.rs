@@ -1,40 +1,43 @@
-//! What pixels are compared by: few numbers of each, whatever a slice resolves.
+//! The guide: a few channels per pixel that pixels are compared by.
 //!
-//! Of a slice of Mueller images or intensities at some wavelengths it is the slice. Where bins of time, bounces or projector
-//! pixels are resolved, it is their sum, and beside it the profile of M00 over them in at most `PROFILE` groups of neighbouring
-//! entries, so that pixels at different depths differ. Variances are added up as if entries were independent.
+//! For Mueller images or intensities at some wavelengths, the guide is the image itself. If a slice resolves
+//! time bins, bounces or projector pixels, the guide is their sum. It then also holds the profile of M00
+//! along these entries, in at most `PROFILE` groups of neighbouring entries, so that pixels at different
+//! depths differ. Variances are summed as if entries were independent.
 
 use super::outliers::{neighbours, outliers, replace};
 use super::{Size, Values};
 use tensor::axes::{Axis, AxisKind};
 
-/// Share of a pixel's neighbours that met light, of all renders, above which it would have met some in other samples. In the dark, where
-/// one path in many pixels brings light, a mean would make a blot of it.
+/// If more than this fraction of a pixel's neighbours received light, over all renders, the pixel is assumed
+/// to be lit too. In dark regions, where few pixels receive a path, a mean would spread such a path into a
+/// blotch.
 const LIT: f64 = 0.25;
 
-/// Most groups of a profile.
+/// Maximum number of groups of a profile.
 const PROFILE: usize = 256;
 
-/// Numbers that pixels are compared by, of each render.
+/// The channels of each render that pixels are compared by.
 pub struct Guide {
-    /// Rows and columns.
     pub size: Size,
-    /// The renders, one or two, in a unit that makes the largest number 1 or a little less.
+    /// The renders, one or two, scaled so that the largest value is at most 1.
     pub renders: Vec<Values>,
-    /// Weight of each render in the mean of all: they add up to 1.
+    /// Weight of each render in the mean; the sum is 1.
     pub shares: Vec<f32>,
-    /// For each element, the one whose noise says what counts: M00 of its wavelength. Channels behind are the profile.
+    /// For each element, the channel whose noise is the reference: M00 of the same wavelength. Later channels
+    /// are the profile.
     pub judge: Vec<usize>,
-    /// Pixels whose numbers are all finite. Those of others are zero here.
+    /// Pixels whose values are all finite. Other pixels are zero here.
     pub known: Vec<bool>,
-    /// For each render, pixels in whose place their neighbours stand.
+    /// For each render, the pixels that are replaced by their neighbours.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels that have no error at all: nothing is to be gained there. Those without light are none of these where more than a quarter of
-    /// their neighbours met some: they met none by chance, and as they are they would be black specks, and the image too dark.
+    /// Pixels with zero error, which are not averaged. A pixel without light is excluded if more than a
+    /// quarter of its neighbours received light. It is dark at random, and would remain as a black speck and
+    /// darken the image.
     pub still: Vec<bool>,
 }
 
-/// Adds up the numbers of one render, part by part.
+/// Accumulates the values of one render, block by block.
 pub struct GuideBuilder {
     size: Size,
     plan: Plan,
@@ -42,14 +45,14 @@ pub struct GuideBuilder {
     variance: Vec<f64>,
 }
 
-/// Which entry of a pixel goes where.
+/// The mapping from entries of a pixel to channels.
 struct Plan {
     kinds: Vec<AxisKind>,
     shape: Vec<usize>,
     /// Channels of the matrix or intensity, and groups of the profile.
     matrix: usize,
     groups: usize,
-    /// Entries that are summed or grouped.
+    /// Number of entries that are summed or grouped.
     others: usize,
     lanes: usize,
 }
@@ -62,7 +65,7 @@ fn is_kept(kind: AxisKind) -> bool {
 }
 
 impl Plan {
-    /// Of the axes behind rows and columns.
+    /// Builds the mapping for the axes behind rows and columns.
     fn new(axes: &[Axis]) -> Self {
         let count = |kept: bool| {
             let some = axes.iter().filter(|a| is_kept(a.kind) == kept);
@@ -80,21 +83,21 @@ impl Plan {
         }
     }
 
-    /// Channels that an entry belongs to: of the sum, and of the profile.
+    /// Returns the channels of an entry: in the sum, and in the profile.
     fn channels(&self, index: &[usize]) -> (usize, Option<usize>) {
         let (mut kept, mut other) = (0, 0);
         for ((kind, n), i) in self.kinds.iter().zip(&self.shape).zip(index) {
             let into = if is_kept(*kind) { &mut kept } else { &mut other };
             *into = *into * n + i;
         }
-        // Wavelengths are last, so that those of M00 come first.
+        // Wavelengths are the last axis, so those of M00 come first.
         let profile = (self.groups > 0 && kept < self.lanes).then(|| other * self.groups / self.others);
         (kept, profile.map(|g| self.matrix + g))
     }
 }
 
 impl GuideBuilder {
-    /// For pixels that have entries along `axes`, those behind rows and columns.
+    /// Creates a builder for pixels with entries along `axes`, the axes behind rows and columns.
     #[must_use]
     pub fn new(size: Size, axes: &[Axis]) -> Self {
         let plan = Plan::new(axes);
@@ -107,7 +110,7 @@ impl GuideBuilder {
         }
     }
 
-    /// Adds a box of entries, its first index and its shape given, of all pixels.
+    /// Adds a block of entries of all pixels, given by its first index and shape.
     pub fn add(&mut self, start: &[u64], shape: &[u64], mean: &[f32], error: &[f32]) {
         let lo = vec![0; shape.len()];
         let targets: Vec<_> = tensor::region::indices(&lo, shape)
@@ -129,7 +132,7 @@ impl GuideBuilder {
                 self.variance[at + kept] += v;
                 if let Some(c) = profile {
                     self.mean[at + c] += m;
-                    // Wavelengths go along the same paths: their errors add up, not the squares.
+                    // All wavelengths use the same paths: standard errors add, not variances.
                     self.variance[at + c] += lanes * v;
                 }
             }
@@ -138,7 +141,7 @@ impl GuideBuilder {
 }
 
 impl GuideBuilder {
-    /// Looks at numbers that pixels have beside those that are added: pixels of which one is not finite are unknown.
+    /// Marks pixels with a non-finite entry in `numbers` as unknown; the numbers are not added.
     pub fn look(&mut self, numbers: &[f32]) {
         let channels = self.plan.matrix + self.plan.groups;
         let of_pixel = numbers.len() / (self.size[0] * self.size[1]).max(1);
@@ -151,7 +154,7 @@ impl GuideBuilder {
 }
 
 impl Guide {
-    /// Of the renders' numbers, with weights of the renders that add up to 1.
+    /// Builds the guide from renders with weights that sum to 1.
     #[must_use]
     pub fn new(renders: Vec<GuideBuilder>, shares: Vec<f32>) -> Self {
         let (size, first) = (renders[0].size, &renders[0].plan);
@@ -167,7 +170,7 @@ impl Guide {
         let known = every(&|m, v| m.is_finite() && v.is_finite());
         let met =
             |p: usize, r: &GuideBuilder| r.mean[p * channels..(p + 1) * channels].iter().any(|m| *m != 0.0);
-        // What met no light by chance tells nothing of its error.
+        // A pixel that is dark at random has a meaningless error of zero.
         let speck = |p: usize| {
             let near = neighbours(p, size).flat_map(|q| renders.iter().map(move |r| met(q, r)));
             let (lit, all) = near.fold((0.0, 0.0), |(lit, all), m| {
@@ -217,7 +220,7 @@ impl Guide {
     }
 }
 
-/// A power of two that brings the largest number to 1/2 .. 1: products with it are exact.
+/// Returns a power of two that scales the largest number to 1/2 .. 1. Products with it are exact.
 #[must_use]
 pub(super) fn unit(largest: f64) -> f64 {
     if largest > 0.0 && largest.is_finite() {

@@ -1,33 +1,34 @@
-//! How unlike two pixels are, against their errors.
+//! The distance between two pixels relative to their errors.
 //!
-//! For pixels p and q, each element c that either has light or noise in,
+//! For pixels p and q and each element c with light or noise,
 //!
 //! > d²(p, q) = mean_c [(u_c(p) - u_c(q))² - 2 min(V_c(p), V_c(q))] / (V_c(p) + V_c(q)),
 //!
-//! averaged over the pixels of two patches: 0 for two means of equal noise of the same light, on average, and large where light
-//! differs by more than its errors. It is that of Rousselle et al. 2012 (eq. 4), but for the smaller variance standing twice where
-//! they have V(p) + min(V(p), V(q)): so it is one number for a pair, and neither of a bright and a dull pixel takes more of the other
-//! than it gives, which would dim the image as a whole. Elements much quieter than M00 of their wavelength are judged as if they had
-//! a hundredth of its standard error.
+//! averaged over the pixels of two patches. It is 0 on average for equal light with equal noise, and large
+//! where light differs by more than its errors. It follows Rousselle et al. 2012 (eq. 4), with 2 min(V(p),
+//! V(q)) in place of V(p) + min(V(p), V(q)). The distance is therefore symmetric: a bright pixel gives a
+//! darker one as much weight as it receives. Otherwise the image as a whole would become darker. An element
+//! with much less noise than M00 of its wavelength is treated as if it had a hundredth of M00's standard
+//! error.
 //!
-//! Profiles over time and the like have their light in few entries of many, over which a mean of ratios would not see that it moves on
-//! by one. Of them it is the ratio of sums,
+//! Profiles, e.g. over time, have light in few of many entries. A mean of ratios would miss a shift of the
+//! light by one entry. The distance of profiles is therefore the ratio of sums,
 //!
 //! > d²(p, q) = Σ_g [(u_g(p) - u_g(q))² - 2 min(V_g(p), V_g(q))] / Σ_g (V_g(p) + V_g(q)),
 //!
-//! and the larger of the two counts.
+//! and the larger of both distances is used.
 
 use super::guide::Guide;
 use super::{REACH, Size};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Numbers that are added up apart, so that they are in any processor's vectors in one order.
+/// Number of separate partial sums, so that the order of summation is the same for every vector width.
 pub(super) const LANES: usize = 8;
 
-/// Offsets of the window along an axis, and in all.
+/// Number of offsets of the window along an axis.
 const SIDE: usize = 2 * REACH + 1;
-/// Pixels of the window.
+/// Number of pixels in the window.
 pub const WINDOW: usize = SIDE * SIDE;
 /// The offset of a pixel to itself.
 pub const MIDDLE: usize = WINDOW / 2;
@@ -35,16 +36,16 @@ pub const MIDDLE: usize = WINDOW / 2;
 /// Largest d² of one element.
 const FAR: f32 = 1e6;
 
-/// Least variance of an element over that of M00.
+/// Smallest variance of an element relative to that of M00.
 const QUIET: f32 = 1e-4;
 
-/// Rows and columns from a pixel to that at an offset.
+/// Returns the rows and columns from a pixel to the one at an offset.
 #[must_use]
 pub fn offset(o: usize) -> [isize; 2] {
     [o / SIDE, o % SIDE].map(|i| i as isize - REACH as isize)
 }
 
-/// The pixel at an offset from another, if it is in the image.
+/// Returns the pixel at an offset from another; `None` outside the image.
 #[must_use]
 pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
     let [dy, dx] = offset(o);
@@ -53,8 +54,8 @@ pub fn neighbour(p: usize, o: usize, [height, width]: Size) -> Option<usize> {
     Some(y * width + x)
 }
 
-/// d² of two pixels, and how it grows with the noise of each: by how much for a standard error more of what all elements of the
-/// pixel have in common, light.
+/// d² of two pixels, and its slopes: the increase of d² if the light that all elements of a pixel share
+/// increases by one standard error.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pair {
     d2: f32,
@@ -64,12 +65,13 @@ struct Pair {
 /// d² of all pairs of pixels within reach.
 pub struct Likeness {
     size: Size,
-    /// For each offset before the middle one, an image: of pixels and those there.
+    /// For each offset before the middle one, an image of the pairs of a pixel and the pixel at that offset.
     planes: Vec<Vec<Pair>>,
 }
 
 impl Likeness {
-    /// Of one render of a guide, with patches of `patch` pixels to each side. Unknown pixels say nothing.
+    /// Computes the distances for one render of a guide, with patches of radius `patch` pixels. Unknown
+    /// pixels are ignored.
     #[must_use]
     pub fn new(guide: &Guide, render: usize, patch: usize) -> Self {
         let (size, elements) = (guide.size, guide.judge.len());
@@ -100,7 +102,7 @@ impl Likeness {
         }
     }
 
-    /// d² of a pixel and its neighbour `q` at an offset, and its slope over the noise of the pixel.
+    /// Returns d² of a pixel and its neighbour `q` at an offset, and its slope for the noise of the pixel.
     #[must_use]
     pub fn of(&self, p: usize, o: usize, q: usize) -> [f32; 2] {
         debug_assert_eq!(neighbour(p, o, self.size), Some(q));
@@ -115,16 +117,16 @@ impl Likeness {
     }
 }
 
-/// Sums over two pixels: what is above the line of d², and what is below it.
+/// Numerator and denominator of d², summed over two pixels.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     d2: f32,
-    /// Elements that have light or noise, or variances of a profile.
+    /// Number of elements with light or noise, or the summed variances of a profile.
     under: f32,
     slopes: [f32; 2],
 }
 
-/// d² of patches. Of the noise of other pixels in them no slope is known.
+/// Returns d² of patches. The slope for the noise of other pixels in the patch is unknown.
 fn patches(sums: &[Sums], [height, width]: Size, patch: usize) -> Vec<Pair> {
     let mut across = vec![[0.0_f32; 2]; sums.len()];
     let mut out = Vec::with_capacity(sums.len());
@@ -152,7 +154,8 @@ fn patches(sums: &[Sums], [height, width]: Size, patch: usize) -> Vec<Pair> {
     out
 }
 
-/// Values, errors with the signs of the values, and the least that variances count as, with channels filled up to whole vectors.
+/// Values, standard errors with the signs of the values, and lower bounds of the variances. Channels are
+/// padded to whole vectors.
 struct Noise {
     channels: usize,
     mean: Vec<f32>,
@@ -161,7 +164,7 @@ struct Noise {
 }
 
 impl Noise {
-    /// Of some channels.
+    /// Builds the arrays for a range of channels.
     fn new(guide: &Guide, render: usize, own: Range<usize>) -> Self {
         let values = &guide.renders[render];
         let n = values.channels;
@@ -185,7 +188,7 @@ impl Noise {
         }
     }
 
-    /// Of a profile.
+    /// Returns the sums for a profile.
     fn profile(&self, p: usize, q: usize) -> Sums {
         let mut sums = Sums::default();
         for (i, j) in (p * self.channels..(p + 1) * self.channels).zip(q * self.channels..) {
@@ -200,7 +203,7 @@ impl Noise {
         sums
     }
 
-    /// Of a matrix or an intensity.
+    /// Returns the sums for a matrix or an intensity.
     fn elements(&self, p: usize, q: usize) -> Sums {
         let at = |p: usize| p * self.channels..(p + 1) * self.channels;
         let (ps, qs) = (at(p), at(q));

@@ -1,19 +1,21 @@
-//! Denoising of rendered images by their own error bars: an option for figures, never a measurement.
+//! Denoising of rendered images by their own standard errors: an option for figures, not for measurements.
 //!
-//! Every pixel becomes a mean of the pixels around it that look like it,
+//! Every pixel becomes a weighted mean of similar pixels around it,
 //!
 //! > F(p) = Σ_q w(p, q) y(q),  w ≥ 0,  Σ_q w(p, q) = 1,
 //!
-//! with one weight for all Mueller elements, wavelengths and time bins of a pair: non-local means (Buades et al. 2005) with the
-//! distances of Rousselle et al. 2012 ("Adaptive Rendering with Non-Local Means Filtering"), which are differences over the stored
-//! standard errors ([`likeness`]). Realizable Mueller matrices form a convex cone, so a mean of them is realizable.
+//! with one weight for all Mueller elements, wavelengths and time bins of a pair. The method is non-local
+//! means (Buades et al. 2005) with the distances of Rousselle et al. 2012 ("Adaptive Rendering with Non-Local
+//! Means Filtering"): differences relative to the stored standard errors ([`likeness`]). Realizable Mueller
+//! matrices form a convex cone, so their mean is realizable.
 //!
-//! How alike is alike enough is chosen for every pixel among [`STRENGTHS`] by Stein's unbiased estimate of the error (Stein 1981;
-//! Li et al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]). The stated error is the
-//! propagated one and, added in squares, what the same estimate says of the bias ([`average`]).
+//! The strength is chosen per pixel among [`STRENGTHS`] by Stein's unbiased risk estimate (Stein 1981; Li et
+//! al. 2012, "SURE-based Optimization for Adaptive Sampling and Reconstruction"; [`weights`]). The stated
+//! error is the root of the propagated variance plus the estimate of the squared bias ([`average`]).
 //!
-//! Of two renders of one scene each is averaged with weights from the other, so that they do not follow the noise that they weigh. What
-//! one of them met once, far above all around it, is left out, and counts in the stated error ([`outliers`]).
+//! With two renders of one scene, each is averaged with weights from the other, so that weights and noise are
+//! independent. A contribution in only one of them that is far above its surroundings is removed and counted
+//! in the stated error ([`outliers`]).
 
 pub mod around;
 pub mod average;
@@ -26,42 +28,40 @@ pub mod weights;
 #[cfg(test)]
 mod tests;
 
-/// Farthest that averaged pixels lie from the middle one, in rows and in columns.
+/// Radius of the window of averaged pixels, in rows and columns.
 pub const REACH: usize = 5;
 
-/// Differences of pixels count as none up to so many standard errors, about: what the weights are chosen from.
+/// Candidate strengths: differences up to about this number of standard errors are ignored.
 pub const STRENGTHS: [f32; 3] = [0.35, 0.5, 0.7];
 
-/// Half the width of the patches that are compared.
+/// Radius of the compared patches.
 const PATCH: usize = 1;
 
-/// Half the width of the boxes over which estimates of errors are averaged before they choose.
+/// Radius of the boxes over which error estimates are averaged before the strength is chosen.
 const CALM: usize = 3;
 
-/// Rows beyond a pixel's that tell whether it is an outlier, and those beyond its neighbours' that stand in its place.
+/// Rows beyond a pixel that affect whether it is an outlier, plus those beyond its neighbours that affect its
+/// replacement.
 const SPOT: usize = 2;
 
-/// Rows beyond a pixel's that its value and its error may depend on.
+/// Rows beyond a pixel that its value and error can depend on.
 pub const HALO: usize = CALM + 1 + CALM + REACH + PATCH + SPOT;
 
 /// Rows and columns of an image.
 pub type Size = [usize; 2];
 
-/// Numbers of each pixel with their standard errors, pixel by pixel.
+/// Values and standard errors, by pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Values {
-    /// Rows and columns.
     pub size: Size,
-    /// Numbers of a pixel.
+    /// Values per pixel.
     pub channels: usize,
-    /// The numbers.
     pub mean: Vec<f32>,
-    /// Their standard errors.
+    /// Standard errors of the values.
     pub error: Vec<f32>,
 }
 
 impl Values {
-    /// Number of pixels.
     #[must_use]
     pub fn pixels(&self) -> usize {
         self.size[0] * self.size[1]

@@ -1,25 +1,30 @@
-//! Single contributions that stand far above all that is known of a pixel: met once in one of two renders.
+//! Outliers: single contributions in one of two renders that are far above all other values of a pixel.
 //!
-//! A rare strong path brings a pixel a value whose standard error is about the value itself. Against that error it differs from nothing,
-//! so a mean takes it in, and what was one bright pixel becomes a faint blot as wide as the window. Of two renders the other one tells it
-//! from a glint, which both show. A pixel of one render is an outlier if at some wavelength
+//! A rare strong path gives a pixel a value whose standard error is about the value itself. Relative to that
+//! error it differs from no other pixel. A mean therefore includes it and turns one bright pixel into a faint
+//! blotch as wide as the window. With two renders, a true highlight appears in both, which distinguishes it
+//! from such an outlier. A pixel of one render is an outlier if at some wavelength
 //!
 //! > M00(p) > 5 max(M00 of its neighbours in both renders, and of itself in the other),
 //!
-//! its standard error is more than a quarter of it, and most of those others met light at all (where they did not, rare paths are what
-//! light there is). In its place stands the mean of its neighbours, which is realizable as they are. That leaves light out: what the
-//! denoised value would have had more is a bias, and counts in its stated error ([`super::average`]).
+//! its standard error is more than a quarter of its value, and most of those other pixels received light.
+//! (Otherwise, rare paths are the only light there.) The mean of its neighbours replaces it, which is
+//! realizable. The light removed from the denoised value is a bias and counts in its stated error
+//! ([`super::average`]).
 
 use super::{Size, Values};
 
-/// How far above the others an outlier is. Where paths are few, light that is met once is most of the light: three times was found to lose
-/// more of a mirror room's glints than it fixes (`tests/suite/denoise.rs`), five times loses nothing there.
+/// Threshold of an outlier relative to the other pixels. Where paths are few, single contributions make up
+/// most of the light. A factor of three removed more of the highlights in a mirror room than it improved
+/// (`tests/suite/denoise.rs`); a factor of five removes none there.
 const ABOVE: f32 = 5.0;
 
-/// Least standard error over the value: that of sixteen equal contributions among many samples without.
+/// Smallest standard error relative to the value: that of sixteen equal contributions among many samples
+/// without any.
 const UNSURE: f32 = 0.25;
 
-/// For each of two renders its outliers, by their first `lanes` channels: M00 at each wavelength. Of one render there are none.
+/// Returns the outliers of each of two renders, from the first `lanes` channels: M00 at each wavelength. A
+/// single render has none.
 #[must_use]
 pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<bool>> {
     let [a, b] = renders else {
@@ -48,8 +53,8 @@ pub fn outliers(renders: &[Values], lanes: usize, known: &[bool]) -> Vec<Vec<boo
     vec![of(a, b), of(b, a)]
 }
 
-/// Puts the mean of its known neighbours that are no outliers, and of their variances, in the place of every outlier, and gives what was
-/// taken off.
+/// Replaces each outlier's value and variance by the means over its known neighbours that are not outliers.
+/// Returns the removed amounts.
 pub fn replace(values: &mut Values, outliers: &[bool], known: &[bool]) -> Vec<f32> {
     let n = values.channels;
     let mut taken = vec![0.0; values.mean.len()];
@@ -72,7 +77,7 @@ pub fn replace(values: &mut Values, outliers: &[bool], known: &[bool]) -> Vec<f3
     taken
 }
 
-/// The eight pixels around one, as far as the image goes.
+/// Returns the up to eight neighbours of a pixel within the image.
 pub(super) fn neighbours(p: usize, [height, width]: Size) -> impl Iterator<Item = usize> {
     let (y, x) = (p / width, p % width);
     let rows = y.saturating_sub(1)..(y + 2).min(height);
@@ -88,7 +93,7 @@ mod tests {
     const SIZE: Size = [5, 5];
     const SPOT: usize = 12;
 
-    /// A grey image with one bright pixel of a value and an error.
+    /// A grey image with one bright pixel of a given value and error.
     fn spot(value: f32, error: f32) -> Values {
         let (mut mean, mut errors) = (vec![1.0; 25], vec![0.1; 25]);
         (mean[SPOT], errors[SPOT]) = (value, error);
@@ -112,7 +117,8 @@ mod tests {
         let plain = spot(1.0, 0.1);
         assert_eq!(found(&[spot(50.0, 49.0), plain.clone()]), [vec![SPOT], vec![]]);
         assert_eq!(found(&[plain.clone(), spot(50.0, 49.0)]), [vec![], vec![SPOT]]);
-        // A glint that both show, one that is known well, a little more light, and one render alone.
+        // Not outliers: a highlight in both renders, a value with a small error, slightly more light, and a
+        // single render.
         for renders in [
             &[spot(50.0, 49.0), spot(30.0, 29.0)][..],
             &[spot(50.0, 2.0), plain.clone()],
@@ -121,7 +127,7 @@ mod tests {
         ] {
             assert!(found(renders).iter().all(Vec::is_empty));
         }
-        // In the dark rare paths are all there is.
+        // In dark regions, rare paths are the only light.
         let dark = Values {
             mean: vec![0.0; 25],
             ..plain
@@ -139,7 +145,7 @@ mod tests {
         assert_eq!((values.mean[SPOT], taken[SPOT]), (1.0, 49.0));
         assert!((values.error[SPOT] - 0.1).abs() < 1e-6);
         assert_eq!(taken.iter().filter(|t| **t != 0.0).count(), 1);
-        // Alone in the image it stays.
+        // A pixel without neighbours stays.
         let mut alone = Values {
             size: [1, 1],
             channels: 1,

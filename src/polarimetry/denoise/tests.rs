@@ -1,4 +1,4 @@
-//! Images whose truth is known, with noise that is stated rightly, wrongly or not at all.
+//! Images with known ground truth, and with correctly stated, wrongly stated or no noise.
 
 use super::average::average;
 use super::guide::{Guide, GuideBuilder};
@@ -8,7 +8,7 @@ use super::{Size, Values};
 use crate::decompose::cloude;
 use tensor::axes::{Axis, AxisKind};
 
-/// Normal numbers from a seed (SplitMix64, Box and Muller).
+/// Normal numbers from a seed (SplitMix64, Box–Muller).
 struct Normal(u64);
 
 impl Normal {
@@ -43,7 +43,7 @@ fn mueller() -> Vec<Axis> {
     ]
 }
 
-/// A polarizer at an angle, of some transmittance: realizable, with an edge of the cone's.
+/// A polarizer at an angle with transmittance `k`: realizable, on the boundary of the cone.
 fn polarizer(angle: f64, k: f64) -> [f64; 16] {
     let (s, c) = (2.0 * angle).sin_cos();
     [
@@ -69,10 +69,10 @@ fn polarizer(angle: f64, k: f64) -> [f64; 16] {
 
 const SIZE: Size = [40, 48];
 
-/// Matrices of pixels.
+/// The matrices of pixels.
 type Truth = fn(usize) -> [f64; 16];
 
-/// A bright disc with one polarization on a slope of another; a dark band that is black.
+/// A bright disc with one polarization on a gradient of another; a black band.
 fn truth(p: usize) -> [f64; 16] {
     let (y, x) = ((p / SIZE[1]) as f64, (p % SIZE[1]) as f64);
     if (y - 20.0).hypot(x - 24.0) < 9.0 {
@@ -84,18 +84,18 @@ fn truth(p: usize) -> [f64; 16] {
     polarizer(1.2, 1.0 + 0.02 * y)
 }
 
-/// A grey wall in even light.
+/// A grey wall in uniform light.
 fn wall(_: usize) -> [f64; 16] {
     polarizer(1.2, 2.0)
 }
 
-/// What light of other paths is to an element.
+/// Returns the light of other paths for an element.
 fn other(m: &[f64; 16]) -> [f64; 16] {
     polarizer(0.9, 2.0 * m[0])
 }
 
-/// A render: means of `n` samples, each the truth times a number that is never negative, so that they are realizable, and
-/// `stated` times their standard error.
+/// A render with the means of `n` samples, and `stated` times their standard errors. Each sample is the truth
+/// times a non-negative number, and thus realizable.
 fn rendered_of(truth: Truth, seed: u64, n: usize, stated: f64) -> Values {
     let mut random = Normal(seed);
     let (mut mean, mut error) = (vec![], vec![]);
@@ -130,7 +130,7 @@ fn rendered(seed: u64, n: usize, stated: f64) -> Values {
     rendered_of(truth, seed, n, stated)
 }
 
-/// Means of all samples that there could be.
+/// Returns the expected value of the samples.
 fn expected(truth: Truth, p: usize) -> [f64; 16] {
     let m = truth(p);
     let other = other(&m);
@@ -156,7 +156,8 @@ fn denoised(renders: &[Values], axes: &[Axis]) -> Values {
     average(&weights_of(renders, axes), renders)
 }
 
-/// Root mean square of (estimate - truth) / stated error, and of the estimates' errors over those of the renders' mean.
+/// Returns the root mean square of (estimate - truth) / stated error, and that of the errors after denoising
+/// relative to those before.
 fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
     let out = denoised(renders, &mueller());
     let [mut z, mut n, mut after, mut before] = [0.0; 4];
@@ -176,8 +177,8 @@ fn judged(truth: Truth, renders: &[Values]) -> [f64; 2] {
     [(z / n).sqrt(), (after / before).sqrt()]
 }
 
-/// Right errors are found right, of an image with edges and slopes and of a plain one; and errors misread by a factor of two
-/// (variances by four) are found wrong.
+/// Correctly stated errors pass, for an image with edges and gradients and for a plain one. Errors misstated
+/// by a factor of two (variances by four) fail.
 #[test]
 fn the_stated_error_is_the_error() {
     for (name, seeds) in [("one", &[1_u64][..]), ("two", &[2, 3])] {
@@ -219,7 +220,7 @@ fn matrices_stay_realizable() {
         let (before, after) = (least(&renders[0]), least(&out));
         println!("least eigenvalue over m00: {before:e} before, {after:e} after");
         assert!(after > -1e-6 && before > -1e-6);
-        // Weights of one element of their own would break it: the planted error.
+        // A separate weight for one element would break it: a deliberate error.
         let mut broken = out.clone();
         broken.mean.iter_mut().skip(1).step_by(16).for_each(|m| *m *= 1.1);
         assert!(least(&broken) < -1e-3);
@@ -241,8 +242,8 @@ fn weights_are_shares() {
     }
 }
 
-/// What one render met once, at a hundred times the light, leaves no blot, and what it would have brought each mean counts in the
-/// stated error. In one render alone it stays, since nothing tells it from a glint.
+/// A contribution of a hundred times the light in only one render causes no blotch, and its removal counts in
+/// the stated errors. With a single render it stays, because nothing distinguishes it from a highlight.
 #[test]
 fn an_outlier_is_left_out_and_stated() {
     let (plain, other) = (rendered_of(wall, 31, 16, 1.0), rendered_of(wall, 32, 16, 1.0));
@@ -256,7 +257,7 @@ fn an_outlier_is_left_out_and_stated() {
     let renders = [met.clone(), other.clone()];
     let weights = weights_of(&renders, &mueller());
     let (without, with) = (denoised(&[plain, other], &mueller()), average(&weights, &renders));
-    // The weight that the spot has for a pixel; and the pixel besides itself for which it has most.
+    // The weight of the outlier for a pixel, and the other pixel for which it has the greatest weight.
     let weight_for = |p: usize| {
         let o = (0..WINDOW).find(|o| neighbour(p, *o, SIZE) == Some(spot));
         weights.of[0][p * WINDOW + o.expect("within reach")]
@@ -286,7 +287,7 @@ fn an_outlier_is_left_out_and_stated() {
     assert!(f64::from(alone.mean[spot * 16]) > 1.5 * expected(wall, spot)[0]);
 }
 
-/// The rim of the disc keeps its step, pixel by pixel.
+/// The edge of the disc keeps its contrast at every pixel.
 #[test]
 fn an_edge_stays() {
     let renders = [rendered(8, 64, 1.0), rendered(9, 64, 1.0)];
@@ -317,7 +318,7 @@ fn what_has_no_error_stays_bit_for_bit() {
     assert_eq!(bits(&out.error), bits(&still.error));
     let two = denoised(&[still.clone(), still.clone()], &mueller());
     assert_eq!(two.mean.iter().map(|x| x + 0.0).collect::<Vec<_>>(), still.mean);
-    // Beside pixels with errors, one without stays too.
+    // Next to pixels with errors, a pixel without error stays unchanged.
     let mut mixed = rendered(11, 4, 1.0);
     mixed.error[16 * 500..16 * 501].fill(0.0);
     let out = denoised(std::slice::from_ref(&mixed), &mueller());
@@ -349,7 +350,7 @@ fn a_constant_image_stays_so_and_is_known_better() {
     );
 }
 
-/// What is not finite stays where it is, and empty channels stay empty.
+/// Non-finite values do not spread, and empty channels stay empty.
 #[test]
 fn lost_pixels_do_not_spread() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -400,7 +401,7 @@ fn images_of_any_size_and_brightness() {
             assert!((out.error[0] - 0.1).abs() < 1e-6);
         }
     }
-    // In a unit that is a power of two as far off as floats go, all bits are the same.
+    // Scaling by an extreme power of two leaves all bits unchanged.
     let plain = rendered(14, 8, 1.0);
     let scaled = |k: f32| Values {
         mean: plain.mean.iter().map(|x| x * k).collect(),
@@ -422,7 +423,7 @@ fn images_of_any_size_and_brightness() {
     }
 }
 
-/// Two walls that are equally bright and differ in depth alone, by a bin, are told apart by when their light comes.
+/// Two walls of equal brightness whose depths differ by one bin are separated by their arrival times.
 #[test]
 fn depth_separates() {
     let (size, bins) = ([16, 24], 80);
@@ -447,7 +448,7 @@ fn depth_separates() {
         assert_eq!(out.mean[p * bins + far], 0.0, "{p}");
         assert!((out.mean[p * bins + near] - 1.0).abs() < 0.2);
     }
-    // By their sums alone they are not.
+    // Their sums alone do not separate them.
     let sums = Values {
         channels: 1,
         ..out.clone()
@@ -462,8 +463,9 @@ fn depth_separates() {
     assert!(mixed.of[0][edge + MIDDLE + 1] > 0.0 && weights.of[0][edge + MIDDLE + 1] == 0.0);
 }
 
-/// A wall whose light comes by rare paths: one sample in ten of sixteen, so that a sixth of the pixels meet none and state no error. None
-/// of these is left black within the wall, and the wall keeps its light: of 1,920 pixels within five standard errors of their mean.
+/// Most samples of a wall are dark: one in ten of sixteen carries light, so a sixth of the pixels have no
+/// light and state no error. None of these stays black within the wall. The wall keeps its mean over 1,920
+/// pixels within five standard errors.
 #[test]
 fn what_met_no_light_by_chance_is_no_black_speck() {
     let (n, rare) = (16, 0.1);
@@ -504,7 +506,7 @@ fn what_met_no_light_by_chance_is_no_black_speck() {
     }
 }
 
-/// One path in an image that is dark else: it brings no other pixel light.
+/// A single path in a dark image adds no light to other pixels.
 #[test]
 fn one_path_in_the_dark_makes_no_blot() {
     let n = SIZE[0] * SIZE[1];

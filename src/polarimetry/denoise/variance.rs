@@ -1,12 +1,12 @@
-//! Variances of pixels: the mean of their own and of those around them.
+//! Variances of pixels: the mean of a pixel's variance and those around it.
 //!
-//! A standard error of sixteen samples is itself known to a fifth at best, and is far too small where rare strong paths were
-//! missed; that of the neighbours has met them more often.
+//! A standard error from sixteen samples has a relative uncertainty of at least a fifth. It is far too small
+//! where rare strong paths were missed, which neighbours are more likely to include.
 
 use super::Values;
 use super::around::around;
 
-/// Variances of all numbers; zero in pixels that are not `known`.
+/// Returns the variances of all values; zero in pixels that are not `known`.
 #[must_use]
 pub(super) fn variances(values: &Values, known: &[bool]) -> Vec<f32> {
     let own = squares(values, known);
@@ -18,7 +18,7 @@ pub(super) fn variances(values: &Values, known: &[bool]) -> Vec<f32> {
     near
 }
 
-/// Squares of the stated errors.
+/// Returns the squares of the stated errors.
 #[must_use]
 pub(super) fn squares(values: &Values, known: &[bool]) -> Vec<f32> {
     let square = |(i, e): (usize, &f32)| {

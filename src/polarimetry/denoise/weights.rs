@@ -1,15 +1,16 @@
-//! The weight of every pixel in the mean of every other: chosen among several strengths by what each would leave of the error.
+//! The weights of the mean at each pixel, from several strengths by their estimated errors.
 //!
-//! Weights of strength k are exp(-max(0, d²)/k²), normalized. With F the mean by such weights, M what was rendered, and V its
-//! variance,
+//! Weights of strength k are exp(-max(0, d²)/k²), normalized. For the mean F with these weights, the rendered
+//! value M and its variance V,
 //!
 //! > R = (F - M)² - V + 2 V ∂F/∂M
 //!
-//! has the square of F's error as its mean (Stein 1981), whatever the truth is. In ∂F/∂M stands the pixel's weight in itself, and how
-//! its weights change with its noise: taken as common to all its elements, as it is where paths that carry them all are rare. R of
-//! single pixels says little: it is averaged over the elements, each over the variance of M00, and over a box of pixels; the strength
-//! with the least is taken, and shares of strengths are averaged once more so that none ends at a line. What comes out are weights
-//! again: not negative, with the sum 1.
+//! has the expected squared error of F as its mean (Stein 1981), whatever the truth. ∂F/∂M includes the
+//! pixel's own weight and the change of its weights with its noise. That noise is taken as common to all
+//! elements, which is right where the paths that carry them are rare. R of a single pixel is uncertain. It is
+//! averaged over the elements (each divided by the variance of M00) and over a box of pixels, and the
+//! strength with the smallest R is chosen. The fractions of the strengths are then averaged again to avoid
+//! visible boundaries. The result is again a set of non-negative weights with sum 1.
 
 use super::around::around;
 use super::guide::Guide;
@@ -18,32 +19,32 @@ use super::variance::{squares, variances};
 use super::{CALM, PATCH, STRENGTHS, Size, Values};
 use rayon::prelude::*;
 
-/// Weights below this are zero.
+/// Weights below this are set to zero.
 const LEAST: f32 = 0.003;
 
-/// Number of strengths.
 const KINDS: usize = STRENGTHS.len();
 
-/// Weights of the pixels around each.
+/// The weights of the pixels around each pixel.
 pub struct Weights {
-    /// Rows and columns.
     pub size: Size,
-    /// For each render, of all pixels, those of the window.
+    /// For each render and pixel, the weights of the window.
     pub of: Vec<Vec<f32>>,
-    /// By how much each of them grows with a standard error of the pixel itself, in the render that weights come from.
+    /// The increase of each weight for one standard error of the pixel, in the render that the weights come
+    /// from.
     pub slopes: Vec<Vec<f32>>,
-    /// Weight of each render in the mean of all.
+    /// Weight of each render in the mean.
     pub shares: Vec<f32>,
-    /// Pixels whose numbers are finite.
+    /// Pixels with finite values.
     pub known: Vec<bool>,
-    /// For each render, pixels in whose place their neighbours stand.
+    /// For each render, the pixels that are replaced by their neighbours.
     pub outliers: Vec<Vec<bool>>,
-    /// Pixels that are averaged: known, and with an error or dark among lit ones. Others stay as they are.
+    /// Pixels that are averaged: known ones with an error, or dark ones among lit pixels. Others stay
+    /// unchanged.
     pub moved: Vec<bool>,
 }
 
 impl Weights {
-    /// For the pixels of a guide.
+    /// Computes the weights for the pixels of a guide.
     #[must_use]
     pub fn new(guide: &Guide) -> Self {
         let likeness: Vec<Likeness> = (0..guide.renders.len())
@@ -85,18 +86,18 @@ impl Weights {
     }
 }
 
-/// The render that the weights of a render come from: the other one, if there are two.
+/// Returns the render that determines the weights of a render: the other one, if there are two.
 pub(super) fn other(render: usize, renders: usize) -> usize {
     renders - 1 - render
 }
 
-/// Weights of a pixel's window, and their slopes over its own noise.
+/// The weights of a pixel's window, and their slopes for the pixel's noise.
 struct Candidate {
     weights: [f32; WINDOW],
     slopes: [f32; WINDOW],
 }
 
-/// Normalized weights of each strength.
+/// Returns the normalized weights of each strength.
 fn candidates(guide: &Guide, likeness: &Likeness, p: usize) -> [Candidate; KINDS] {
     let mut all = STRENGTHS.map(|_| Candidate {
         weights: [0.0; WINDOW],
@@ -125,11 +126,11 @@ fn candidates(guide: &Guide, likeness: &Likeness, p: usize) -> [Candidate; KINDS
     all
 }
 
-/// Of one pixel and its weights: sums over its window, and what its numbers have in common with them.
+/// Sums over the window of one pixel with its weights, and their covariances with the pixel's values.
 pub(super) struct Sums {
     /// Σ w y, over the renders.
     pub mean: Vec<f32>,
-    /// Covariance of that with what was rendered.
+    /// Covariance of the mean with the rendered value.
     pub common: Vec<f32>,
     part: Vec<f32>,
 }
@@ -145,8 +146,8 @@ impl Sums {
         self.common.fill(0.0);
     }
 
-    /// Adds a render's share: its `values` by its window's weights and slopes, with the pixel's variances `own` in it, and in the
-    /// render that weights come from (its share, its numbers and their variances).
+    /// Adds the contribution of a render: its `values` weighted by the window, with the pixel's variances
+    /// `own`. Also takes the render that the weights come from, with its share and its variances.
     pub fn add(
         &mut self,
         [weights, slopes]: [&[f32]; 2],
@@ -172,7 +173,7 @@ impl Sums {
     }
 }
 
-/// Shares of the strengths in each pixel's weights.
+/// Returns the fractions of the strengths in each pixel's weights.
 fn kinds(guide: &Guide, likeness: &[Likeness], moved: &[bool]) -> Vec<f32> {
     let channels = guide.renders[0].channels;
     let n = moved.len() * channels;
@@ -190,7 +191,7 @@ fn kinds(guide: &Guide, likeness: &[Likeness], moved: &[bool]) -> Vec<f32> {
         own.push(v);
     }
     let scale = around(&stated, guide.size, channels, CALM, &guide.known);
-    // A profile counts as much as one element at all wavelengths.
+    // A profile has the same weight as one element at all wavelengths.
     let elements = guide.judge.len();
     let lanes = 1 + guide.judge.iter().max().copied().unwrap_or(0);
     let whole = |of: &[f32]| of[elements..].iter().sum::<f32>() / lanes as f32;

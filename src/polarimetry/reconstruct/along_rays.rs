@@ -1,33 +1,34 @@
-//! Reconstruction where every pixel has a ray, and so a design matrix, of its own: oblique plates, galvo mirrors.
+//! Reconstruction where every pixel has its own ray and thus its own design matrix: oblique plates, galvo
+//! mirrors.
 //!
-//! Some thousand pixels at a time, because a pixel's estimate takes kilobytes.
+//! It processes a few thousand pixels at a time, because the estimator of a pixel takes kilobytes.
 
 use super::pixels::{Options, PixelNumber, Reconstruction, Tally};
 use crate::capture::design_matrix::RankError;
 use crate::capture::element::Ray;
 use crate::capture::scheme::Scheme;
 
-/// Rays whose estimates are in memory at once.
+/// Maximum number of rays whose estimators are in memory simultaneously.
 const AT_ONCE: usize = 2048;
 
-/// How pixels meet rays: places first, then whatever is a capture of its own, then wavelengths.
+/// The mapping from pixels to rays: positions first, then separate captures, then wavelengths.
 #[derive(Clone, Copy, Debug)]
 pub struct Places<'a> {
-    /// Rays of each wavelength, or of each place and wavelength.
+    /// Rays of each wavelength, or of each position and wavelength.
     pub rays: &'a [Ray],
-    /// Captures of their own at a place, which share its rays.
+    /// Number of separate captures at a position, which share its rays.
     pub times: usize,
-    /// Wavelengths.
+    /// Number of wavelengths.
     pub lanes: usize,
 }
 
-/// Reconstructs images along the rays of their places; the rest is as of [`Reconstruction::apply`].
+/// Reconstructs images along the rays of their pixels; other arguments as for [`Reconstruction::apply`].
 ///
 /// # Errors
 /// If the captures do not determine a Mueller matrix and there is no prior.
 ///
 /// # Panics
-/// If lengths do not agree.
+/// If lengths differ.
 pub fn reconstruct<T: PixelNumber>(
     scheme: &Scheme,
     Places { rays, times, lanes }: Places<'_>,
@@ -47,7 +48,7 @@ pub fn reconstruct<T: PixelNumber>(
     let mut tally = Tally::default();
     let step = (AT_ONCE / lanes.max(1)).max(1) * lanes;
     for (i, rays) in rays.chunks(step).enumerate() {
-        // Rays go round fastest, so that they are the lanes of an estimate; other times follow.
+        // Rays vary fastest, because they are the lanes of an estimator; the separate captures vary slowest.
         let (n, first) = (rays.len(), i * step);
         let place = |j: usize| {
             let (t, ray) = (j / n, first + j % n);
@@ -85,7 +86,7 @@ mod tests {
     use crate::capture::directions::Directions;
     use crate::capture::simulate::{Layout, Noise, simulate};
 
-    /// Captures along rays of their own give the matrices back, which those along the axis do not.
+    /// Reconstruction along each pixel's ray recovers the matrices; reconstruction along the axis does not.
     #[test]
     fn oblique_plates_are_undone() {
         let mut scheme = Scheme::drr(36, false).expect("a scheme");

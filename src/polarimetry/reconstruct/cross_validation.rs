@@ -1,5 +1,5 @@
-//! Learning with cross-validation: settings of a scheme are learned from all materials, and judged by learning from some and
-//! estimating the others (Baek & Heide 2021, sec. 4).
+//! Learning with cross-validation: learns the settings of a scheme from all materials. The expected error
+//! comes from learning on some materials and estimating the others (Baek & Heide 2021, sec. 4).
 
 use super::learn::{Descent, FoldError, Learned, Onlooker, Search, learn_before, validate};
 use super::loss::{Estimator, Objective};
@@ -9,10 +9,11 @@ use super::pca::moments::Moments;
 use super::second_moment::{Moment, SecondMoment, in_any_frames};
 use crate::capture::scheme::Scheme;
 
-/// The frames between which matrices are expected.
+/// The frames of the expected matrices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Frames {
-    /// Turned by any angle, as those of a camera and a projector are to the plane of scattering.
+    /// Rotated by any angle, as the frames of a camera and a projector are relative to the plane of
+    /// scattering.
     #[default]
     Any,
     /// Of the plane of scattering, as in tables and in Baek & Heide's learning.
@@ -20,7 +21,7 @@ pub enum Frames {
 }
 
 impl Frames {
-    /// E[t tᵀ] in these frames, of matrices that are tabulated in those of the plane of scattering.
+    /// Returns E[t tᵀ] in these frames for matrices that are tabulated in the plane of scattering.
     #[must_use]
     pub fn second_moment(self, moments: &Moments) -> Moment {
         let s = moments.second();
@@ -32,29 +33,29 @@ impl Frames {
     }
 }
 
-/// Second moments of a fold's two sides.
+/// Second moments of a fold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoldMoments {
-    /// Of the materials to learn from.
+    /// Of the training materials.
     pub train: Moment,
-    /// Of those to judge on.
+    /// Of the test materials.
     pub test: Moment,
 }
 
-/// What there is to learn from: all materials, and folds of them.
+/// Data for learning: second moments of all materials and of the folds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LearningData {
     /// Second moment of all materials.
     pub all: Moment,
-    /// The ways in which they are parted; none for no cross-validation.
+    /// The folds; empty without cross-validation.
     pub folds: Vec<FoldMoments>,
 }
 
 impl LearningData {
-    /// Moments of a data set in the given frames, with `count` folds (0 for none).
+    /// Computes the moments of a data set in the given frames, with `count` folds (0 for none).
     ///
     /// # Errors
-    /// [`DataError::Folds`] if the materials cannot be parted so.
+    /// [`DataError::Folds`] if the materials cannot be split into that number of folds.
     pub fn new(data: &DataSet, count: usize, frames: Frames) -> Result<Self, DataError> {
         let parted = match count {
             0 => vec![],
@@ -73,32 +74,32 @@ impl LearningData {
     }
 }
 
-/// A learned scheme and what it is worth; errors are expected sums of the 16 squared errors at T00 = 1.
+/// A learned scheme with its expected errors: sums of the 16 squared errors at T00 = 1.
 #[derive(Clone, Debug)]
 pub struct Validated {
     /// The scheme, learned from all materials.
     pub scheme: Scheme,
-    /// Its error on materials that were not learned from, mean of the folds; without folds, or where the error does not
-    /// depend on materials, that of the closed form.
+    /// Mean error on the test materials of the folds. Without folds, or if the error does not depend on the
+    /// materials, that of the closed form.
     pub unseen: f64,
-    /// Standard error of `unseen` over the folds; 0 without them.
+    /// Standard error of `unseen` over the folds; 0 without folds.
     pub spread: f64,
-    /// Error on the materials that were learned from.
+    /// Error on the training materials.
     pub seen: f64,
     /// All descents of the scheme itself, the template's first.
     pub descents: Vec<Descent>,
 }
 
-/// True if the expected error of a template's schemes depends on what is measured: that of a least-squares estimate of rank 16
-/// is noise alone.
+/// Returns whether the expected error of a template's schemes depends on the materials. The error of a
+/// least-squares estimate of rank 16 depends on noise only.
 #[must_use]
 pub fn depends_on_materials(template: &Scheme, estimator: Estimator) -> bool {
     estimator == Estimator::Prior || template.captures() < template.least_captures()
 }
 
-/// Learns the settings of a template for `objective`, whose second moment is that of all materials, and validates that by
-/// learning anew for each of `folds` (with a quarter of the starts, and without Adam: what is good for all materials but
-/// some is near what is good for all). Somebody may look on; `&()` is nobody.
+/// Learns the settings of a template for `objective`, whose second moment is that of all materials, and
+/// validates them with `folds`. Each fold learns again with a quarter of the starts and without Adam, because
+/// its optimum is close to that of all materials. `onlooker` observes the progress; pass `&()` for none.
 #[must_use]
 pub fn learn_and_validate(
     template: &Scheme,
@@ -157,7 +158,8 @@ mod tests {
     use crate::capture::element::Ray;
     use crate::reconstruct::pca::testing::rows;
 
-    /// Folds count where materials do: below rank 16, and with a prior; spreads come from them.
+    /// Folds affect the result only if materials do: below rank 16, and with a prior. The spread comes from
+    /// the folds.
     #[test]
     fn folds_count_where_materials_do() {
         let moment = |seed: u64| {

@@ -1,25 +1,25 @@
-//! Linear estimates of Mueller matrices from intensities: least squares and the prior.
+//! Linear estimators of Mueller matrices from intensities: least squares and the prior.
 //!
-//! t̂ = W I, one 16 × M matrix for all pixels. Least squares (Baek & Heide 2021, eq. 5) has the closed form W = A⁺. The
-//! prior, which the paper leaves as future work, is the linear estimate of least expected squared error for matrices s·t of
-//! second moment E[t tᵀ] = S with T00 = 1 and brightness s, under noise σ: W = P Aᵀs²/σ²,
-//! P = (S⁻¹ + AᵀA s²/σ²)⁻¹ (Rasmussen & Williams 2006, eq. 2.8, with mean zero).
+//! t̂ = W I, with one 16 × M matrix for all pixels. Least squares (Baek & Heide 2021, eq. 5) has the closed
+//! form W = A⁺. The prior, which the paper leaves as future work, is the linear estimator of minimum expected
+//! squared error. For matrices s·t with T00 = 1, second moment E[t tᵀ] = S, brightness s and noise σ it is W
+//! = P Aᵀs²/σ², P = (S⁻¹ + AᵀA s²/σ²)⁻¹ (Rasmussen & Williams 2006, eq. 2.8, with mean zero).
 
 use super::second_moment::{Moment, root};
 use crate::capture::design_matrix::{DesignMatrix, RankError};
 use nalgebra::{Cholesky, DMatrix};
 
-/// A linear estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearEstimate {
-    /// W: 16 rows (elements of a Mueller matrix, row-major), a column for each measurement.
+    /// W: 16 rows (elements of a Mueller matrix, row-major), one column per measurement.
     pub w: DMatrix<f64>,
-    /// Covariance of the estimate's error over σ²: of least squares (AᵀA)⁻¹; of the prior P/σ², expected bias included.
+    /// Covariance of the error over σ²: (AᵀA)⁻¹ for least squares; P/σ² for the prior, including the expected
+    /// bias.
     pub covariance: Moment,
 }
 
 impl LinearEstimate {
-    /// Least squares.
+    /// Builds the least-squares estimator.
     ///
     /// # Errors
     /// If the captures do not determine a Mueller matrix.
@@ -32,7 +32,8 @@ impl LinearEstimate {
         })
     }
 
-    /// With a prior: second moment `s` of matrices with T00 = 1, and the noise of an intensity over the brightness.
+    /// Builds the estimator with a prior: second moment `s` of matrices with T00 = 1, and the noise of an
+    /// intensity relative to the brightness.
     #[must_use]
     pub fn prior(design: &DesignMatrix, s: &Moment, relative_noise: f64) -> Self {
         let per = relative_noise.max(1e-12).powi(-2);
@@ -41,7 +42,7 @@ impl LinearEstimate {
         let normal = Moment::from_fn(|i, j| normal[(i, j)] * per);
         let root = root(s);
         let inner = Moment::identity() + root.transpose() * normal * root;
-        // Positive definite by construction: the identity and something that is not negative.
+        // Positive definite by construction: the identity plus a positive semidefinite matrix.
         let inverse = Cholesky::new(inner).map_or_else(Moment::zeros, |c| c.inverse());
         let p = root * inverse * root.transpose();
         let dynamic = DMatrix::from_fn(16, 16, |i, j| p[(i, j)] * per);
@@ -66,7 +67,7 @@ mod tests {
         )
     }
 
-    /// A prior that knows nothing is least squares.
+    /// An uninformative prior is equivalent to least squares.
     #[test]
     fn a_vague_prior_is_least_squares() {
         let design = design(20);
@@ -76,7 +77,8 @@ mod tests {
         assert!((least.covariance - prior.covariance).amax() < 1e-5 * least.covariance.amax());
     }
 
-    /// With few captures the prior gives back matrices of the kind that it knows, and its covariance is the error's.
+    /// With few captures the prior recovers matrices of its class, and its covariance equals that of the
+    /// error.
     #[test]
     fn the_prior_errs_as_it_says() {
         let mut stream = Stream::new(5, 0, 0);
@@ -99,7 +101,7 @@ mod tests {
         let mut errors = vec![];
         for t in &data {
             let noise: [f64; 5] = std::array::from_fn(|_| {
-                // Six uniforms over -1 to 1 have variance 2.
+                // The sum of six uniform numbers over -1 to 1 has variance 2.
                 sigma * (0..6).map(|_| uniform()).sum::<f64>() / 2.0_f64.sqrt()
             });
             let mut intensities = design.intensities(t);

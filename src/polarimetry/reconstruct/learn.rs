@@ -1,8 +1,9 @@
-//! Learning the settings of a scheme: minimizing its expected error in closed form.
+//! Learns the settings of a scheme: minimizes its expected error in closed form.
 //!
-//! Baek & Heide 2021, sec. 4, learn by stochastic gradients with Adam from the angles of dual rotating retarders. The
-//! closed form of [`super::loss`] makes the gradient exact; many random starts with a quasi-Newton method then find what a
-//! single descent misses. Everything follows from the seed, whatever the number of threads.
+//! Baek & Heide 2021, sec. 4, use stochastic gradients with Adam, starting from the angles of dual rotating
+//! retarders. The closed form of [`super::loss`] makes the gradient exact. A quasi-Newton method with many
+//! random starts then finds minima that a single descent misses. Results depend only on the seed, not on the
+//! number of threads.
 
 use super::estimator::LinearEstimate;
 use super::loss::{Estimator, Objective, expected_error};
@@ -15,12 +16,12 @@ use optics::sampling::stream::Stream;
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
-/// How the minimum is looked for.
+/// Settings of the search for the minimum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Search {
-    /// Random starts of the quasi-Newton method, besides the template's own settings.
+    /// Random starts of the quasi-Newton method, in addition to the template's settings.
     pub starts: u32,
-    /// Its most iterations from each start.
+    /// Maximum number of iterations from each start.
     pub iterations: u64,
     /// Steps of Adam from the template's settings; 0 for none.
     pub adam_steps: usize,
@@ -39,38 +40,37 @@ impl Default for Search {
     }
 }
 
-/// Who looks on while settings are learned, and may end it.
+/// Observes the progress of learning and can stop it.
 pub trait Onlooker: Sync {
-    /// So many descents are to be made besides those told of before.
+    /// Announces the number of additional descents.
     fn begins(&self, descents: usize) {
         let _ = descents;
     }
-    /// A descent has come to its end.
+    /// Reports the end of a descent.
     fn descended(&self) {}
-    /// True if what is learned is not wanted any more: descents end where they are.
+    /// Returns whether to stop; descents then return their best point so far.
     fn interrupted(&self) -> bool {
         false
     }
 }
 
-/// Nobody looks on.
+/// No observer.
 impl Onlooker for () {}
 
-/// Where a descent began, and what it found.
+/// A descent: its start and its result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Descent {
-    /// For tables: `Adam from the template`, `quasi-Newton, start 3`.
+    /// Name in tables: `Adam from the template`, `quasi-Newton, start 3`.
     pub name: String,
     /// Expected sum of squared errors (see [`Objective`]).
     pub loss: f64,
-    /// The same at every evaluation, one after the other; infinite where a scheme has none.
+    /// The loss at every evaluation, in order; infinite where it is undefined.
     pub history: Vec<f64>,
 }
 
-/// A learned scheme.
 #[derive(Clone, Debug)]
 pub struct Learned {
-    /// The template with the best settings that were found.
+    /// The template with the best settings found.
     pub scheme: Scheme,
     /// Its expected sum of squared errors.
     pub loss: f64,
@@ -78,12 +78,13 @@ pub struct Learned {
     pub descents: Vec<Descent>,
 }
 
-/// The objective over settings, in units of σ² so that its numbers are of the order of 100 whatever the noise.
+/// The objective as a function of the settings, in units of σ², so that its values are of the order of 100
+/// for any noise.
 struct Settings<'a> {
     template: &'a Scheme,
     objective: &'a Objective,
     onlooker: &'a dyn Onlooker,
-    /// Its values so far.
+    /// The values so far.
     history: Mutex<Vec<f64>>,
 }
 
@@ -104,7 +105,7 @@ impl Smooth for Settings<'_> {
     }
 }
 
-/// A random start: angles over half a turn, retardances over a whole wave.
+/// Returns a random start: angles over half a turn, retardances over a whole wave.
 fn random(template: &Scheme, seed: u64, start: u32) -> Vec<f64> {
     let mut stream = Stream::new(seed, start, 0);
     let mut out = vec![];
@@ -118,20 +119,19 @@ fn random(template: &Scheme, seed: u64, start: u32) -> Vec<f64> {
     out
 }
 
-/// A descent to make.
 enum Start {
     Adam,
     Template,
     Random(u32),
 }
 
-/// Learns all settings of a template that change from capture to capture.
+/// Learns all settings of a template that change between captures.
 #[must_use]
 pub fn learn(template: &Scheme, objective: &Objective, search: &Search) -> Learned {
     learn_before(template, objective, search, &())
 }
 
-/// As [`learn`], while somebody looks on.
+/// As [`learn`], with an observer.
 #[must_use]
 pub fn learn_before(
     template: &Scheme,
@@ -140,7 +140,7 @@ pub fn learn_before(
     onlooker: &dyn Onlooker,
 ) -> Learned {
     let own = template.parameters();
-    // Adam is the longest of them, and so begins first.
+    // Adam takes longest, so it starts first.
     let adam_first = (search.adam_steps > 0).then_some(Start::Adam);
     let random_starts = (0..search.starts).map(Start::Random);
     let starts: Vec<Start> = adam_first
@@ -201,7 +201,7 @@ pub fn learn_before(
     }
 }
 
-/// Angles within 0 to 180°, where they repeat; retardances within 0 to one wave.
+/// Maps angles to 0 to 180°, their period, and retardances to 0 to one wave.
 fn tidy(template: &Scheme, x: &[f64]) -> Vec<f64> {
     let motors = template.motors();
     let captures = template.captures();
@@ -215,16 +215,17 @@ fn tidy(template: &Scheme, x: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// What one fold of a cross-validation gave.
+/// The result of one fold of a cross-validation.
 #[derive(Clone, Debug)]
 pub struct FoldError {
-    /// Expected squared error on the materials learned from.
+    /// Expected squared error on the training materials.
     pub seen: f64,
-    /// On those left out.
+    /// Expected squared error on the test materials.
     pub unseen: f64,
 }
 
-/// Expected errors of a scheme with the estimate made for `train`, on `train` and on `test`; averaged over the rays.
+/// Returns the expected errors of a scheme, averaged over the rays. The estimator is made for `train` and
+/// evaluated on `train` and `test`.
 #[must_use]
 pub fn validate(scheme: &Scheme, objective: &Objective, train: &Moment, test: &Moment) -> FoldError {
     let mut out = FoldError {

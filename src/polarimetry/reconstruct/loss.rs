@@ -1,22 +1,24 @@
 //! The expected error of a scheme in closed form, and its gradient for every setting.
 //!
-//! Baek & Heide 2021, eq. 8, train angles on the mean squared error over noise and data, by sampling both. The estimates
-//! are linear in the intensities, t̂ = W I, and I = A t + η, so that the expectation needs only the second moment
-//! S = E[t tᵀ] of the data and the covariance Σ of η:
+//! Baek & Heide 2021, eq. 8, train angles on the mean squared error over noise and data, by sampling both.
+//! Estimates are linear in the intensities, t̂ = W I, and I = A t + η. The expectation therefore needs only
+//! the second moment S = E[t tᵀ] of the data and the covariance Σ of η:
 //!
 //! ```text
 //! E|t̂ - t|² = tr (1 - WA) S (1 - WA)ᵀ + tr W Σ Wᵀ
 //! least squares, rank 16     W = (AᵀA)⁻¹Aᵀ                 tr W Σ Wᵀ; without errors of angles σ² tr (AᵀA)⁻¹
-//! least squares, lower rank  W = A⁺                        the bias of what is not seen comes on top
+//! least squares, lower rank  W = A⁺                        plus the bias of the undetermined part
 //! prior                      W = P AᵀΣ⁻¹                   tr P,   P = (S⁻¹ + AᵀΣ⁻¹A)⁻¹
 //! ```
 //!
-//! Stages that miss their angles by independent errors of variance σ_θ² add noise in proportion to the light: for capture
-//! k, σ_θ² Σ_m D_m S D_mᵀ, where D_m are the derivatives of its rows for motor m. Matrices are normalized, T00 = 1.
+//! Independent angle errors of the stages with variance σ_θ² add noise in proportion to the light: for
+//! capture k, σ_θ² Σ_m D_m S D_mᵀ, where D_m are the derivatives of its rows for motor m. Matrices are
+//! normalized to T00 = 1.
 //!
-//! What is made of matrices often is a few linear functionals of them, w·t. Their expected squared errors together are
-//! E|wᵀ(t̂ - t)|² summed, tr M E[(t̂ - t)(t̂ - t)ᵀ] with the metric M = Σ w wᵀ, which stands in every trace above; M = 1 is the
-//! error of all elements alike. The prior's estimate is the best for every functional at once, so M chooses angles alone.
+//! Applications often need only a few linear functionals w·t of the matrices. The sum of their expected
+//! squared errors E|wᵀ(t̂ - t)|² is tr M E[(t̂ - t)(t̂ - t)ᵀ] with the metric M = Σ w wᵀ, which enters every
+//! trace above. M = 1 weights all elements equally. The prior's estimate is optimal for every functional, so
+//! M affects only the choice of angles.
 
 use super::second_moment::{Moment, SecondMoment};
 use crate::capture::design_matrix::minimum_norm;
@@ -28,33 +30,33 @@ use nalgebra::{Cholesky, DMatrix, SVector};
 /// A row of A: the weights of the 16 elements of a Mueller matrix, row-major.
 type Elements = SVector<f64, 16>;
 
-/// How Mueller matrices are estimated.
+/// The estimator of Mueller matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Estimator {
-    /// Least squares; of least norm where captures leave something open.
+    /// Least squares; the minimum-norm solution where captures do not determine all elements.
     LeastSquares,
-    /// The linear estimate of least expected error for data of a known second moment.
+    /// The linear estimator of minimum expected error for data of a known second moment.
     Prior,
 }
 
-/// What a scheme is judged by.
+/// The objective that rates a scheme.
 #[derive(Clone, Debug)]
 pub struct Objective {
-    /// Standard deviation of the noise of an intensity, of light for which T00 = 1.
+    /// Standard deviation of the noise of an intensity, for light with T00 = 1.
     pub sigma: f64,
     /// Standard deviation of a stage's angle (or of a retardance), radians.
     pub angle_error: f64,
-    /// Second moment of the data, E[t tᵀ], with its root, which every evaluation with a prior takes.
+    /// Second moment of the data, E[t tᵀ], with its root, which every evaluation with a prior uses.
     pub second_moment: SecondMoment,
-    /// How matrices are estimated.
     pub estimator: Estimator,
     /// Wavelengths (and directions) whose errors are averaged.
     pub rays: Vec<Ray>,
-    /// What errors of the elements count: Σ w wᵀ over the functionals w·t that matter ([`metric`]); `None`: all alike.
+    /// Weights of the errors: Σ w wᵀ over the relevant functionals w·t ([`metric`]); `None` weights all
+    /// elements equally.
     pub metric: Option<Moment>,
 }
 
-/// The metric M = Σ w wᵀ of functionals of a matrix's elements.
+/// Returns the metric M = Σ w wᵀ of functionals of a matrix's elements.
 #[must_use]
 pub fn metric(functionals: &[[f64; 16]]) -> Moment {
     let all = functionals.iter().map(|w| Elements::from_row_slice(w));
@@ -62,7 +64,7 @@ pub fn metric(functionals: &[[f64; 16]]) -> Moment {
         .fold(Moment::zeros(), |sum, m| sum + m)
 }
 
-/// A capture's rows of A with the states that they are products of.
+/// The states of a capture, whose products are its rows of A.
 struct Capture {
     generated: StateJet,
     analyzed: Vec<StateJet>,
@@ -79,7 +81,7 @@ impl Capture {
             .map(|a| product(&a.value, &self.generated.value))
     }
 
-    /// Motors, each with the derivatives of all rows for it.
+    /// Returns the motors, each with the derivatives of all rows for it.
     fn derivatives(&self) -> Vec<(usize, Vec<Elements>)> {
         let g = &self.generated;
         let by_generator = g.first.iter().map(|(m, dg)| {
@@ -94,7 +96,7 @@ impl Capture {
         by_generator.chain(by_analyzer).collect()
     }
 
-    /// Pairs of motors, each with the second derivatives of all rows.
+    /// Returns pairs of motors, each with the second derivatives of all rows.
     fn second_derivatives(&self) -> Vec<(usize, usize, Vec<Elements>)> {
         let g = &self.generated;
         let mut out = vec![];
@@ -122,7 +124,8 @@ impl Capture {
     }
 }
 
-/// The loss of a setting, its derivatives for A (one row a measurement) and for Σ (block by capture).
+/// The loss of a setting, with its derivatives for A (one row per measurement) and for Σ (one block per
+/// capture).
 struct Parts {
     loss: f64,
     by_a: DMatrix<f64>,
@@ -130,13 +133,14 @@ struct Parts {
 }
 
 impl Objective {
-    /// Expected sum of the 16 squared errors, or of those of the metric, T00 = 1; infinite if that overflows.
+    /// Returns the expected sum of the 16 squared errors, or of the metric's, at T00 = 1; infinite on
+    /// overflow.
     #[must_use]
     pub fn loss(&self, scheme: &Scheme) -> f64 {
         self.with_gradient(scheme, false).0
     }
 
-    /// The loss and its derivatives, in the order of [`Scheme::parameters`].
+    /// Returns the loss and its derivatives, in the order of [`Scheme::parameters`].
     #[must_use]
     pub fn gradient(&self, scheme: &Scheme) -> (f64, Vec<f64>) {
         self.with_gradient(scheme, true)
@@ -167,7 +171,7 @@ impl Objective {
                 .collect();
             let rows: Vec<Elements> = all.iter().flat_map(Capture::rows).collect();
             let a = DMatrix::from_fn(rows.len(), 16, |r, e| rows[r][e]);
-            // Settings that are no numbers would keep a singular value decomposition busy for ever.
+            // A singular value decomposition of non-finite settings would not terminate.
             let finite = a.iter().all(|e| e.is_finite());
             let Some(parts) = finite.then(|| self.parts(&a, &self.noise(&all))).flatten() else {
                 return (f64::INFINITY, gradient);
@@ -182,7 +186,7 @@ impl Objective {
         (loss * per, gradient)
     }
 
-    /// Σ of every capture.
+    /// Returns Σ of every capture.
     fn noise(&self, all: &[Capture]) -> Vec<DMatrix<f64>> {
         all.iter()
             .map(|capture| {
@@ -231,7 +235,7 @@ impl Objective {
         })
     }
 
-    /// M times a matrix of 16 rows.
+    /// Returns M times a matrix of 16 rows.
     fn counted(&self, w: &DMatrix<f64>) -> DMatrix<f64> {
         match &self.metric {
             Some(m) => DMatrix::from_fn(16, 16, |i, j| m[(i, j)]) * w,
@@ -239,8 +243,9 @@ impl Objective {
         }
     }
 
-    /// W = A⁺ of any rank, which settings near by share. The derivative of A⁺ is Golub & Pereyra's (1973, eq. 4.12):
-    /// dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ dAᵀ (1 - AA⁺) + (1 - A⁺A) dAᵀ A⁺ᵀA⁺.
+    /// Returns the parts for W = A⁺ of any rank, assuming that nearby settings have the same rank. The
+    /// derivative of A⁺ is that of Golub & Pereyra (1973, eq. 4.12): dA⁺ = -A⁺ dA A⁺ + A⁺A⁺ᵀ dAᵀ (1 - AA⁺) +
+    /// (1 - A⁺A) dAᵀ A⁺ᵀA⁺.
     fn least_norm(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Parts {
         let w = minimum_norm(a);
         let s = DMatrix::from_fn(16, 16, |i, j| self.second_moment.matrix()[(i, j)]);
@@ -254,7 +259,7 @@ impl Objective {
         let (wt, vt) = (w.transpose(), v.transpose());
         let mut by_a = left * &vt * &w * &wt + &wt * &w * &vt * &unseen - &wt * &v * &wt;
         if self.metric.is_some() {
-            // What A itself adds; of M = 1 nothing, as Wᵀ(1 - WA) = 0.
+            // The direct contribution of A; zero for M = 1, because Wᵀ(1 - WA) = 0.
             by_a -= &wt * &bias * 2.0;
         }
         Parts {
@@ -264,7 +269,7 @@ impl Objective {
         }
     }
 
-    /// W = N⁻¹Aᵀ, N = AᵀA; `None` below rank 16.
+    /// Returns the parts for W = N⁻¹Aᵀ, N = AᵀA; `None` below rank 16.
     fn full_rank(&self, a: &DMatrix<f64>, noise: &[DMatrix<f64>]) -> Option<Parts> {
         if a.nrows() < 16 {
             return None;
@@ -273,7 +278,7 @@ impl Objective {
         let inverse = Cholesky::new(normal)?.inverse();
         let inverse = DMatrix::from_fn(16, 16, |i, j| inverse[(i, j)]);
         let w = &inverse * a.transpose();
-        // Pivots do not show what an inverse is worth; that it inverts does.
+        // Pivots do not reveal the accuracy of an inverse, so the product is checked.
         let recovered = &w * a - DMatrix::identity(16, 16);
         if recovered.iter().any(|e| e.is_nan() || e.abs() > 1e-6) {
             return None;
@@ -290,7 +295,7 @@ impl Objective {
         })
     }
 
-    /// From derivatives for A and Σ to those for the settings.
+    /// Converts derivatives for A and Σ to derivatives for the settings.
     fn chain(&self, all: &[Capture], parts: &Parts, gradient: &mut [f64]) {
         let captures = all.len();
         let mut first = 0;
@@ -340,7 +345,8 @@ impl Objective {
     }
 }
 
-/// A block-diagonal matrix times a matrix. Blocks have one row a channel, one or four: too small for products of matrices.
+/// Multiplies a block-diagonal matrix by a matrix. Blocks have one or four rows (one per channel), too few
+/// for a matrix product.
 fn blocks(diagonal: &[DMatrix<f64>], m: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = DMatrix::zeros(m.nrows(), m.ncols());
     let mut first = 0;
@@ -356,7 +362,7 @@ fn blocks(diagonal: &[DMatrix<f64>], m: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
-/// The diagonal blocks of WᵀMW, from W and MW.
+/// Returns the diagonal blocks of WᵀMW, from W and MW.
 fn outer_blocks(w: &DMatrix<f64>, counted: &DMatrix<f64>, like: &[DMatrix<f64>]) -> Vec<DMatrix<f64>> {
     let mut first = 0;
     like.iter()
@@ -377,8 +383,9 @@ fn fixed(m: &DMatrix<f64>) -> Moment {
     Moment::from_fn(|i, j| m[(i, j)])
 }
 
-/// Expected sum of squared errors of a linear estimate W (16 × measurements) of data of any second moment: what an estimate
-/// that was made for some materials does to others. Noise is independent, of standard deviation `sigma`.
+/// Returns the expected sum of squared errors of a linear estimator W (16 × measurements) for data of any
+/// second moment, e.g. an estimator made for other materials. Noise is independent with standard deviation
+/// `sigma`.
 #[must_use]
 pub fn expected_error(w: &DMatrix<f64>, a: &DMatrix<f64>, second_moment: &Moment, sigma: f64) -> f64 {
     let unseen = Moment::identity() - fixed(&(w * a));

@@ -1,7 +1,7 @@
-//! From intensities back to Mueller matrices, and how well that can be done.
+//! Reconstruction of Mueller matrices from intensities, and its expected error.
 //!
 //! ```text
-//! intensities -> estimator (least squares, prior) -> pixels (whole images) -> Mueller matrices, standard errors
+//! intensities -> estimator (least squares, prior) -> pixels (images) -> Mueller matrices, standard errors
 //! pBRDFs -> pca (second moments) -> loss (closed form) -> learn (settings of a scheme)
 //! ```
 

@@ -1,4 +1,4 @@
-//! Minimizers of smooth functions of angles: Adam, and L-BFGS from crate argmin.
+//! Minimizers of smooth functions of angles: Adam, and L-BFGS from the argmin crate.
 
 use argmin::core::{CostFunction, Error, Executor, Gradient, IterState, State};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
@@ -8,25 +8,23 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A function with its gradient.
 pub trait Smooth: Sync {
-    /// Value and gradient at a point; infinite where the function has none.
+    /// Returns value and gradient at a point; the value is infinite where the function is undefined.
     fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>);
 
-    /// True once nobody wants the minimum any more.
+    /// Returns whether to stop the search.
     fn is_unwanted(&self) -> bool {
         false
     }
 }
 
-/// A point and the value there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Minimum {
-    /// The point.
     pub x: Vec<f64>,
-    /// The value there.
     pub value: f64,
 }
 
-/// Adam (Kingma & Ba 2015) with a step that falls to zero along half a cosine; the best point that was met.
+/// Adam (Kingma & Ba 2015) with a step that decays to zero along half a cosine period. Returns the best point
+/// found.
 #[must_use]
 pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum {
     let (beta1, beta2) = (0.9_f64, 0.999_f64);
@@ -50,7 +48,7 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
             mean[i] = beta1 * mean[i] + (1.0 - beta1) * gradient[i];
             square[i] = beta2 * square[i] + (1.0 - beta2) * gradient[i] * gradient[i];
             let (m, v) = (mean[i] / (1.0 - beta1.powf(t)), square[i] / (1.0 - beta2.powf(t)));
-            // Where the gradient is zero so is the step.
+            // A zero gradient gives a zero step.
             if v > 0.0 {
                 x[i] -= rate * m / v.sqrt();
             }
@@ -62,18 +60,19 @@ pub fn adam(f: &impl Smooth, start: &[f64], steps: usize, rate: f64) -> Minimum 
 /// Point, value and gradient.
 type Evaluated = (Vec<f64>, f64, Vec<f64>);
 
-/// A function as argmin asks for it: value and gradient one after the other, which are known together.
+/// Adapts a function to argmin, which requests value and gradient separately, by caching the last evaluation.
 struct Remembered<'a, F> {
     f: &'a F,
     last: Mutex<Option<Evaluated>>,
     best: Mutex<Minimum>,
-    /// Values in a row that were none.
+    /// Number of consecutive undefined values.
     walls: AtomicU32,
 }
 
-/// Argmin's line search steps back from large values, not from infinite ones.
+/// Replaces undefined values: argmin's line search recovers from large values, but not from infinite ones.
 const BAD: f64 = 1e30;
-/// It steps back for ever where a function has no value near a point at which it had one: after so many steps no shorter one is left.
+/// Stops the search after this number of consecutive undefined values. Argmin's line search would shorten its
+/// steps forever where a function is undefined next to a point at which it was defined.
 const MOST_WALLS: u32 = 200;
 
 impl<F: Smooth> Remembered<'_, F> {
@@ -123,7 +122,8 @@ impl<F: Smooth> Gradient for &Remembered<'_, F> {
     }
 }
 
-/// L-BFGS (Nocedal & Wright 2006, alg. 7.5) with Moré and Thuente's line search; the best point that was met.
+/// L-BFGS (Nocedal & Wright 2006, alg. 7.5) with the line search of Moré and Thuente. Returns the best point
+/// found.
 #[must_use]
 pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum {
     let problem = Remembered {
@@ -135,7 +135,7 @@ pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum 
         }),
         walls: AtomicU32::new(0),
     };
-    // The loss is of the order of σ²; argmin's tolerances are absolute and must lie below all of it.
+    // The loss is of the order of σ². Argmin's tolerances are absolute and must be below it for any noise.
     let solver = LBFGS::new(MoreThuenteLineSearch::new(), 20)
         .with_tolerance_grad(0.0)
         .and_then(|s| s.with_tolerance_cost(0.0));
@@ -146,7 +146,7 @@ pub fn quasi_newton(f: &impl Smooth, start: &[f64], iterations: u64) -> Minimum 
                 .max_iters(iterations)
                 .target_cost(f64::NEG_INFINITY)
         });
-        // A line search that finds nothing better ends the run; the best point is remembered.
+        // A line search without improvement ends the run; the best point is kept.
         let _ = configured.run().map(|result| result.state().get_iter());
     }
     let best = problem.best.lock().map(|b| b.clone());
@@ -180,7 +180,7 @@ mod tests {
         assert!(found.value < 1e-4, "{found:?}");
     }
 
-    /// A function that is nowhere finite is given up, not looped over.
+    /// A function that is undefined everywhere ends the search instead of looping.
     struct Wall;
     impl Smooth for Wall {
         fn evaluate(&self, x: &[f64]) -> (f64, Vec<f64>) {
@@ -188,7 +188,7 @@ mod tests {
         }
     }
 
-    /// A valley that is gone after some looks at it: for ever, or nobody wants its minimum.
+    /// A function that becomes undefined after some evaluations, or whose search is then stopped.
     struct Closing {
         looks: AtomicU32,
         open: u32,
@@ -206,7 +206,7 @@ mod tests {
         }
     }
 
-    /// In the middle of a line search too.
+    /// Also in the middle of a line search.
     #[test]
     fn searches_end_where_the_function_does() {
         for (open, tells) in (1..12).flat_map(|open| [(open, false), (open, true)]) {

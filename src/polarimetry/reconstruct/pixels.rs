@@ -1,9 +1,9 @@
-//! Reconstruction of whole images, piece by piece: the fast product where all measurements are alike, pixel by pixel where
-//! they are not.
+//! Reconstruction of whole images: by a fast matrix product where all measurements have equal weight,
+//! otherwise per pixel.
 //!
-//! A pixel is anything that has one intensity a measurement: a place of an image, a time bin, a wavelength. Where the last
-//! axis is the wavelength, pixels go round the designs. The estimate is f32 or f64 as the intensities are; what is solved
-//! pixel by pixel is f64.
+//! A pixel is any item with one intensity per measurement: a position in an image, a time bin, a wavelength.
+//! If the last axis is the wavelength, consecutive pixels cycle through the design matrices. Estimates are
+//! f32 or f64 like the intensities; pixels solved individually use f64.
 
 use super::estimator::LinearEstimate;
 use super::product::Weights;
@@ -16,32 +16,30 @@ use crate::decompose::cloude::nearest;
 use rayon::prelude::*;
 use tensor::number::Number;
 
-/// How images are reconstructed.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Standard deviation of an intensity. Without it, errors come from what the estimate leaves over.
+    /// Standard deviation of an intensity. If `None`, errors are estimated from the residuals.
     pub noise: Option<f64>,
-    /// Intensities from here on are saturated and left out, pixel by pixel.
+    /// Intensities from this value on are saturated and ignored, per pixel.
     pub saturation: Option<f64>,
-    /// Replace each matrix by the realizable one nearest to it (Cloude).
+    /// Replace each matrix by the nearest realizable one (Cloude).
     pub realizable: bool,
     /// Second moment of matrices with T00 = 1.
     pub prior: Option<Moment>,
 }
 
-/// What became of the pixels.
+/// Counts of reconstructed pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// All of them.
     pub pixels: usize,
-    /// Estimated without some of their measurements.
+    /// Pixels estimated without some of their measurements.
     pub partial: usize,
-    /// Not determined by what is left: NaN.
+    /// Pixels that the remaining measurements do not determine: NaN.
     pub lost: usize,
 }
 
 impl Tally {
-    /// Both together.
+    /// Returns the sum of both tallies.
     #[must_use]
     pub fn with(self, other: Self) -> Self {
         Self {
@@ -52,36 +50,36 @@ impl Tally {
     }
 }
 
-/// Halves of an octave of noise over brightness for which priors are at hand, from 2^-24 on.
+/// Number of precomputed priors, in steps of half an octave of noise over brightness, from 2^-24 on.
 const STEPS: i32 = 64;
 const FIRST: i32 = -48;
 
-/// What is known of one wavelength.
+/// The estimators of one wavelength.
 struct Lane<T> {
     a: DesignMatrix,
-    /// Least squares; none below rank 16.
+    /// Least squares; `None` below rank 16.
     least: Option<(Weights<T>, LinearEstimate)>,
     /// With the prior, by noise over brightness.
     priors: Vec<(Weights<T>, LinearEstimate)>,
-    /// tr A S Aᵀ: intensities' expected sum of squares at brightness 1.
+    /// tr A S Aᵀ: expected sum of squared intensities at brightness 1.
     expected: f64,
 }
 
-/// Estimates for all wavelengths of a scheme.
+/// The estimators of all wavelengths of a scheme.
 pub struct Reconstruction<T> {
     lanes: Vec<Lane<T>>,
     options: Options,
     root: Option<Moment>,
 }
 
-/// A pixel's estimate and whether some measurements were left out.
+/// A pixel's estimate, and whether measurements were ignored.
 struct Solved {
     found: Option<Estimated>,
     partial: bool,
 }
 
-/// A number that images are made of. Its loops over pixels are compiled here, in one unit with the product that they call, and
-/// not where they are called from: there they would not become one loop.
+/// A number type of images. Its loops over pixels are compiled in this crate, together with the product that
+/// they call. In the caller's crate the compiler would not merge them into one loop.
 pub trait PixelNumber: Number {
     /// See [`Reconstruction::apply`].
     fn reconstruct(
@@ -113,7 +111,7 @@ macro_rules! pixel_number {
 pixel_number!(f32, f64);
 
 impl<T: Number> Reconstruction<T> {
-    /// Prepares the estimates, one for each ray.
+    /// Prepares the estimators, one per ray.
     ///
     /// # Errors
     /// If the captures do not determine a Mueller matrix and there is no prior.
@@ -149,13 +147,13 @@ impl<T: Number> Reconstruction<T> {
         })
     }
 
-    /// Wavelengths that pixels go round.
+    /// Returns the number of wavelengths that consecutive pixels cycle through.
     #[must_use]
     pub fn lanes(&self) -> usize {
         self.lanes.len()
     }
 
-    /// Intensities that a pixel has.
+    /// Returns the number of intensities per pixel.
     #[must_use]
     pub fn measurements(&self) -> usize {
         self.lanes.first().map_or(0, |lane| lane.a.a.nrows())
@@ -163,12 +161,11 @@ impl<T: Number> Reconstruction<T> {
 }
 
 impl<T: PixelNumber> Reconstruction<T> {
-    /// Reconstructs pixels, the first of which has the first wavelength. `intensities`, and `variances` if there are any, hold
-    /// the measurements one after the other, each for all pixels; `out` gets 16 elements a pixel, and `errors` their
-    /// standard errors.
+    /// Reconstructs pixels, the first of which has the first wavelength. `intensities` and `variances` are by
+    /// measurement, then by pixel. `out` receives 16 elements per pixel, and `errors` their standard errors.
     ///
     /// # Panics
-    /// If lengths do not agree.
+    /// If lengths differ.
     pub fn apply(
         &self,
         intensities: &[T],
@@ -260,7 +257,7 @@ impl<T: Number> Reconstruction<T> {
         nearest(&m).map_or(elements, |m| std::array::from_fn(|e| m[e / 4][e % 4]))
     }
 
-    /// One pixel. `known` is what the product gave.
+    /// Solves one pixel. `known` is the result of the product.
     fn pixel(
         &self,
         lane: &Lane<T>,
@@ -282,7 +279,7 @@ impl<T: Number> Reconstruction<T> {
             let (n, sum) = used.fold((0, 0.0), |(n, sum), m| (n + 1, sum + at(m).get().powi(2)));
             let share = lane.expected * f64::from(n) / count.max(1) as f64;
             let signal = sum - f64::from(n) * noise.powi(2);
-            // Below the noise nothing says how bright a pixel is; a tenth of it keeps the estimate near zero.
+            // Below the noise the brightness is unknown; a tenth of the noise keeps the estimate near zero.
             (signal.max(0.01 * f64::from(n) * noise.powi(2)) / share.max(1e-300)).sqrt()
         };
         if partial || variance(0).is_some() {
@@ -331,7 +328,8 @@ impl<T: Number> Reconstruction<T> {
         }
     }
 
-    /// The noise's standard deviation as the residuals show it: √(Σ r²/(n - 16)); NaN without spare measurements.
+    /// Returns the noise's standard deviation from the residuals, √(Σ r²/(n - 16)); NaN without redundant
+    /// measurements.
     fn left_over(
         &self,
         lane: &Lane<T>,

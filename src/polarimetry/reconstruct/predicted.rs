@@ -1,4 +1,4 @@
-//! What a first estimate says of the noise of counts, so that a second can weigh them.
+//! Predicted noise of counts from a first estimate, for the weights of a second one.
 
 use super::along_rays::{Places, reconstruct};
 use super::pixels::Options;
@@ -8,19 +8,21 @@ use crate::capture::scheme::Scheme;
 use crate::capture::simulate::Layout;
 use rayon::prelude::*;
 
-/// Bins on each side of one that count with it.
+/// Number of neighbouring bins on each side that are averaged.
 const NEAR: usize = 4;
 
-/// Variances of counts: those that a first estimate without weights predicts, because a bin without counts says nothing of its own.
+/// Returns the variances of counts, predicted by a first estimate without weights, because a bin without
+/// counts has no variance estimate of its own.
 ///
-/// The estimate, 16 elements a pixel in the order of `layout`, is left in `matrices`; `rays` are one for each wavelength, or for each
-/// place and wavelength; `variance` is that of a reading of some radiance at a wavelength in nanometres; the rest as of [`reconstruct`].
+/// The first estimate, 16 elements per pixel in the order of `layout`, is stored in `matrices`. `rays` holds
+/// one ray per wavelength, or per position and wavelength. `variance` returns the variance of a reading from
+/// a radiance and a wavelength in nanometres. Other arguments are as for [`reconstruct`].
 ///
 /// # Errors
 /// If the captures do not determine a Mueller matrix and there is no prior.
 ///
 /// # Panics
-/// If lengths do not agree.
+/// If lengths differ.
 pub fn of_counts(
     scheme: &Scheme,
     rays: &[Ray],
@@ -39,14 +41,15 @@ pub fn of_counts(
     Ok(predicted(scheme, rays, layout, matrices, variance))
 }
 
-/// Variances that matrices predict, measurement by measurement, each for all pixels: of the mean of each measurement over a
-/// pixel's neighbours in time, since a bin's own estimate is as noisy as what it is to weigh.
+/// Returns the variances that matrices predict, by measurement, then by pixel. Each measurement is averaged
+/// over a pixel's neighbours in time, because a single bin's estimate is as noisy as the reading itself.
 ///
-/// `matrices` are 16 elements a pixel in the order of `layout`; `rays` one for each wavelength, or for each place and wavelength;
-/// `variance` is that of a reading of some radiance at a wavelength in nanometres.
+/// `matrices` holds 16 elements per pixel in the order of `layout`. `rays` holds one ray per wavelength, or
+/// per position and wavelength. `variance` returns the variance of a reading from a radiance and a wavelength
+/// in nanometres.
 ///
 /// # Panics
-/// If there are fewer rays or matrices.
+/// If there are too few rays or matrices.
 #[must_use]
 fn predicted(
     scheme: &Scheme,

@@ -1,27 +1,28 @@
-//! The product of an estimate with whole images: 16 × M numbers against M intensities of every pixel.
+//! The product of an estimator with whole images: a 16 × M matrix times M intensities per pixel.
 //!
-//! Memory is what it costs: every intensity is read once, every element written once, in f32 or f64; the 16 × M numbers come
-//! from f64. Pixels are taken in blocks whose intensities stay in the first cache.
+//! It is limited by memory bandwidth: every intensity is read once, and every element is written once, in f32
+//! or f64. The 16 × M matrix is rounded from f64. Pixels are processed in blocks whose intensities fit the L1
+//! cache.
 
 use super::estimator::LinearEstimate;
 use rayon::prelude::*;
 use tensor::number::Number;
 
-/// Numbers of a block's pixels beside one another.
+/// Pixels per block.
 const BLOCK: usize = 32;
-/// Numbers that are computed beside one another.
+/// Numbers per vector.
 const LANES: usize = 8;
-/// Pixels that are gathered at once: some cache lines of every plane.
+/// Pixels gathered together: some cache lines of every plane.
 const RUN: usize = 512;
-/// Pixels that one task takes: large enough for the memory's pages, small enough for the second cache.
+/// Pixels per task: large enough for memory pages, small enough for the L2 cache.
 const TASK: usize = 2048;
 
-/// Numbers of an estimate: for each measurement, what it adds to the 16 elements.
+/// The matrix of an estimator: for each measurement, its weights in the 16 elements.
 #[derive(Clone, Debug)]
 pub struct Weights<T>(Vec<[T; 16]>);
 
 impl<T: Number> Weights<T> {
-    /// Of an estimate, rounded once.
+    /// Rounds an estimator's matrix.
     #[must_use]
     pub fn new(estimate: &LinearEstimate) -> Self {
         let w = &estimate.w;
@@ -29,7 +30,7 @@ impl<T: Number> Weights<T> {
         Self((0..w.ncols()).map(column).collect())
     }
 
-    /// The estimate of one pixel.
+    /// Returns the estimate of one pixel.
     #[must_use]
     pub fn one(&self, intensities: impl Iterator<Item = T>) -> [T; 16] {
         let mut out = [T::default(); 16];
@@ -41,11 +42,11 @@ impl<T: Number> Weights<T> {
         out
     }
 
-    /// Mueller matrices of all pixels. `intensities` holds the measurements one after the other, each for all pixels;
-    /// `out` gets 16 elements a pixel, row-major. True if all of them are finite.
+    /// Computes the Mueller matrices of all pixels and returns whether all are finite. `intensities` is by
+    /// measurement, then by pixel. `out` receives 16 elements per pixel, row-major.
     ///
     /// # Panics
-    /// If lengths do not agree.
+    /// If lengths differ.
     pub fn apply(&self, intensities: &[T], out: &mut [T]) -> bool {
         let pixels = out.len() / 16;
         assert_eq!(
@@ -64,7 +65,7 @@ impl<T: Number> Weights<T> {
     fn task<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) -> bool {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-            // SAFETY: the processor has what the function asks for.
+            // SAFETY: the processor supports the required features.
             return unsafe { self.avx2(plane, out) };
         }
         self.any(plane, out)
@@ -76,8 +77,9 @@ impl<T: Number> Weights<T> {
         self.any(plane, out)
     }
 
-    /// Intensities are gathered run by run, as memory is fastest read, and laid out block by block, so that a block's lie
-    /// together in the first cache: planes of an image are often a multiple of its associativity apart.
+    /// Intensities are gathered in runs, which is the fastest way to read memory, and stored by block. A
+    /// block's intensities are then contiguous in the L1 cache; the distance of image planes is often a
+    /// multiple of its associativity.
     #[inline(always)]
     fn any<'a>(&self, plane: impl Fn(usize) -> &'a [T], out: &mut [T]) -> bool {
         let mut finite = true;
@@ -109,7 +111,7 @@ impl<T: Number> Weights<T> {
     fn block(&self, x: &[[[T; LANES]; BLOCK / LANES]], out: &mut [T]) -> bool {
         let zero = [T::default(); LANES];
         let mut all = [[zero; 16]; BLOCK / LANES];
-        // Four elements of two vectors of pixels at a time: their sums and what they need fit the registers.
+        // Four elements of two vectors of pixels at a time, so that sums and operands fit the registers.
         for pair in 0..BLOCK / LANES / 2 {
             for quarter in 0..4 {
                 let mut sums = [[zero; 2]; 4];
@@ -133,7 +135,7 @@ impl<T: Number> Weights<T> {
                 *o = from[e][k % LANES];
             }
         }
-        // Zero times anything finite is zero.
+        // Zero times a finite number is zero.
         let nothing = T::default();
         let mut odd = zero;
         for v in all[..out.len().div_ceil(16 * LANES)].as_flattened() {
@@ -143,8 +145,8 @@ impl<T: Number> Weights<T> {
     }
 }
 
-/// Adds w x to s, number by number. A loop, and no closure, which could be compiled apart from what calls it, for a
-/// processor without the instruction.
+/// Adds w x to s, per element. This is a loop and not a closure, which could be compiled separately from its
+/// caller, without the caller's target features.
 #[inline(always)]
 fn add_product<T: Number>(w: T, x: &[T; LANES], s: &mut [T; LANES]) {
     for k in 0..LANES {

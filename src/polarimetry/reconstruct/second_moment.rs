@@ -1,7 +1,7 @@
-//! Second moments of Mueller matrices, and files of them: what a prior knows of a class of materials.
+//! Second moments of Mueller matrices and their files: the prior of a class of materials.
 //!
-//! E[t tᵀ] of matrices with T00 = 1, vectors row-major. Made from pBRDFs (`sunstone pbrdf pca --prior`, see [`super::pca`]);
-//! TOML, so that others can make them too.
+//! E[t tᵀ] of matrices with T00 = 1, as row-major vectors. `sunstone pbrdf pca --prior` computes it from
+//! pBRDFs (see [`super::pca`]). Files are TOML, so that other programs can write them.
 
 use crate::capture::element::rotator;
 use base::locate::{InputError, Located};
@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::Path;
 
-/// A 16 × 16 matrix over the elements of Mueller matrices, vectors row-major (Stokes out first).
+/// A 16 × 16 matrix over the elements of Mueller matrices, as row-major vectors (Stokes out first).
 pub type Moment = SMatrix<f64, 16, 16>;
 
-/// A second moment E[t tᵀ] with its root, which is taken once: it costs more than an evaluation of a prior's loss.
+/// A second moment E[t tᵀ] with its cached root, which is slower to compute than a prior's loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondMoment {
     matrix: Moment,
@@ -22,7 +22,8 @@ pub struct SecondMoment {
 }
 
 impl SecondMoment {
-    /// Of a symmetric matrix without negative eigenvalues (what rounding makes negative counts as 0).
+    /// Builds the moment from a positive semidefinite matrix; eigenvalues that rounding made negative count
+    /// as 0.
     #[must_use]
     pub fn new(matrix: Moment) -> Self {
         Self {
@@ -31,20 +32,20 @@ impl SecondMoment {
         }
     }
 
-    /// E[t tᵀ].
+    /// Returns E[t tᵀ].
     #[must_use]
     pub fn matrix(&self) -> &Moment {
         &self.matrix
     }
 
-    /// L with L Lᵀ = E[t tᵀ]; see [`root`].
+    /// Returns L with L Lᵀ = E[t tᵀ]; see [`root`].
     #[must_use]
     pub fn root(&self) -> &Moment {
         &self.root
     }
 }
 
-/// L with L Lᵀ = S, also where S is singular.
+/// Returns L with L Lᵀ = S; S may be singular.
 #[must_use]
 pub fn root(s: &Moment) -> Moment {
     let eigen = s.symmetric_eigen();
@@ -55,15 +56,15 @@ pub fn root(s: &Moment) -> Moment {
     l
 }
 
-/// The second moment of the same matrices between frames that are turned by any angles, independently on both sides:
-/// E[(R(α) ⊗ R(β)) t tᵀ (R(α) ⊗ R(β))ᵀ].
+/// Returns the second moment of the same matrices in frames that are rotated at random, independently on both
+/// sides: E[(R(α) ⊗ R(β)) t tᵀ (R(α) ⊗ R(β))ᵀ].
 ///
-/// Tables of materials hold matrices between frames of the plane of scattering; in an image, those of camera and projector
-/// cut that plane at any angle.
+/// Tables of materials contain matrices in frames of the plane of scattering. In an image, the frames of
+/// camera and projector are at any angle to that plane.
 #[must_use]
 pub fn in_any_frames(second_moment: &Moment) -> Moment {
-    // The turned moment is a polynomial of degree 4 in sines and cosines of 2α, and of 2β: eight angles each average it
-    // exactly.
+    // The rotated moment is a polynomial of degree 4 in sines and cosines of 2α, and of 2β. Eight angles each
+    // give the exact average.
     const ANGLES: usize = 8;
     let turns: Vec<_> = (0..ANGLES)
         .map(|i| rotator(std::f64::consts::PI * i as f64 / ANGLES as f64))
@@ -96,7 +97,7 @@ const FIX: &str = "make one: sunstone pbrdf pca --prior prior.toml -o components
 /// Reads a second moment.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and fix: if it is not 16 × 16, symmetric and without negative eigenvalues.
+/// [`InputError`] with file, location and fix if it is not 16 × 16, symmetric and positive semidefinite.
 pub fn load(path: &Path) -> Result<Moment, InputError> {
     let text = document::read(path, "prior", FIX)?;
     let whole: std::sync::Arc<str> = text.as_str().into();
@@ -108,7 +109,7 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
         help: Some(FIX.to_owned()),
     };
     let file: SecondMomentFile = document::parse(path, &text, |_| FIX.to_owned())?;
-    // Its name is for people.
+    // The name is only informative.
     let _ = file.name;
     let rows = &file.second_moment;
     let wrong = |message: &str| Err(error(Some(rows.span()), message.to_owned()));
@@ -122,7 +123,7 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
     }
 }
 
-/// Why a matrix is no second moment, as what follows its name; `None` if it is one.
+/// Returns why a matrix is not a second moment, as a phrase that follows its name; `None` if it is one.
 #[must_use]
 pub fn fault(s: &Moment) -> Option<&'static str> {
     let most = s.amax();
@@ -139,7 +140,7 @@ pub fn fault(s: &Moment) -> Option<&'static str> {
 /// Writes a second moment.
 ///
 /// # Errors
-/// If the file system refuses.
+/// If the file cannot be written.
 pub fn save(path: &Path, name: &str, s: &Moment) -> std::io::Result<()> {
     let rows = (0..16).map(|i| (0..16).map(|j| s[(i, j)]).collect());
     let out = SecondMomentOut {
@@ -184,7 +185,8 @@ mod tests {
         );
     }
 
-    /// Turned moments are those of turned matrices, 20 000 of them, to 5 sigma of their scatter; turning again does nothing.
+    /// The rotated moment agrees with that of 20 000 rotated matrices within 5 sigma; a second rotation
+    /// changes nothing.
     #[test]
     fn moments_are_turned_with_their_matrices() {
         let t = nalgebra::SVector::<f64, 16>::from_fn(|e, _| (e as f64 * 1.3).cos());

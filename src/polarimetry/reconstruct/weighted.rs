@@ -1,7 +1,9 @@
-//! The estimate of a single pixel whose measurements differ in worth: some are saturated, some noisier than others.
+//! The estimate of a single pixel whose measurements have different weights: some are saturated, some noisier
+//! than others.
 //!
-//! Weighted least squares with weights 1/σ_m² (Aitken 1936) over the measurements that can be used, and with a prior the
-//! estimate of least expected error: N = Σ a aᵀ/σ_m², t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a I_m/σ_m². The covariance is the inverse.
+//! Weighted least squares with weights 1/σ_m² (Aitken 1936) over the usable measurements. With a prior it is
+//! the estimate of minimum expected error: N = Σ a aᵀ/σ_m², t̂ = (s⁻² S⁻¹ + N)⁻¹ Σ a I_m/σ_m². The covariance
+//! is this inverse.
 
 use super::second_moment::Moment;
 use nalgebra::{Cholesky, DMatrix, SVector};
@@ -11,14 +13,15 @@ use nalgebra::{Cholesky, DMatrix, SVector};
 pub struct Estimated {
     /// Elements, in the unit of the intensities.
     pub elements: [f64; 16],
-    /// Their standard errors, in the same unit.
+    /// Standard errors of the elements, in the same unit.
     pub errors: [f64; 16],
 }
 
-/// Estimates one pixel. `measurements` are intensity and variance for every row of `a`; those whose intensity is no number
-/// or whose variance is not positive are left out. `prior` is L with s² L Lᵀ the second moment.
+/// Estimates one pixel. `measurements` holds intensity and variance for every row of `a`. Measurements with a
+/// non-finite intensity or a variance that is not positive are ignored. `prior` is L, with second moment s² L
+/// Lᵀ.
 ///
-/// `None` if what is left does not determine a matrix.
+/// Returns `None` if the remaining measurements do not determine a matrix.
 #[must_use]
 pub fn estimate(
     a: &DMatrix<f64>,
@@ -39,10 +42,10 @@ pub fn estimate(
         let inner = Moment::identity() + root.transpose() * normal * root;
         root * Cholesky::new(inner)?.inverse() * root.transpose()
     } else {
-        // Scaled, so that what counts as singular does not depend on the unit.
+        // Scaled, so that the singularity test does not depend on the unit.
         let scale = normal.trace() / 16.0;
         let inverse = Cholesky::new(normal / scale)?.inverse();
-        // Pivots do not show what an inverse is worth; that it inverts does.
+        // Pivots do not reveal the accuracy of an inverse, so the product is checked.
         let recovered = inverse * (normal / scale) - Moment::identity();
         if recovered.iter().any(|e| e.is_nan() || e.abs() > 1e-5) {
             return None;
@@ -66,8 +69,9 @@ mod tests {
     use optics::sampling::stream::Stream;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// Noise that differs from capture to capture: the estimate is unbiased, its covariance the stated one, and no larger than
-    /// that of plain least squares. 20 000 draws, chi-squared of all 16 elements together.
+    /// For noise that differs between captures, the estimate is unbiased, its covariance is the stated one,
+    /// and it is at most that of plain least squares. Uses 20 000 draws and chi-squared of all 16 elements
+    /// together.
     #[test]
     fn the_covariance_is_as_stated() {
         let design = DesignMatrix::new(&Scheme::qrpr(24, false).expect("a scheme"), &Ray::axial(550.0));
@@ -94,12 +98,12 @@ mod tests {
             squares += chi2 * chi2;
         }
         let n = f64::from(n);
-        // Of a chi-squared with 16 degrees of freedom: mean 16, variance 32, and E[χ⁴] = 16·18.
+        // For chi-squared with 16 degrees of freedom: mean 16, variance 32, E[χ⁴] = 16·18.
         assert!((sum / n - 16.0).abs() < 5.0 * (32.0 / n).sqrt());
         assert!((squares / n - 288.0).abs() < 5.0 * (48_000.0_f64 * 2.0 / n).sqrt() * 2.0);
     }
 
-    /// What is left out does not count, and too little of it gives nothing.
+    /// Ignored measurements have no effect, and too few remaining ones give no estimate.
     #[test]
     fn saturated_measurements_are_left_out() {
         let design = DesignMatrix::new(&Scheme::drr(36, false).expect("a scheme"), &Ray::axial(550.0));

@@ -1,10 +1,10 @@
-//! Checks of an analog output: nothing is put out that was not asked for, and no buffer is lost on the way.
+//! Checks of an analog output: it outputs exactly the written buffers.
 
 use super::{LONG, Report, SHORT, common, fails, good, want};
 use crate::instrument::{AnalogOutput, AnalogSettings, Fault};
 use std::time::Duration;
 
-/// An analog output. Voltages of all its range appear at its first channel.
+/// Checks an analog output. The full voltage range appears at its first channel.
 pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
     let mut report = Report::default();
     common(card, &mut report);
@@ -31,7 +31,7 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
         "waits for nothing that was not started",
         fails(card.wait(Duration::from_millis(10)), Fault::Refused),
     );
-    // A rate at which a third of a second fits into its memory.
+    // Choose a rate at which a third of a second fits into the card's memory.
     let rate_hz = (limits.samples as f64 * 3.0).min(1000.0).clamp(slow, fast);
     let set = |channels: Vec<usize>, rate_hz: f64| AnalogSettings { channels, rate_hz };
     for (name, settings) in [

@@ -1,11 +1,11 @@
-//! Checks of a photon counter: as many bins as asked for, one acquisition at a time, and time tags that are some.
+//! Checks of a photon counter: number of bins, one acquisition at a time, and valid time tags.
 
 use super::{Report, SHORT, common, fails, good, want};
 use crate::instrument::{CounterSettings, Fault, PhotonCounter};
 use crate::ptu::record::{Decoder, Event};
 use std::time::Duration;
 
-/// A photon counter.
+/// Checks a photon counter.
 pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
     let mut report = Report::default();
     common(counter, &mut report);

@@ -1,4 +1,4 @@
-//! Simulated instruments conform, and one that lies is found.
+//! Tests of the conformance suite: simulated instruments pass, and a faulty instrument fails.
 
 use super::*;
 use crate::session::assemble::{assemble, bench, scenery};
@@ -6,7 +6,7 @@ use crate::session::lab::Rig;
 use crate::session::{plan, rig_file};
 use std::path::Path;
 
-/// A simulated rig with everything.
+/// Returns a simulated rig with every kind of instrument.
 fn rig() -> Rig {
     let text = "[stages.a]\n[projector]\nsize = [8, 6]\n[camera]\nsize = [12, 10]\nstep = [4, 2]\n[galvo]\n[laser]\nnm = 550\n\
                 [counter]\n[bench]\nsample = \"air\"\nwavelength_nm = 550\n";
@@ -45,7 +45,7 @@ fn simulated_instruments_conform() {
     }
 }
 
-/// An instrument that lies is found: a stage that says it is where it was sent and goes nowhere.
+/// The suite detects a stage that reports its goal but does not move.
 #[test]
 fn liars_are_found() {
     struct Liar;

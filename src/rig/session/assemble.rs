@@ -1,4 +1,4 @@
-//! From a checked rig file to instruments.
+//! Assembles instruments from a checked rig file.
 
 use super::lab::{Rig, Stage};
 use super::plan::{Plan, Work};
@@ -30,12 +30,11 @@ use polarimetry::capture::bench::Bench;
 use polarimetry::capture::directions::Directions;
 use std::time::Duration;
 
-/// Why there is no rig.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct AssembleError(pub String);
 
-/// An instrument of a rig file that is simulated.
+/// Returns the name of a simulated instrument of a rig file, if any.
 #[must_use]
 pub fn simulated(plan: &RigPlan) -> Option<&str> {
     let stage = plan.stages.iter().find(|(_, s)| s.driver == Driver::Simulated);
@@ -52,10 +51,10 @@ pub fn simulated(plan: &RigPlan) -> Option<&str> {
         .or(role.map(|(name, _)| name))
 }
 
-/// The simulated bench of a rig file, playing what `scenery` is.
+/// Creates the simulated bench of a rig file with the given scenery.
 ///
 /// # Errors
-/// In words, if plan and bench do not fit.
+/// A message if plan, bench and scenery do not match.
 pub fn bench(
     rig: &RigPlan,
     bench: &BenchPlan,
@@ -106,7 +105,7 @@ pub fn bench(
     };
     let camera = match &plan.work {
         Work::Camera(_) => view(bench.fov_deg[0]),
-        // Pointing says which point is meant.
+        // In a scan, the pointing direction selects the point.
         Work::Scan(work) => view(Some(work.fov_x_deg)),
     };
     let truth = Bench {
@@ -130,10 +129,10 @@ pub fn bench(
     Ok(world)
 }
 
-/// What the bench's light meets, of a rig file that names a tensor or a sample.
+/// Opens the tensor or sample that a rig file names for its bench.
 ///
 /// # Errors
-/// In words; a scene has to be rendered before.
+/// A message if the tensor cannot be opened, or if a scene has not been rendered yet.
 pub fn scenery(
     plan: &BenchPlan,
     camera: [usize; 2],
@@ -172,10 +171,10 @@ fn dlpc350(_: (Flash, u8, Triggers), _: Duration) -> Result<Box<dyn PatternProje
     ))
 }
 
-/// All instruments of a rig file; `world` is the bench of the simulated ones.
+/// Creates all instruments of a rig file. Simulated instruments use the bench `world`.
 ///
 /// # Errors
-/// In words: a driver that this build or this machine does not have, an instrument that does not answer.
+/// A message if a driver is unavailable in this build or on this machine, or an instrument does not answer.
 pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleError> {
     let clock = world.map_or_else(Clock::real, Shared::clock);
     let mut rig = Rig::new(&plan.name, clock);
@@ -303,7 +302,7 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     Ok(rig)
 }
 
-/// Mirrors behind a simulated card, whose voltages point the bench's beam.
+/// Creates galvo mirrors behind a simulated card, whose voltages set the pointing of the bench.
 fn analog_galvo(
     wiring: Wiring,
     card: AnalogLimits,
@@ -326,7 +325,7 @@ fn analog_galvo(
     AnalogGalvo::new(Box::new(card), world.clock(), wiring).map_err(|e| AssembleError(e.to_string()))
 }
 
-/// A camera at the USB, of the rig file's size: a whole frame is what the plan means by one.
+/// Opens a USB camera. Its size must equal that of the rig file, as frames cover the whole sensor.
 #[cfg(feature = "usb3_vision")]
 fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
     let camera = crate::driver::genicam::usb::open("camera", serial, limits.row_time);
@@ -341,7 +340,7 @@ fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn
     Ok(Box::new(camera))
 }
 
-/// Without the feature: that it is missing.
+/// Reports that the feature is missing.
 #[cfg(not(feature = "usb3_vision"))]
 fn genicam_camera(_: Option<&str>, _: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
     Err(AssembleError(

@@ -1,4 +1,4 @@
-//! Detectors, camera and projector as calibration found them, in the place of what a rig file says of them.
+//! Detector and geometry parameters from calibration files, which override those of the rig file.
 
 use super::geometry::Geometry;
 use crate::calibrate::geometric::calibration::DeviceTable;
@@ -13,18 +13,16 @@ use std::path::{Path, PathBuf};
 
 const FIX: &str = "make one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
 
-/// What is believed of the instruments with which light is read and seen.
+/// Parameters of the instruments with which a run is read and captured.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Believed {
-    /// The camera's sensor.
     pub(super) cmos: Cmos,
-    /// The counter's diode.
     pub(super) spad: Spad,
-    /// How camera and projector see each other.
+    /// Mutual geometry of camera and projector.
     pub(super) geometry: Option<Geometry>,
 }
 
-/// The tables of a calibration's file that rigs take.
+/// The tables of a calibration file that a rig uses.
 #[derive(Deserialize)]
 struct Document {
     camera: Option<Located<DeviceTable>>,
@@ -41,12 +39,14 @@ struct Detectors {
 }
 
 impl Believed {
-    /// The same with what calibrations found, named beside the rig file at `rig`; later files go before earlier ones, and all of
-    /// them before what the rig file says. `sizes` are the pixels of the rig's camera and projector, if it has them.
+    /// Returns the parameters with those of calibration files applied.
+    ///
+    /// File names are relative to the rig file at `rig`. Later files override earlier ones, and all override
+    /// the rig file. `sizes` are the pixel counts of the rig's camera and projector, if present.
     ///
     /// # Errors
-    /// [`InputError`]: a file that is none, or from which a rig takes nothing; numbers that no detector has; a camera and a
-    /// projector that are not this rig's.
+    /// [`InputError`] if a file is no calibration, has nothing for a rig or an invalid detector parameter, or
+    /// if the size of a device differs from the rig's.
     pub(super) fn calibrated(
         self,
         rig: &Path,
@@ -170,14 +170,14 @@ mod tests {
         assert_eq!(found, want);
     }
 
-    /// One file of everything: detectors and geometry are taken, the scheme is others'.
+    /// One file contains everything: detectors and geometry are read, and the scheme is ignored.
     #[test]
     fn one_file_has_all() {
         let all = format!("sensor = {{ kind = \"intensity\" }}\n{PAIR}[detector.cmos]\nread_noise_e = 4\n");
         let found = read(&[&all], [Some([8, 6]), Some([4, 4])]).expect("a calibration");
         assert_eq!(found.cmos.read_noise_e, 4.0);
         let geometry = found.geometry.expect("a geometry");
-        // A shift along x alone: epipolar lines are rows.
+        // A shift along x only: epipolar lines are rows.
         let line = geometry.fundamental * nalgebra::Vector3::new(4.0, 3.0, 1.0);
         assert!(line[0].abs() < 1e-12 && line[1].abs() > 1e-3);
     }

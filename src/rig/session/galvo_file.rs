@@ -1,12 +1,13 @@
-//! What a rig file says of a galvo: its limits, and how its mirrors hang at an analog output card.
+//! The `[galvo]` table of a rig file: its limits, and its wiring to an analog output card.
 //!
 //! ```toml
 //! [galvo]
 //! driver = "analog"
-//! volts_per_degree = 0.8        # of a mirror's own turn; [x, y] where they differ, negative where one is mounted the other way
+//! # Per mechanical degree of a mirror; [x, y] if they differ; negative for a reversed mirror.
+//! volts_per_degree = 0.8
 //! channels = [0, 1]             # of the card, x and y
-//! rate_hz = 100_000             # samples a second
-//! speed_deg_per_s = 20_000      # greatest speed of the beam, along an S; at once where it is left out
+//! rate_hz = 100_000             # samples per second
+//! speed_deg_per_s = 20_000      # maximum speed of the beam along an S-curve; without it, moves are steps
 //! range_deg = [20, 20]          # of the beam
 //! settle_us = 300
 //! card = { channels = 2, volts = [-10, 10], bits = 16, rate_hz = [1, 1_000_000], samples = 65_536 }
@@ -17,13 +18,13 @@ use crate::driver::galvo::wiring::{Travel, Wiring};
 use crate::instrument::{AnalogLimits, GalvoLimits};
 use std::time::Duration;
 
-/// A simulated pair of mirrors turns in steps of 16 bits over ±10 V of 0.8 V a mechanical degree.
+/// Resolution of simulated mirrors: 16 bits over ±10 V at 0.8 V per mechanical degree.
 const RESOLUTION_DEG: f64 = 2.0 * 20.0 / 65_536.0 / 0.8;
 
-/// Mirrors behind a card, and the card.
+/// Wiring of mirrors behind a card, and the card's limits.
 type Behind = (Wiring, AnalogLimits);
 
-/// Limits of a galvo, and its wiring where a card drives it; or what is wrong, and the fix.
+/// Returns the limits of a galvo, and its wiring if a card drives it. An error has a message and a fix.
 pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), (String, &'static str)> {
     let good = file.range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
     let settle = Duration::try_from_secs_f64(file.settle_us / 1e6);

@@ -1,14 +1,16 @@
-//! How camera and projector see each other, as a rig file says it in OpenCV's terms, and what epipolar masks need of it.
+//! Mutual geometry of camera and projector from a rig file in OpenCV's terms, as epipolar masks use it.
 //!
 //! ```toml
 //! [geometry]
-//! rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]      # x' = R x + t, camera to projector; or rodrigues = [rx, ry, rz]
+//! # x' = R x + t, camera to projector; or rodrigues = [rx, ry, rz]
+//! rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 //! translation = [0.2, 0, 0]
 //! camera = { matrix = [[800, 0, 320], [0, 800, 240], [0, 0, 1]], distortion = [-0.2, 0.1, 0, 0] }
 //! projector = { matrix = [[900, 0, 512], [0, 900, 384], [0, 0, 1]] }
 //! ```
 //!
-//! Matrices and distortions are OpenCV's: pixel centres at whole numbers, coefficients k1, k2, p1, p2[, k3[, k4, k5, k6[, s1…s4]]].
+//! Matrices and distortions are OpenCV's: pixel centers at integers, coefficients k1, k2, p1, p2[, k3[, k4,
+//! k5, k6[, s1…s4]]].
 
 use super::masks::Epipolar;
 use crate::calibrate::geometric::calibration::DeviceTable;
@@ -19,7 +21,7 @@ use optics::distortion::fisheye::Fisheye;
 use optics::distortion::opencv::Opencv;
 use serde::Deserialize;
 
-/// `[geometry]` of a rig file.
+/// The `[geometry]` table of a rig file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GeometryFile {
@@ -38,7 +40,7 @@ struct DeviceFile {
     distortion: Vec<f64>,
 }
 
-/// A device with its lens.
+/// Camera matrix and lens distortion of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lens {
     matrix: Matrix3<f64>,
@@ -81,7 +83,7 @@ impl Lens {
         })
     }
 
-    /// Of a calibration.
+    /// Creates a lens from a calibration table.
     fn calibrated(table: &DeviceTable, name: &str) -> Result<Self, String> {
         let device = table
             .device()
@@ -93,7 +95,8 @@ impl Lens {
         Self::of(table.opencv_matrix, distortion, name)
     }
 
-    /// Pixels (of centres at + 0.5) as a lens without distortion would have them; where there are none, far outside.
+    /// Maps a pixel coordinate to that of a distortion-free lens, with pixel centers at + 0.5. Without a
+    /// solution the result is infinite.
     #[must_use]
     pub fn ideal(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let q = self.inverse * Vector3::new(x - 0.5, y - 0.5, 1.0);
@@ -108,19 +111,17 @@ impl Lens {
 /// A checked geometry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
-    /// F of ideal pixels whose centres are at + 0.5.
+    /// F of ideal pixels with centers at + 0.5.
     pub fundamental: Matrix3<f64>,
-    /// The camera.
     pub camera: Lens,
-    /// The projector.
     pub projector: Lens,
 }
 
 impl Geometry {
-    /// From what a rig file says.
+    /// Creates a geometry from a rig file's table.
     ///
     /// # Errors
-    /// What is wrong with it, and the fix, in words.
+    /// A message with the fault and its fix.
     pub fn new(file: &GeometryFile) -> Result<Self, String> {
         let camera = Lens::new(&file.camera, "camera")?;
         let projector = Lens::new(&file.projector, "projector")?;
@@ -132,10 +133,10 @@ impl Geometry {
         Self::between(camera, projector, r, Vector3::from(file.translation))
     }
 
-    /// From the tables of a calibration, in whatever frame these stand.
+    /// Creates a geometry from calibration tables. Their common frame is arbitrary.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// Like [`Self::new`].
     pub fn calibrated(camera: &DeviceTable, projector: &DeviceTable) -> Result<Self, String> {
         let lenses = (
             Lens::calibrated(camera, "camera")?,
@@ -145,7 +146,7 @@ impl Geometry {
             return Err("a pose is no rotation and translation".into());
         };
         let between = to.after(&from.inverse());
-        // Nearer than a nanometre is rounding.
+        // A distance below one nanometer is rounding.
         if between.translation.norm() < 1e-9 {
             return Err("camera and projector stand in one place; calibrate them where they are".into());
         }
@@ -158,7 +159,7 @@ impl Geometry {
         if !(orthogonal && apart) {
             return Err("`rotation` is no rotation, or `translation` is zero; copy OpenCV's R and t".into());
         }
-        // Of pixels whose centres are whole numbers; then half a pixel further.
+        // F for pixel centers at integers, then shifted by half a pixel.
         let f = projector.inverse.transpose() * t.cross_matrix() * r * camera.inverse;
         let mut shift = Matrix3::identity();
         (shift[(0, 2)], shift[(1, 2)]) = (-0.5, -0.5);
@@ -170,7 +171,7 @@ impl Geometry {
         })
     }
 
-    /// What masks need, for the time of a call.
+    /// Calls a function with the epipolar geometry that masks need.
     pub fn with<T>(&self, f: impl FnOnce(&Epipolar<'_>) -> T) -> T {
         f(&Epipolar {
             fundamental: self.fundamental,
@@ -195,7 +196,7 @@ mod tests {
         toml::from_str(&text).expect("a geometry")
     }
 
-    /// Points in space seen by both, through the distorted camera too: p'ᵀ F p = 0 of ideal pixels.
+    /// Points in space project to ideal pixels with p'ᵀ F p = 0, with camera distortion too.
     #[test]
     fn points_lie_on_their_epipolar_lines() {
         let g = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002]")).expect("a geometry");
@@ -218,7 +219,7 @@ mod tests {
         }
     }
 
-    /// The same devices as `sunstone calibrate` writes them, in whatever frame these stand.
+    /// Tables written by `sunstone calibrate` give the same geometry in any common frame.
     #[test]
     fn calibrations_give_the_same_geometry() {
         let given = Geometry::new(&file("[-0.2, 0.05, 0.001, -0.002, 0.0]")).expect("a geometry");
@@ -240,7 +241,7 @@ mod tests {
             let mut torn = tables.0.clone();
             torn.pose.extrinsics.rotation[0][0] = 3.0;
             assert!(Geometry::calibrated(&torn, &tables.1).is_err());
-            // In one place there are no epipolar lines.
+            // Coincident devices have no epipolar lines.
             assert!(Geometry::calibrated(&tables.0, &tables.0).is_err());
         }
     }

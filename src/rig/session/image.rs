@@ -1,4 +1,4 @@
-//! From raw frames to intensities: what a sensor's numbers say of the light, mask by mask, and where its elements stood.
+//! Converts the raw frames of a run to intensities per mask, with the element angles that the encoders read.
 
 use polarimetry::capture::detector::cmos::Cmos;
 use polarimetry::capture::detector::estimate::Estimate;
@@ -12,21 +12,21 @@ use serde_json::Value;
 use std::path::Path;
 use store::zarr::frames::FrameStore;
 
-/// Why a run's frames say nothing.
+/// An error while reading the frames of a run.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct ImageError(pub String);
 
-/// A run that is read.
+/// A finished run, opened for reading.
 pub struct Run {
     pub(super) store: FrameStore,
-    /// The plan's scheme, its elements where their stages' encoders said that they stood.
+    /// The plan's scheme with the element angles that the encoders read.
     pub scheme: Scheme,
-    /// Wavelength, nanometres.
+    /// Wavelength in nanometers.
     pub nm: f64,
-    /// Names of the masks; one, `scan`, of scan points.
+    /// Names of the masks. A scan has one mask, `scan`.
     pub masks: Vec<String>,
-    /// Horizontal field of view of a scan, radians.
+    /// Horizontal field of view of a scan, in radians.
     pub fov_x: Option<f64>,
     pub(super) work: Value,
     detector: Value,
@@ -34,23 +34,23 @@ pub struct Run {
 
 /// Intensities of all captures through one mask.
 pub struct Intensities {
-    /// In the unit of the tensor: measurement by measurement, each for all pixels; NaN where nothing was read or all is
-    /// saturated.
+    /// Intensities in the unit of the tensor, by measurement and pixel. NaN if a pixel was not read or all
+    /// its readings are saturated.
     pub values: Vec<f32>,
-    /// Their variances, infinite where there is none.
+    /// Variances of the intensities; infinite for unknown intensities.
     pub variances: Vec<f32>,
-    /// Rows, columns, time bins.
     pub layout: Layout,
-    /// Begin and width of the time bins, ps.
+    /// Start and width of the time bins, in ps.
     pub time: Option<(f64, f64)>,
 }
 
 impl Run {
-    /// Opens a finished run. `scheme` is what calibration made of the plan's scheme, whose angles are then not used but
-    /// those that were read.
+    /// Opens a finished run.
+    ///
+    /// `scheme` is the calibrated scheme, if any. The angles come from the encoders, not from `scheme`.
     ///
     /// # Errors
-    /// [`ImageError`]: no run, not finished, damaged; a scheme of other elements.
+    /// [`ImageError`] if the run is missing, unfinished or damaged, or if the scheme has other elements.
     pub fn open(path: &Path, scheme: Option<&Scheme>) -> Result<Self, ImageError> {
         let store = FrameStore::open(path).map_err(|e| ImageError(e.to_string()))?;
         let damaged =
@@ -97,10 +97,10 @@ impl Run {
         })
     }
 
-    /// Intensities through a mask. Where the run has a dark mask, it is subtracted.
+    /// Returns the intensities through a mask. If the run has a dark mask, its intensities are subtracted.
     ///
     /// # Errors
-    /// [`ImageError`]: no such mask, damaged frames.
+    /// [`ImageError`] if the mask does not exist or frames are damaged.
     pub fn intensities(&self, mask: &str, method: Method) -> Result<Intensities, ImageError> {
         if self.work["kind"] == "scan" {
             return self.scan();
@@ -118,7 +118,6 @@ impl Run {
         Ok(found)
     }
 
-    /// Attributes of its store.
     #[must_use]
     pub fn attributes(&self) -> &serde_json::Map<String, Value> {
         self.store.attributes()
@@ -128,7 +127,7 @@ impl Run {
         ImageError(format!("{}: {what} is damaged", self.store.path().display()))
     }
 
-    /// Bits of a camera's numbers.
+    /// Returns the bits per pixel of the camera's format.
     #[must_use]
     pub fn bits(&self) -> u32 {
         match self.work["format"].as_str() {
@@ -139,7 +138,7 @@ impl Run {
         }
     }
 
-    /// A camera's gain over that at 0 dB.
+    /// Returns the camera's gain relative to 0 dB.
     #[must_use]
     pub fn gain(&self) -> f64 {
         10_f64.powf(self.work["gain_db"].as_f64().unwrap_or(0.0) / 20.0)
@@ -262,10 +261,11 @@ impl Run {
         read.ok_or_else(|| self.damaged("`pulses`"))
     }
 
-    /// The diode of a scan, with the counter's bins and the mean number of pulses; `None` of a camera's run.
+    /// Returns the diode of a scan with the counter's bins and mean number of pulses; `None` for a camera
+    /// run.
     ///
     /// # Errors
-    /// [`ImageError`] if what is stored of it is damaged.
+    /// [`ImageError`] if its stored parameters are damaged.
     pub fn diode(&self) -> Result<Option<Spad>, ImageError> {
         if self.work["kind"] != "scan" {
             return Ok(None);
@@ -308,7 +308,7 @@ impl Run {
             for (x, counts) in counts.chunks_exact(bins).enumerate() {
                 let mut diode = spad.clone();
                 diode.pulses = pulses[n * width + x].max(1.0) as u64;
-                // What is beyond the counter's window was not read, and has no part in what comes before it.
+                // Bins beyond the counter's window were not read, and do not affect earlier bins.
                 let mut period: Vec<u64> = counts.iter().map(|c| u64::from(*c)).collect();
                 period.resize(diode.period_bins(), 0);
                 let found = diode
@@ -340,7 +340,7 @@ impl Run {
     }
 }
 
-/// The elements of `given`, each where its stage's encoder said that it stood: the mean over the frames of a capture.
+/// Returns the scheme `given` with the encoders' angles, averaged over the frames of each capture.
 fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme, String> {
     let captures = planned.captures();
     let frames = store.layout().frames();

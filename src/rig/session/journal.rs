@@ -1,93 +1,78 @@
-//! The journal of a run: an event a line, JSON, in the order in which it happened; a frame's line is the proof that it is on
-//! disk.
+//! The journal of a run: one JSON event per line in chronological order. The line of a frame proves that the
+//! frame is on disk.
 //!
-//! Appended and synced to the disk by the writer alone. A line that a crash tore is no event: its frame is taken again. It
-//! lies in the store under a name that is no part of the store's content, because it has what differs from one run to the
-//! next: times, retries, interruptions.
+//! Only the writer appends to the journal and syncs it to disk. A line truncated by a crash is ignored, and
+//! its frame is taken again. The file name is not part of the store's content, because times, retries and
+//! interruptions differ between runs.
 
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 
-/// Its name in the store.
+/// File name in the store.
 pub const FILE: &str = ".session.jsonl";
 
-/// What happens in a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// A run begins, or goes on at a frame.
+    /// A run starts or resumes.
     Begin {
-        /// The frame that is taken first.
+        /// The first frame to take.
         frame: u32,
-        /// Seconds since 1970 by the wall's clock.
         wall_s: f64,
     },
     /// A frame is on disk.
     Frame(FrameRecord),
-    /// A step failed and is tried again.
+    /// A step failed and is retried.
     Retry {
-        /// The frame.
         frame: u32,
-        /// What failed, as a [`crate::instrument::Failure`] says it.
+        /// The message of the [`crate::instrument::Failure`].
         failure: String,
-        /// Seconds since the run's begin.
         run_s: f64,
     },
     /// The run waits for a condition.
-    Suspend {
-        /// The frame.
-        frame: u32,
-        /// What for.
-        why: String,
-        /// Seconds since the run's begin.
-        run_s: f64,
-    },
-    /// The wall's clock jumped: its times are not comparable across this line, the run's are.
+    Suspend { frame: u32, why: String, run_s: f64 },
+    /// The wall clock jumped: wall times before and after are not comparable, run times are.
     ClockJump {
-        /// By how much, seconds.
+        /// Size of the jump in seconds.
         by_s: f64,
-        /// Seconds since the run's begin.
         run_s: f64,
     },
-    /// All frames are there.
-    End {
-        /// Seconds since 1970.
-        wall_s: f64,
-    },
+    /// All frames are on disk.
+    End { wall_s: f64 },
 }
 
-/// What is known of a frame.
+/// Metadata of a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameRecord {
-    /// Its number.
+    /// Frame number in the run.
     pub frame: u32,
-    /// CRC-32C of its numbers, 32 bits each, little-endian.
+    /// CRC-32C of the frame's numbers, 32 bits each, little-endian.
     pub crc: u32,
-    /// Angles that stages' encoders read, degrees, by stage in the order of their names.
+    /// Encoder angles in degrees, in the order of the stages' names.
     pub angles_deg: Vec<f64>,
-    /// Where the mirrors' sensors say that the beam points, degrees.
+    /// Pointing of the beam by the mirrors' sensors, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pointing_deg: Option<[f64; 2]>,
-    /// Laser pulses while photons were counted.
+    /// Laser pulses during the photon count.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulses: Option<u64>,
-    /// CRC-32C of its time tags, where these are kept.
+    /// CRC-32C of the time tags, if kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tags_crc: Option<u32>,
-    /// Temperatures of instruments that know theirs, degrees Celsius; NaN is not written.
+    /// Temperatures of instruments that measure them, in degrees Celsius. NaN values are omitted.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub temperatures_c: Vec<(String, f64)>,
-    /// The instrument's own count of frames.
+    /// The instrument's own frame number.
     pub number: u64,
-    /// Seconds since the run's begin.
+    /// Seconds since the start of the run.
     pub run_s: f64,
-    /// Seconds since 1970 by the wall's clock.
+    /// Wall time in seconds since 1970.
     pub wall_s: f64,
 }
 
-/// An open journal.
+/// A journal that is open for appending.
 #[derive(Debug)]
 pub struct Journal {
     file: File,
@@ -98,10 +83,10 @@ fn file_of(store: &Path) -> PathBuf {
 }
 
 impl Journal {
-    /// Opens the journal of a store, or begins it, to append.
+    /// Opens or creates the journal of a store for appending.
     ///
     /// # Errors
-    /// If the file system refuses.
+    /// Errors of the file system.
     pub fn open(store: &Path) -> io::Result<Self> {
         let path = file_of(store);
         let torn = match std::fs::read(&path) {
@@ -116,10 +101,10 @@ impl Journal {
         Ok(Self { file })
     }
 
-    /// Appends events and waits until the disk has them.
+    /// Appends events and waits until they are on disk.
     ///
     /// # Errors
-    /// If the file system refuses.
+    /// Errors of the file system.
     pub fn append(&mut self, events: &[Event]) -> io::Result<()> {
         let mut text = String::new();
         for event in events {
@@ -131,10 +116,10 @@ impl Journal {
     }
 }
 
-/// Calls `f` for every whole event of a store's journal, in order. Without a journal there are none.
+/// Calls `f` for every complete event of a store's journal, in order. A missing journal has no events.
 ///
 /// # Errors
-/// If it cannot be read.
+/// An error if the journal cannot be read.
 pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     let file = match base::input::open(&file_of(store)) {
         Ok(file) => file,
@@ -154,11 +139,12 @@ pub fn read(store: &Path, mut f: impl FnMut(Event)) -> io::Result<()> {
     }
 }
 
-/// What `keep` keeps of the records of the frames that are on disk: 0, 1, … without a gap, of each the last one. A night has
-/// half a million of them.
+/// Returns `keep` of the last record of each frame on disk: frames 0, 1, … without a gap.
+///
+/// `keep` limits memory: a run can have half a million frames.
 ///
 /// # Errors
-/// As [`read`].
+/// Like [`read`].
 pub fn frames<T>(store: &Path, keep: impl Fn(FrameRecord) -> T) -> io::Result<Vec<T>> {
     let mut found = vec![];
     read(store, |event| {

@@ -1,7 +1,8 @@
-//! Runs of known samples, as calibration takes them: means over many pixels or scan points.
+//! Runs of known samples for calibration: means over many pixels or scan points.
 //!
-//! Mirrors act differently on every direction, and only that tells them from the beamsplitter behind them: a scan gives a sample
-//! along its middle, and one along each of four directions between there and its edges.
+//! The mirrors' effect depends on the direction, which alone distinguishes it from the effect of the
+//! beamsplitter behind them. A scan with mirrors therefore yields one sample along its middle and one along
+//! each of four directions halfway to its edges.
 
 use super::image::{ImageError, Intensities, Run};
 use super::rig_file::sample_of;
@@ -13,12 +14,12 @@ use polarimetry::capture::simulate::Layout;
 use serde_json::Value;
 use std::ops::RangeInclusive;
 
-/// Points on each side of a scan's middle that count, twice.
+/// Half-width of a scan's middle region, in half points.
 const MIDDLE: usize = 4;
-/// Points on each side of another direction that count.
+/// Half-width of the region of any other direction, in points.
 const AROUND: usize = 2;
 
-/// Pixels that are taken together, and the ray that stands for them.
+/// Pixels that are averaged, and their representative ray.
 struct Region {
     x: RangeInclusive<usize>,
     y: RangeInclusive<usize>,
@@ -26,11 +27,13 @@ struct Region {
 }
 
 impl Run {
-    /// A run of a known sample: for each of its directions the mean of every measurement. One along the axis of all pixels, or of the
-    /// points in the middle of a scan; of a scan by mirrors that are part of the scheme four more, where it is wide enough.
+    /// Returns the mean of every measurement of a known sample, for each of its directions.
+    ///
+    /// The first direction is the axis: all pixels of a camera, or the points in the middle of a scan. A
+    /// sufficiently wide scan whose scheme includes the mirrors has four more directions.
     ///
     /// # Errors
-    /// [`ImageError`]: the run is of no known sample, nothing was read.
+    /// [`ImageError`] if the run has no known sample or no lit mask, or if it cannot be read.
     pub fn samples(&self) -> Result<Vec<Sample>, ImageError> {
         let path = self.store.path().display();
         let name = self.store.attributes().get("sample").and_then(Value::as_str);
@@ -78,7 +81,7 @@ impl Run {
                 ray: axial,
             }];
         }
-        // Those i for which (2 i + 1) is at most MIDDLE from n.
+        // All i with |2 i + 1 − n| at most MIDDLE.
         let middle = |n: usize| n.saturating_sub(MIDDLE + 1).div_ceil(2)..=(n + MIDDLE - 1) / 2;
         let mut all = vec![Region {
             x: middle(width),
@@ -103,7 +106,8 @@ impl Run {
     }
 }
 
-/// Means of all measurements over a region, and their standard deviations; the number of readings, and of those left out.
+/// Returns the means of all measurements over a region, their standard deviations, the number of readings,
+/// and the number of readings left out.
 fn mean(seen: &Intensities, region: &Region) -> ([Vec<f64>; 2], [usize; 2]) {
     let Layout { width, times, .. } = seen.layout;
     let pixels = seen.layout.pixels().max(1);
@@ -131,7 +135,7 @@ fn mean(seen: &Intensities, region: &Region) -> ([Vec<f64>; 2], [usize; 2]) {
                 left_out += 1;
             }
         }
-        // Of histograms the sum over all bins counts, whose variance is that of all counts.
+        // A histogram counts as the sum over its bins, whose variance is that of all counts.
         let n = if seen.time.is_some() { n / times as f64 } else { n };
         (sum / n, f64::max(square, 1e-300).sqrt() / n)
     };

@@ -1,4 +1,4 @@
-//! The instruments of one rig, by the roles that a session knows, whoever made them.
+//! The instruments of a rig, by their roles in a session.
 
 use crate::clock::Clock;
 use crate::instrument::{
@@ -7,40 +7,32 @@ use crate::instrument::{
 };
 use std::collections::BTreeMap;
 
-/// How a stage is driven.
+/// A stage and how it approaches its goals.
 pub struct Stage {
-    /// The stage.
     pub device: Box<dyn RotationStage>,
-    /// Overshoot with which it always comes to its goal from below, degrees; 0 where it has no backlash.
+    /// Overshoot in degrees with which it approaches each goal from below; 0 without backlash.
     pub approach_deg: f64,
 }
 
 /// All instruments of a rig.
 pub struct Rig {
-    /// Its name.
     pub name: String,
-    /// Everybody's time.
+    /// The clock that all instruments share.
     pub clock: Clock,
     /// Stages by the name of the element that they carry.
     pub stages: BTreeMap<String, Stage>,
-    /// What shows patterns.
     pub projector: Option<Box<dyn PatternProjector>>,
-    /// What sees them.
     pub camera: Option<Box<dyn AreaCamera>>,
-    /// What points the beam.
     pub galvo: Option<Box<dyn GalvoScanner>>,
-    /// The beam.
     pub laser: Option<Box<dyn PulsedLaser>>,
-    /// What counts photons.
     pub counter: Option<Box<dyn PhotonCounter>>,
-    /// Told the number of every frame before it is taken; a simulated bench keys its noise by it.
+    /// Called with the number of every frame before it is taken. A simulated bench keys its noise by it.
     pub on_frame: Option<Box<dyn FnMut(u32) + Send>>,
-    /// Asked before every write to disk whether the disk is to be full: tests of full disks.
+    /// Called before every write to disk. If it returns true, the write fails as on a full disk (for tests).
     pub disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
 }
 
 impl Rig {
-    /// A rig without instruments.
     #[must_use]
     pub fn new(name: &str, clock: Clock) -> Self {
         Self {
@@ -57,7 +49,6 @@ impl Rig {
         }
     }
 
-    /// Every instrument, by what all of them can do.
     pub fn instruments(&mut self) -> Vec<&mut dyn Instrument> {
         let mut all: Vec<&mut dyn Instrument> = vec![];
         for stage in self.stages.values_mut() {
@@ -81,13 +72,12 @@ impl Rig {
         all
     }
 
-    /// The instrument of a name.
     pub fn instrument(&mut self, name: &str) -> Option<&mut dyn Instrument> {
         self.instruments().into_iter().find(|i| i.name() == name)
     }
 }
 
-/// What a role's absence is told as.
+/// Returns the failure for a missing instrument.
 #[must_use]
 pub fn absent(role: &str) -> Failure {
     Failure::new(

@@ -1,44 +1,42 @@
-//! What of the light a mask lets through: patterns of the projector, and which camera pixels each frame is read for.
+//! Masks: patterns of the projector, and the camera pixels that are read for each of them.
 //!
-//! Baek & Heide 2021, sec. 5.1: a stripe of the projector along epipolar lines is shown, and only the camera pixels on those
-//! lines are read (epipolar imaging), or all but the stripe is shown (non-epipolar). Stripes are families of epipolar lines,
-//! found from the fundamental matrix, which is of ideal pixels: those of a camera with distortion go through its inverse
-//! first.
+//! Baek & Heide 2021, sec. 5.1: the projector shows a stripe along epipolar lines, and only the camera pixels
+//! on those lines are read (epipolar imaging). Alternatively it shows everything but the stripe (non-epipolar
+//! imaging). Stripes are families of epipolar lines of the fundamental matrix. That matrix applies to ideal
+//! pixels, so distorted pixels are undistorted first.
 
 use crate::instrument::{Pattern, Region};
 use nalgebra::{Matrix3, Vector3};
 
-/// Pixels (x, y) of a lens with distortion to those of an ideal one; the pixels of centres are at + 0.5.
+/// Maps a pixel (x, y) of a distorted lens to that of an ideal lens. Pixel centers are at + 0.5.
 pub type Ideal<'a> = &'a (dyn Fn([f64; 2]) -> [f64; 2] + Sync);
 
-/// How camera and projector see each other's pixels.
+/// Epipolar geometry of camera and projector.
 #[derive(Clone, Copy)]
 pub struct Epipolar<'a> {
-    /// F: p'ᵀ F p = 0 for ideal camera pixels p and projector pixels p' that see one point.
+    /// F: p'ᵀ F p = 0 for ideal camera pixels p and projector pixels p' of the same point.
     pub fundamental: Matrix3<f64>,
-    /// The camera's distortion undone.
+    /// Undistorts camera pixels.
     pub camera: Ideal<'a>,
-    /// The projector's distortion undone.
+    /// Undistorts projector pixels.
     pub projector: Ideal<'a>,
 }
 
-/// One frame of a mask: what is shown, and what is read.
+/// One frame of a mask.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
-    /// What the projector shows.
+    /// The pattern that the projector shows.
     pub pattern: Pattern,
-    /// Which part of the sensor is read.
+    /// The part of the sensor that is read.
     pub region: Region,
 }
 
-/// A mask: its frames, and which of them is the one of each camera pixel.
+/// The frames of a mask, and the frame in which each camera pixel is read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
-    /// Its name.
     pub name: String,
-    /// Frames.
     pub shots: Vec<Shot>,
-    /// By camera pixel, rows from the top: number of its frame among `shots`; none where no stripe meets it.
+    /// For each camera pixel, rows from the top: index of its frame in `shots`; `None` on no stripe.
     pub shot_of: Vec<Option<u32>>,
 }
 
@@ -51,7 +49,7 @@ fn whole(size: [u32; 2]) -> Region {
     }
 }
 
-/// One frame with all pixels of the projector at `value`, 255 or 0.
+/// Returns a mask of one frame with all projector pixels at `value` (255 or 0).
 #[must_use]
 pub fn flat(name: &str, value: u8, projector: [u32; 2], camera: [u32; 2]) -> Mask {
     let pattern = Pattern {
@@ -69,7 +67,7 @@ pub fn flat(name: &str, value: u8, projector: [u32; 2], camera: [u32; 2]) -> Mas
     }
 }
 
-/// Where a line of the projector's plane crosses its middle column (or, for pencils that stand upright, its middle row).
+/// Returns where a projector line crosses the middle column or, for `upright` pencils, the middle row.
 fn crossing(line: &Vector3<f64>, upright: bool, size: [u32; 2]) -> f64 {
     let [w, h] = size.map(f64::from);
     if upright {
@@ -79,20 +77,22 @@ fn crossing(line: &Vector3<f64>, upright: bool, size: [u32; 2]) -> f64 {
     }
 }
 
-/// The epipole in the projector: where all epipolar lines meet, Fᵀ e' = 0. Homogeneous.
+/// Returns the homogeneous epipole in the projector, where all epipolar lines meet: Fᵀ e' = 0.
 fn epipole(f: &Matrix3<f64>) -> Vector3<f64> {
-    // At right angles to the columns of F, two of which span them all.
+    // It is orthogonal to the columns of F, two of which span the column space.
     let column = |i: usize| f.column(i).into_owned();
     let pairs = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| column(i).cross(&column(j)));
     let longest = pairs.into_iter().max_by(|a, b| a.norm().total_cmp(&b.norm()));
     longest.unwrap_or_default()
 }
 
-/// Stripes of epipolar lines, `count` of them over the projector: with `inside` each shows its lines alone, else all others. A
-/// camera pixel belongs to the stripe of its epipolar line, and `steps` are what regions are multiples of.
+/// Returns a mask of `count` stripes of epipolar lines over the projector.
+///
+/// If `inside`, each frame shows the lines of its stripe, otherwise all others. A camera pixel belongs to the
+/// stripe of its epipolar line. Regions are multiples of `steps`.
 ///
 /// # Errors
-/// In words, if the geometry has no lines.
+/// A message if no epipolar line crosses the projector.
 pub fn stripes(
     name: &str,
     count: u32,
@@ -148,12 +148,12 @@ pub fn stripes(
     })
 }
 
-/// Centres of pixels, rows from the top.
+/// Iterates over the centers of pixels, rows from the top.
 fn pixels([w, h]: [u32; 2]) -> impl Iterator<Item = [f64; 2]> {
     (0..h).flat_map(move |y| (0..w).map(move |x| [f64::from(x) + 0.5, f64::from(y) + 0.5]))
 }
 
-/// The smallest region, in the camera's steps, that holds all pixels of a shot.
+/// Returns the smallest region, in the camera's steps, that contains all pixels of a shot.
 fn bounds(shot_of: &[Option<u32>], shot: u32, camera: [u32; 2], steps: [u32; 2]) -> Region {
     let mut found: Option<[u32; 4]> = None;
     for (i, s) in shot_of.iter().enumerate() {
@@ -164,7 +164,7 @@ fn bounds(shot_of: &[Option<u32>], shot: u32, camera: [u32; 2], steps: [u32; 2])
         }
     }
     let Some([x0, y0, x1, y1]) = found else {
-        // No pixel wants it: a least region keeps the run's frames alike.
+        // No pixel needs this shot. A minimal region keeps the number of frames constant.
         return Region {
             x: 0,
             y: 0,
@@ -189,7 +189,7 @@ mod tests {
 
     const SAME: Ideal<'static> = &|p| p;
 
-    /// F of two cameras side by side: rows are epipolar lines of each other.
+    /// F of two parallel devices next to each other: epipolar lines are rows.
     fn side_by_side() -> Epipolar<'static> {
         Epipolar {
             fundamental: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
@@ -225,10 +225,10 @@ mod tests {
         assert_eq!(mask.shot_of, rest.shot_of);
     }
 
-    /// A pixel whose true partner is anywhere along its line is lit by its stripe, whatever the geometry.
+    /// For any geometry and depth, a camera pixel's stripe contains the corresponding projector pixel.
     #[test]
     fn partners_are_in_the_same_stripe() {
-        // Projector turned and moved to the side and forward: F = K'⁻ᵀ [t]ₓ R K⁻¹.
+        // Projector rotated and translated sideways and forward: F = K'⁻ᵀ [t]ₓ R K⁻¹.
         let k = Matrix3::new(60.0, 0.0, 32.0, 0.0, 60.0, 24.0, 0.0, 0.0, 1.0);
         let r = *nalgebra::Rotation3::from_euler_angles(0.03, -0.1, 0.05).matrix();
         let t = Vector3::new(0.4, 0.05, 0.1);
@@ -247,14 +247,14 @@ mod tests {
                     let p = inverse * Vector3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 1.0) * depth;
                     let q = k * (r * p + t);
                     let (u, v) = ((q[0] / q[2]).floor(), (q[1] / q[2]).floor());
-                    // Rows at the edge have no neighbour on the other side.
+                    // Rows at the edge have only one neighbor.
                     if !(0.0..64.0).contains(&u) || !(1.0..47.0).contains(&v) {
                         continue;
                     }
                     let Some(shot) = mask.shot_of[y as usize * 64 + x as usize] else {
                         continue;
                     };
-                    // The partner itself, or, where a border runs through its pixel, a neighbour.
+                    // The corresponding pixel or, if a stripe's border crosses it, a neighbor.
                     let at = |dv: i32| ((v as i32 + dv).clamp(0, 47) * 64 + u as i32) as usize;
                     let lit = |dv| mask.shots[shot as usize].pattern.pixels[at(dv)] == 255;
                     assert!(lit(0) || lit(1) || lit(-1), "{x}, {y} at {depth}: {u}, {v}");

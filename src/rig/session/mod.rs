@@ -1,8 +1,8 @@
-//! Sessions: plans, their execution, and frames that survive the night.
+//! Sessions: plans, their execution, and crash-safe storage of frames.
 //!
 //! ```text
 //! rig file ─► Rig (instruments behind traits) ┐
-//! plan file ─► Plan (steps, duration, bytes) ─┴─► run ─► writer (frames, journal) ─► store of frames ─► image (assembled)
+//! plan file ─► Plan (steps, duration, bytes) ─┴─► run ─► writer (frames, journal) ─► frame store ─► image
 //! ```
 
 pub mod assemble;

@@ -1,4 +1,4 @@
-//! From a run's intensities to Mueller matrices with standard errors, and their store.
+//! Reconstructs Mueller matrices with standard errors from a run, and stores them.
 
 use super::image::{ImageError, Intensities, Run};
 use polarimetry::capture::detector::polarizer_array::Method;
@@ -17,37 +17,37 @@ use tensor::field::Field;
 
 /// Mueller matrices of one mask.
 pub struct MuellerImage {
-    /// Name of the mask.
     pub name: String,
-    /// 16 elements a pixel, row-major; NaN where nothing tells them.
+    /// 16 elements per pixel, row-major. NaN if a pixel cannot be reconstructed.
     pub mean: Vec<f32>,
-    /// Their standard errors.
+    /// Standard errors of the elements.
     pub errors: Vec<f32>,
-    /// Rows, columns, time bins.
     pub layout: Layout,
-    /// Begin and width of the time bins, ps.
+    /// Start and width of the time bins, in ps.
     pub time: Option<(f64, f64)>,
-    /// What became of the pixels.
+    /// Counts of reconstructed and rejected pixels.
     pub tally: Tally,
 }
 
-/// How a run is reconstructed.
+/// Options of the reconstruction of a run.
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
-    /// As of images; saturated readings are known to be so.
+    /// Options as for images. Saturated readings are marked by the run itself.
     pub options: Options,
-    /// Horizontal field of view of the camera, radians, where light passes plates obliquely. A scan's is known.
+    /// Horizontal field of view of the camera in radians, for plates at oblique incidence. A scan's is known.
     pub fov_x: Option<f64>,
-    /// How a polarizer mosaic is taken apart.
+    /// Use superpixels to demosaic a polarizer array; otherwise bilinear interpolation.
     pub superpixel: bool,
 }
 
 impl Run {
-    /// Mueller matrices of one mask. Weights are inverse variances: of a camera as its readings tell them; of a diode as a
-    /// first estimate without weights predicts them, because a bin without counts says nothing of its own variance.
+    /// Reconstructs the Mueller matrices of one mask.
+    ///
+    /// Weights are inverse variances. A camera's variances come from its readings. A diode's come from a
+    /// first, unweighted estimate, because a bin without counts has no variance estimate.
     ///
     /// # Errors
-    /// [`ImageError`]: no such mask, damaged frames, too few captures.
+    /// [`ImageError`] if the mask does not exist, frames are damaged, or there are too few captures.
     pub fn mueller(&self, mask: &str, how: &RunOptions) -> Result<MuellerImage, ImageError> {
         let method = if how.superpixel {
             Method::Superpixel
@@ -101,10 +101,10 @@ impl Run {
     }
 }
 
-/// Writes matrices of masks as a store: a slice for each.
+/// Writes the Mueller matrices of masks to a store, one slice per mask.
 ///
 /// # Errors
-/// If it cannot be made or written.
+/// [`ProbeError`] if the store cannot be created or written.
 pub fn write_store(
     path: &Path,
     images: &[MuellerImage],

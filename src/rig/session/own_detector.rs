@@ -1,5 +1,4 @@
-//! What a run's raw frames say of the very detector that took them: histograms of a plane for the clockwork of a photon counter,
-//! dark and lit frames for a camera.
+//! Calibration data of a run's own detector: histograms of a plane (counter), dark and lit frames (camera).
 
 use super::image::{ImageError, Run};
 use crate::calibrate::radiometric::stack::Stack;
@@ -7,26 +6,26 @@ use crate::calibrate::temporal::captures::{Capture, Counter};
 use polarimetry::capture::detector::spad::Mode;
 use polarimetry::capture::directions::Directions;
 
-/// Speed of light, metres per picosecond.
+/// Speed of light in meters per picosecond.
 const C: f64 = 299_792_458e-12;
 
 /// Histograms of a scan.
 pub struct Histograms {
-    /// The counter, as the run's detector says.
+    /// The counter's parameters as stored in the run.
     pub counter: Counter,
-    /// Scan points.
+    /// Number of scan points.
     pub points: usize,
     /// Counts of every capture and point.
     counts: Vec<Vec<u32>>,
-    /// Laser pulses of each.
+    /// Laser pulses of every capture and point.
     pulses: Vec<u64>,
-    /// Way to the plane over its distance, by point.
+    /// For each point, the length of the ray to the plane divided by the plane's distance.
     slant: Vec<f64>,
     offset_ps: f64,
 }
 
 impl Histograms {
-    /// The histograms of a plane perpendicular to the middle of the scan, `metres` from the mirrors' pivot.
+    /// Returns the histograms of a plane perpendicular to the scan's axis, `metres` from the mirrors' pivot.
     #[must_use]
     pub fn of_plane(&self, metres: f64) -> Vec<Capture<'_>> {
         let all = self.counts.iter().zip(&self.pulses).enumerate();
@@ -44,10 +43,10 @@ impl Histograms {
 }
 
 impl Run {
-    /// The histograms of a scan.
+    /// Returns the histograms of a scan.
     ///
     /// # Errors
-    /// [`ImageError`]: no scan, or damaged.
+    /// [`ImageError`] if the run is no scan or is damaged.
     pub fn histograms(&self) -> Result<Histograms, ImageError> {
         let path = self.store.path().display().to_string();
         let Some(spad) = self.diode()? else {
@@ -107,10 +106,11 @@ impl Run {
         })
     }
 
-    /// Dark and lit frames of a camera, a stack for each exposure; the irradiance of lit ones is the unit.
+    /// Returns the dark and lit frames of a camera, a stack per exposure. Lit frames have irradiance 1.
     ///
     /// # Errors
-    /// [`ImageError`]: a scan, no masks `dark` and `full`, captures whose elements stand differently, damaged frames.
+    /// [`ImageError`] if the run is a scan, has no masks `dark` and `full`, has captures with different
+    /// element angles, or is damaged.
     pub fn stacks(&self) -> Result<[Vec<Stack>; 2], ImageError> {
         let path = self.store.path().display().to_string();
         let shape: Vec<usize> = self

@@ -1,27 +1,32 @@
-//! Plan files: which captures, through which masks, with which exposures, or over which scan points.
+//! Plan files: captures, masks and exposures of a camera, or points of a scan.
 //!
 //! ```toml
 //! name = "36 captures, epipolar and non-epipolar"
-//! rig = "rig.toml"                          # beside this file; `--rig` names another one
+//! rig = "rig.toml"                          # relative to this file; `--rig` overrides it
 //! scheme = "drr36.toml"                     # or { kind = "drr", captures = 36, array = false }
 //!
 //! [camera]
 //! exposures_ms = [20, 80]                   # a bracket
 //! format = "Mono12p"
-//! masks = ["full", "dark", { name = "epipolar", stripes = 32 }, { name = "nonepipolar", stripes = 32, outside = true }]
+//! masks = [
+//!     "full",
+//!     "dark",
+//!     { name = "epipolar", stripes = 32 },
+//!     { name = "nonepipolar", stripes = 32, outside = true },
+//! ]
 //!
-//! # or, of a coaxial rig
+//! # or, for a coaxial rig
 //! [scan]
 //! points = [128, 128]
-//! fov_x_deg = 20                            # optical angle from the first to the last column's outer edges
+//! fov_x_deg = 20                            # optical angle between the outer edges of the outer columns
 //! dwell_ms = 42
 //! bins = 400
 //! bin_ps = 25
-//! time_tags = true                          # keep every photon's pulse and bin (.ptu in the store), not histograms alone
+//! time_tags = true                          # keep every photon's pulse and bin (.ptu in the store)
 //!
 //! [limits]                                  # all have defaults
 //! retries = 5
-//! laser_power = 0.9                         # wait while it is weaker
+//! laser_power = 0.9                         # wait while the laser is weaker
 //! ```
 
 use super::time_tags::{RECORD, Scale};
@@ -38,68 +43,54 @@ use std::time::Duration;
 pub use syntax::Limits;
 use syntax::{CameraFile, MaskFile, PlanFile, ScanFile, SchemeFrom};
 
-/// Most frames of a run.
+/// Maximum number of frames of a run.
 pub const MOST_FRAMES: u64 = 100_000_000;
 
-/// What a session is to do.
+/// A checked plan of a session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// What it is called.
     pub name: String,
-    /// Its own text, which the store keeps.
+    /// The text of the plan file, which the store keeps.
     pub text: String,
-    /// The rig's file.
     pub rig: Option<PathBuf>,
-    /// Captures.
     pub scheme: Scheme,
-    /// What every capture is made of.
     pub work: Work,
-    /// When to try again, wait, or give up.
     pub limits: Limits,
 }
 
-/// What every capture is made of.
+/// The work of every capture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Work {
-    /// Frames of a camera.
     Camera(CameraWork),
-    /// Histograms of scan points.
     Scan(ScanWork),
 }
 
 /// Frames of a camera: every mask at every exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraWork {
-    /// Exposures of the bracket.
     pub exposures: Vec<Duration>,
-    /// Gain, decibels.
     pub gain_db: f64,
-    /// Pixels.
     pub format: PixelFormat,
-    /// Masks in the order in which they are taken.
+    /// Masks in the order of capture.
     pub masks: Vec<MaskPlan>,
 }
 
-/// A mask that is to be taken.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MaskPlan {
     /// All pixels on.
     Full,
-    /// All off: stray light and the sensor's own.
+    /// All pixels off: stray light and dark signal.
     Dark,
     /// Stripes of epipolar lines.
     Stripes {
-        /// What it is called.
         name: String,
-        /// How many.
         count: u32,
-        /// False to show all but the stripe.
+        /// Show the stripe if true, everything but the stripe if false.
         inside: bool,
     },
 }
 
 impl MaskPlan {
-    /// What it is called.
     #[must_use]
     pub fn name(&self) -> &str {
         match self {
@@ -109,7 +100,7 @@ impl MaskPlan {
         }
     }
 
-    /// Its frames.
+    /// Returns the number of frames.
     #[must_use]
     pub fn shots(&self) -> u32 {
         match self {
@@ -124,26 +115,23 @@ impl MaskPlan {
 pub struct ScanWork {
     /// Columns and rows.
     pub points: [u32; 2],
-    /// Optical angle between the outer edges of the first and last columns, degrees.
+    /// Optical angle between the outer edges of the first and last columns, in degrees.
     pub fov_x_deg: f64,
-    /// Time of one histogram.
+    /// Duration of one histogram.
     pub dwell: Duration,
-    /// Bins of a histogram.
     pub bins: u32,
-    /// Their width, ps.
     pub bin_ps: f64,
-    /// Begin of the first after the sync, ps.
+    /// Start of the first bin after the sync pulse, in ps.
     pub offset_ps: f64,
-    /// Pulses a second.
     pub rate_hz: f64,
-    /// The counter's time tags are kept, and histograms made of them.
+    /// Keep the counter's time tags and compute histograms from them.
     pub time_tags: bool,
 }
 
-/// Reads a plan.
+/// Reads a plan file.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and fix.
+/// [`InputError`] with file, position and fix.
 pub fn load(path: &Path) -> Result<Plan, InputError> {
     let text = document::read(
         path,
@@ -153,10 +141,10 @@ pub fn load(path: &Path) -> Result<Plan, InputError> {
     from_toml(path, &text)
 }
 
-/// A plan from TOML text; other files are looked for beside `path`.
+/// Parses a plan from TOML text. Other files are relative to `path`.
 ///
 /// # Errors
-/// As [`load`].
+/// Like [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let file: PlanFile = document::parse(path, text, |_| {
         "a plan has `scheme`, and [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, \
@@ -406,7 +394,7 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
 }
 
 impl Plan {
-    /// Lengths of the run's axes: captures, shots and exposures, or captures, rows and columns of scan points.
+    /// Returns the lengths of the run's axes: captures, shots, exposures; or captures, rows, columns.
     #[must_use]
     pub fn run_shape(&self) -> [u64; 3] {
         let captures = self.scheme.captures() as u64;
@@ -419,7 +407,7 @@ impl Plan {
         }
     }
 
-    /// What time tags are worth, where they are kept.
+    /// Returns the time scale of the time tags, if they are kept.
     #[must_use]
     pub fn time_tags(&self) -> Option<Scale> {
         match &self.work {
@@ -431,7 +419,7 @@ impl Plan {
         }
     }
 
-    /// Frames of the whole run.
+    /// Returns the number of frames of the run.
     #[must_use]
     pub fn frames(&self) -> u64 {
         self.run_shape().into_iter().fold(1, u64::saturating_mul)

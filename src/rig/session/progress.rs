@@ -1,45 +1,40 @@
-//! What a run tells while it runs, and how it ends.
+//! Progress, result and errors of a run.
 
 use super::writer::DiskError;
 use crate::instrument::Failure;
 use std::time::Duration;
 
-/// Why a run ended before its end.
+/// The reason why a run ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// An instrument failed for good.
+    /// An instrument failed permanently.
     #[error("{0}")]
     Instrument(#[from] Failure),
-    /// The disk failed.
     #[error(transparent)]
     Disk(#[from] DiskError),
-    /// Ctrl-C.
     #[error("interrupted; `--resume` goes on")]
     Interrupted,
 }
 
-/// What a watcher is shown after every frame.
+/// Progress after each frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
-    /// Frames that are done, those of runs before included.
+    /// Number of frames on disk, including those of earlier runs.
     pub done: u32,
-    /// All frames.
     pub frames: u32,
-    /// Numbers of the last frame.
+    /// Pixel values or counts of the last frame.
     pub last: &'a [u32],
-    /// Time since this run's begin, as the rig's clock has it.
+    /// Time since the start of this run on the rig's clock.
     pub elapsed: Duration,
-    /// Tries that failed since this run's begin.
+    /// Failed attempts since the start of this run.
     pub retries: u32,
 }
 
-/// What a run left.
+/// The result of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outcome {
-    /// Frames that this run took.
+    /// Frames taken by this run.
     pub taken: u32,
-    /// Tries that failed.
     pub retries: u32,
-    /// Time that passed on the rig's clock.
     pub elapsed: Duration,
 }

@@ -1,4 +1,4 @@
-//! `[projector]` of a rig file: what it can do, and of a DLPC350 its flash, diodes and triggers.
+//! The `[projector]` table of a rig file: limits, and for a DLPC350 its flash, LEDs and triggers.
 
 use super::rig_syntax::{Driver, ProjectorFile};
 use crate::driver::dlpc350::flash;
@@ -8,13 +8,13 @@ use crate::instrument::ProjectorLimits;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// What the flash of a DLPC350 holds, its diodes that shine, and its triggers.
+/// Flash content, active LEDs and triggers of a DLPC350.
 pub type FlashPlan = (Flash, u8, Triggers);
 
-/// What is wrong, and the fix.
+/// A message and a fix.
 type Fault = (String, &'static str);
 
-/// Checks the table of a rig file at `path`, beside which images of the flash are.
+/// Checks the table of a rig file at `path`. Images of the flash are relative to that file.
 pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, Option<FlashPlan>), Fault> {
     let help = "give size = [columns, rows], bits 1 to 8, patterns, shortest_ms";
     let pixels = p.size.iter().all(|n| (1..=65_536).contains(n));

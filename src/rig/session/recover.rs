@@ -1,15 +1,17 @@
-//! What a session does about failures: tries again after a wait that grows, homes what stalled, connects anew what was lost,
-//! and gives up in words where trying again cannot help.
+//! Recovery from failures of instruments.
+//!
+//! A step is retried after an increasing wait. Stalled stages are homed, and lost instruments are
+//! reconnected. Failures that a retry cannot fix end the run with a message.
 
 use super::lab::Rig;
 use super::plan::Limits;
 use crate::instrument::{Failure, Fault};
 use std::time::Duration;
 
-/// Longest wait between two tries.
+/// Maximum wait between two attempts.
 const LONGEST: Duration = Duration::from_secs(30);
 
-/// Tries of one step.
+/// The remaining attempts of one step.
 #[derive(Clone, Copy, Debug)]
 pub struct Tries {
     left: u32,
@@ -17,7 +19,7 @@ pub struct Tries {
 }
 
 impl Tries {
-    /// Of a new step.
+    /// Creates the attempts of a new step.
     #[must_use]
     pub fn new(limits: &Limits) -> Self {
         Self {
@@ -26,7 +28,7 @@ impl Tries {
         }
     }
 
-    /// The wait before the next try; none if there is none, or none can help.
+    /// Returns the wait before the next attempt, or `None` if no attempt is left or a retry cannot help.
     pub fn next(&mut self, failure: &Failure) -> Option<Duration> {
         if !failure.fault.may_pass() || self.left == 0 {
             return None;
@@ -38,13 +40,14 @@ impl Tries {
     }
 }
 
-/// Brings a rig back to where a step can begin: connects what was lost anew, homes what lost its zero or stalled.
+/// Restores a rig to a state in which a step can start: reconnects lost instruments and homes stages that
+/// stalled or lost their zero.
 ///
 /// # Errors
 /// The next [`Failure`].
 pub fn fix(rig: &mut Rig, failure: &Failure, within: Duration) -> Result<(), Failure> {
     if failure.fault == Fault::Disconnected {
-        // One dead line is often all of them: ask everybody.
+        // One lost connection often means that all are lost, so check every instrument.
         for instrument in rig.instruments() {
             if instrument.name() == failure.instrument || instrument.identify(within).is_err() {
                 instrument.reconnect(within)?;

@@ -1,24 +1,24 @@
-//! Rig files: which instruments there are, by which drivers, and of simulated ones the bench that they share.
+//! Rig files: the instruments and their drivers, and the bench of simulated instruments.
 //!
 //! ```toml
 //! name = "simulated"
+//! # calibration = "calibration.toml" # detectors and geometry from `sunstone calibrate`
 //! [stages.retarder_2]                # the name of the element that it carries
 //! driver = "simulated"               # or "apt", with `port` and `model`
 //! backlash_deg = 0.05
 //! [projector]
-//! driver = "simulated"
+//! driver = "simulated"               # or "dlpc350", with `flash = ["flash_00.png"]` and `leds = ["green"]`
 //! size = [32, 32]
-//! [camera]                           # a projector's other driver: "dlpc350", with `flash = ["flash_00.png"]` and `leds = ["green"]`
+//! [camera]
 //! driver = "simulated"
 //! size = [64, 64]
-//! [detector.cmos]                    # the sensor as it is believed to be: what readings are made light with
+//! [detector.cmos]                    # assumed sensor, used to convert readings to radiance
 //! photons_per_unit = 1e6
-//! # calibration = "calibration.toml" at the head of the file: detectors and geometry as `sunstone calibrate` found them
 //! [bench]                            # of simulated instruments
 //! tensor = "spatial.zarr"            # or scene = "…/scene.toml", which is rendered first
 //! slice = "spatial"
 //! wavelength_nm = 550
-//! optics = "optics.toml"             # a scheme file with the elements as they are in truth
+//! optics = "optics.toml"             # a scheme file with the true elements
 //! ```
 
 use super::calibrated::Believed;
@@ -47,90 +47,79 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// What a simulated bench's light meets.
+/// The scene of a simulated bench.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scene {
     /// A finished store.
     Tensor(PathBuf),
-    /// A scene that is rendered first: file, samples a pixel.
+    /// A scene to render first: file and samples per pixel.
     Scene(PathBuf, Option<u32>),
-    /// A plain sample.
+    /// A uniform sample.
     Sample([f32; 16]),
 }
 
 /// A checked bench.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BenchPlan {
-    /// What the light meets.
     pub scene: Scene,
-    /// The slice that is played.
+    /// The slice to play.
     pub slice: String,
-    /// What a sample's matrix is multiplied with, in the unit of radiance.
+    /// Factor on a sample's Mueller matrix, in the unit of radiance.
     pub brightness: f64,
-    /// Wavelength, nanometres.
+    /// Wavelength in nanometers.
     pub nm: f64,
-    /// Elements in truth; those of the plan's scheme where none are given.
+    /// True elements. `None` means those of the plan's scheme.
     pub optics: Option<Scheme>,
-    /// Horizontal field of view of camera (or scan) and projector, degrees, where rays are not all along the axis.
+    /// Horizontal fields of view of camera (or scan) and projector in degrees. `None` means axial rays.
     pub fov_deg: [Option<f64>; 2],
-    /// Seed of the noise.
     pub seed: u64,
-    /// Time passes as on the wall.
+    /// Use real time instead of simulated time.
     pub real_time: bool,
-    /// The camera in truth.
+    /// True camera.
     pub cmos: Cmos,
-    /// The diode in truth.
+    /// True diode.
     pub spad: Spad,
-    /// Mishaps.
     pub faults: Vec<FaultAt>,
 }
 
-/// The library of a counter's board, where one is named, and how the board is set.
+/// Library of a counter's board, if specified, and the board's settings.
 pub type Board = (Option<PathBuf>, Th260Settings);
 
 /// A checked rig file.
 #[derive(Clone, Debug)]
 pub struct RigPlan {
-    /// Its name.
     pub name: String,
     /// Stages by the elements that they carry.
     pub stages: BTreeMap<String, StageFile>,
-    /// Driver and limits of the projector.
     pub projector: Option<(Driver, ProjectorLimits)>,
-    /// What the flash of a DLPC350 holds, its diodes that shine, and its triggers.
+    /// Flash content, active LEDs and triggers of a DLPC350.
     pub flash: Option<FlashPlan>,
-    /// Of the camera.
     pub camera: Option<(Driver, CameraLimits)>,
-    /// Serial number of a camera that is found by it.
+    /// Serial number that selects the camera.
     pub camera_serial: Option<String>,
-    /// Of the galvo.
     pub galvo: Option<(Driver, GalvoLimits)>,
-    /// How its mirrors hang at an analog output card, and what that is like.
+    /// Wiring of the galvo mirrors to an analog output card, and the card's limits.
     pub galvo_wiring: Option<(Wiring, AnalogLimits)>,
-    /// Of the laser.
     pub laser: Option<(Driver, LaserLimits)>,
-    /// Commands of a laser that speaks SCPI.
+    /// Commands of an SCPI laser.
     pub laser_table: Option<LaserTable>,
-    /// Of the counter.
     pub counter: Option<(Driver, CounterLimits)>,
-    /// Of a counter behind PicoQuant's library.
+    /// Board of a counter behind PicoQuant's library.
     pub th260: Option<Board>,
-    /// Wavelength of its light, nanometres.
+    /// Wavelength of the rig's light in nanometers.
     pub wavelength_nm: f64,
-    /// The camera as it is believed to be.
+    /// Assumed camera parameters.
     pub cmos: Cmos,
-    /// The diode as it is believed to be.
+    /// Assumed diode parameters.
     pub spad: Spad,
-    /// Camera and projector.
     pub geometry: Option<Geometry>,
-    /// The simulated bench.
     pub bench: Option<BenchPlan>,
 }
 
 /// Reads a rig file.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and fix.
+/// [`InputError`] with file, position and fix.
 pub fn load(path: &Path) -> Result<RigPlan, InputError> {
     let text = document::read(
         path,
@@ -140,10 +129,10 @@ pub fn load(path: &Path) -> Result<RigPlan, InputError> {
     from_toml(path, &text)
 }
 
-/// A rig from TOML text; other files are looked for beside `path`.
+/// Parses a rig from TOML text. Other files are relative to `path`.
 ///
 /// # Errors
-/// As [`load`].
+/// Like [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let file: RigFile = document::parse(path, text, |_| {
         "a rig has [stages.NAME], [projector], [camera], [galvo], [laser], [counter], [detector.cmos] or [detector.spad], \
@@ -303,7 +292,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             ));
         }
     }
-    // The bench is what it is, whatever is believed of it.
+    // The bench keeps its true parameters. Calibration changes the assumed ones only.
     let believed = Believed { cmos, spad, geometry };
     let sizes = [
         camera.as_ref().map(|(_, c)| c.size),
@@ -342,7 +331,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     })
 }
 
-/// How a TimeHarp 260 is set and found, if one is meant; or what is wrong, and the fix.
+/// Returns library and settings of a TimeHarp 260, if the counter is one; or a message and a fix.
 fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'static str)> {
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {
@@ -356,7 +345,7 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'st
     }
     let settings = file.th260.clone().unwrap_or_default();
     settings.check().map_err(|e| (e, "fix [counter.th260]"))?;
-    // A name alone is looked for where the system keeps libraries.
+    // A bare name is searched in the system's library paths.
     let library = file.library.clone().map(|l| {
         if l.components().count() > 1 {
             path.parent().unwrap_or(Path::new("")).join(l)
@@ -367,8 +356,11 @@ fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'st
     Ok(Some((library, settings)))
 }
 
-/// The Mueller matrix of a sample that has a name, row-major: `air`; `mirror`, which loses nothing and exchanges handedness and
-/// ±45°; `polarizer`, perfect and at 0°.
+/// Returns the row-major Mueller matrix of a named sample.
+///
+/// - `air`: the identity.
+/// - `mirror`: lossless; exchanges handedness and ±45°.
+/// - `polarizer`: ideal, at 0°.
 #[must_use]
 pub fn sample_of(name: &str) -> Option<[f32; 16]> {
     let diagonal = |d: [f32; 4]| std::array::from_fn(|i| if i % 5 == 0 { d[i / 5] } else { 0.0 });
@@ -396,7 +388,7 @@ fn bench(
         (None, None, Some(sample)) => Scene::Sample(match sample {
             SampleFile::Matrix(rows) => {
                 let m: [f32; 16] = std::array::from_fn(|i| rows[i / 4][i % 4]);
-                // What no matrix of light has; whether it is realizable is the user's matter.
+                // Reject only matrices that are impossible for any sample. Realizability is not checked.
                 if !(m[0] <= 1e15 && m.iter().all(|v| v.abs() <= m[0])) {
                     let help = "give four rows of numbers, none of them greater than the first";
                     return Err(fault(file.span(), "`sample` is no Mueller matrix".into(), help));

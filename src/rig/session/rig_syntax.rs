@@ -1,4 +1,4 @@
-//! The syntax of rig files; what it means is in [`super::rig_file`].
+//! The syntax of rig files. [`super::rig_file`] defines their meaning.
 
 use super::geometry::GeometryFile;
 use crate::driver::dlpc350::trigger::Triggers;
@@ -12,7 +12,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// How an instrument is spoken to.
+/// Protocol of an instrument.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Driver {
@@ -21,18 +21,18 @@ pub enum Driver {
     Simulated,
     /// Thorlabs' APT protocol over a serial port.
     Apt,
-    /// An analog output card, of a galvo.
+    /// An analog output card that drives a galvo.
     Analog,
     /// TI's DLPC350 over HID.
     Dlpc350,
-    /// A camera that speaks GenICam, over USB3 Vision.
+    /// A GenICam camera over USB3 Vision.
     #[serde(rename = "genicam")]
     GenICam,
     /// SCPI over TCP.
     Scpi,
-    /// A vendor's library, loaded when it is needed.
+    /// A vendor's library, loaded on demand.
     Vendor,
-    /// An object of Python, which `pysunstone.rig.Session` is given.
+    /// A Python object that is passed to `pysunstone.rig.Session`.
     Python,
 }
 
@@ -40,31 +40,30 @@ pub enum Driver {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StageFile {
-    /// Its driver.
     #[serde(default)]
     pub driver: Driver,
-    /// Serial port, of `apt`.
+    /// Serial port (`apt`).
     pub port: Option<String>,
-    /// Model, of `apt`.
+    /// Model (`apt`).
     pub model: Option<String>,
-    /// Overshoot with which it comes to its goals from below, degrees.
+    /// Overshoot in degrees with which it approaches each goal from below.
     #[serde(default = "approach")]
     pub approach_deg: f64,
-    /// Play of a simulated one, degrees.
+    /// Backlash in degrees (simulated).
     #[serde(default)]
     pub backlash_deg: f64,
-    /// Speed of a simulated one, degrees a second.
+    /// Velocity in degrees per second (simulated).
     #[serde(default = "twenty_five")]
     pub velocity: f64,
-    /// Acceleration of a simulated one, degrees a second squared.
+    /// Acceleration in degrees per second squared (simulated).
     #[serde(default = "twenty_five")]
     pub acceleration: f64,
-    /// Encoder's step of a simulated one, degrees.
+    /// Resolution of the encoder in degrees (simulated).
     #[serde(default = "encoder")]
     pub resolution_deg: f64,
 }
 
-/// Overshoot of a stage of which nothing else is said, degrees.
+/// Default overshoot of a stage in degrees.
 pub const APPROACH_DEG: f64 = 0.5;
 
 fn approach() -> f64 {
@@ -73,13 +72,13 @@ fn approach() -> f64 {
 fn twenty_five() -> f64 {
     25.0
 }
-/// Of Thorlabs' PRM1-Z8: 1919.64 counts a degree.
+/// Resolution of Thorlabs' PRM1-Z8: 1919.64 counts per degree.
 fn encoder() -> f64 {
     1.0 / 1919.641857862339
 }
 
 impl StageFile {
-    /// Limits of a simulated one.
+    /// Returns the limits of a simulated stage.
     #[must_use]
     pub fn limits(&self) -> StageLimits {
         StageLimits {
@@ -103,18 +102,18 @@ pub(super) struct ProjectorFile {
     pub(super) patterns: usize,
     #[serde(default = "quarter")]
     pub(super) shortest_ms: f64,
-    /// Images of the flash, of `dlpc350`.
+    /// Images of the flash (`dlpc350`).
     #[serde(default)]
     pub(super) flash: Vec<PathBuf>,
-    /// Diodes that shine, of `dlpc350`.
+    /// Active LEDs (`dlpc350`).
     #[serde(default = "green")]
     pub(super) leds: Vec<Led>,
-    /// Its triggers, of `dlpc350`.
+    /// Triggers (`dlpc350`).
     #[serde(default)]
     pub(super) triggers: Triggers,
 }
 
-/// A diode of a projector.
+/// An LED of a projector.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Led {
@@ -173,7 +172,7 @@ pub(super) struct GalvoFile {
     pub(super) card: Option<CardFile>,
 }
 
-/// A number for both axes, or one for each.
+/// One number for both axes, or one per axis.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(untagged)]
 pub(super) enum PerAxis {
@@ -181,7 +180,7 @@ pub(super) enum PerAxis {
     Each([f64; 2]),
 }
 
-/// An analog output card; NI's of 16 bits unless it says otherwise.
+/// An analog output card. The default is a 16-bit card by NI.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct CardFile {
@@ -293,7 +292,7 @@ fn spatial() -> String {
     "spatial".into()
 }
 
-/// One file, or several of which later ones go before earlier ones.
+/// One file or several. Later files override earlier ones.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(untagged)]
 pub(super) enum Files {
@@ -314,7 +313,7 @@ impl Files {
 #[serde(deny_unknown_fields)]
 pub(super) struct RigFile {
     pub(super) name: Option<String>,
-    /// What `sunstone calibrate` wrote: detectors, camera and projector as they were found.
+    /// Files from `sunstone calibrate`: parameters of detectors, camera and projector.
     #[serde(default)]
     pub(super) calibration: Option<Located<Files>>,
     pub(super) wavelength_nm: Option<f64>,

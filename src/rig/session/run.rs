@@ -1,7 +1,7 @@
-//! A run: frame after frame, each on disk and noted before it counts.
+//! The loop of a run: takes frames and hands them to the writer, which stores and journals them.
 //!
-//! A step is a checkpoint: whatever fails in it, the step begins anew, from moving the stages. Stages move all at once, and
-//! while the frames before are being saved.
+//! Every step is a checkpoint: after a failure it restarts from moving the stages. All stages move
+//! concurrently, and while earlier frames are being saved.
 
 use super::journal::{Event, FrameRecord};
 use super::lab::{Rig, absent};
@@ -17,24 +17,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use store::zarr::frames::FrameStore;
 
-/// Jumps of the wall's clock below this are drift, seconds.
+/// Changes of the wall clock below this are drift, in seconds.
 const JUMP_S: f64 = 5.0;
-/// How often a condition is looked at.
+/// Polling interval of a condition.
 const LOOK: Duration = Duration::from_secs(5);
 
-/// A frame: what is known of it, its numbers, its time tags where these are kept.
+/// A frame: its record, its numbers, and its time tags if they are kept.
 type Taken = (FrameRecord, Vec<u32>, Option<Tags>);
 
-/// A session at work.
+/// State of a run.
 struct Session<'a> {
     rig: &'a mut Rig,
     steps: &'a Steps,
     writer: Writer,
     within: Duration,
     begun: Duration,
-    /// Wall's clock less the rig's.
+    /// Wall time minus the rig's time, in seconds.
     wall_offset: f64,
-    /// What is set, so that it is not set again.
+    /// Present settings of the instruments, to avoid setting them again.
     camera: Option<CameraSettings>,
     shown: Option<usize>,
     ready: bool,
@@ -45,10 +45,10 @@ struct Session<'a> {
     temperatures: Vec<(String, f64)>,
 }
 
-/// Takes all frames that are missing.
+/// Takes all missing frames.
 ///
 /// # Errors
-/// [`RunError`]; what was noted until then is on disk.
+/// [`RunError`]. All journaled frames are on disk.
 pub fn run(
     rig: &mut Rig,
     steps: &Steps,
@@ -80,7 +80,7 @@ pub fn run(
         steps,
     };
     let result = session.frames(first, stop, watch);
-    // What was taken is saved, and light goes off, whatever happened.
+    // In every case, save the frames taken so far and switch off the light.
     let closed = session.writer.flush();
     session.darken();
     let outcome = Outcome {
@@ -126,7 +126,7 @@ impl Session<'_> {
         self.rig.clock.now().saturating_sub(self.begun).as_secs_f64()
     }
 
-    /// Notes it if the wall's clock was set.
+    /// Journals a jump of the wall clock.
     fn watch_wall(&mut self) -> Result<(), RunError> {
         let offset = self.rig.clock.wall_s() - self.rig.clock.now().as_secs_f64();
         let by_s = offset - self.wall_offset;
@@ -138,7 +138,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// One frame, tried until it is good.
+    /// Takes one frame, with retries.
     fn taken(&mut self, step: Step, stop: &AtomicBool) -> Result<Taken, RunError> {
         let mut tries = Tries::new(&self.steps.plan.limits);
         loop {
@@ -164,7 +164,7 @@ impl Session<'_> {
                 self.rig.clock.sleep(wait);
                 self.forget();
                 if failure.fault == Fault::Disconnected {
-                    // A camera that was switched off counts anew.
+                    // A camera restarts its numbering after a power cycle.
                     self.last_number = None;
                 }
                 match fix(self.rig, &failure, self.within) {
@@ -175,12 +175,12 @@ impl Session<'_> {
         }
     }
 
-    /// Nothing is taken for set any more.
+    /// Marks all settings as unknown.
     fn forget(&mut self) {
         (self.camera, self.shown, self.ready, self.counter) = (None, None, false, false);
     }
 
-    /// One try at a frame. The outer error ends the run.
+    /// Attempts to take a frame. The outer error ends the run.
     fn attempt(&mut self, step: Step, stop: &AtomicBool) -> Result<Result<Taken, Failure>, RunError> {
         if let Err(failure) = self.prepare() {
             return Ok(Err(failure));
@@ -194,7 +194,7 @@ impl Session<'_> {
         Ok(self.frame(step))
     }
 
-    /// All that holds for the whole run: zeros found, patterns loaded, light on.
+    /// Prepares the run: homes the stages, loads the patterns, switches on the light.
     fn prepare(&mut self) -> Result<(), Failure> {
         if self.ready {
             return Ok(());
@@ -226,7 +226,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Suspends while the laser is weak.
+    /// Suspends the run while the laser is weak.
     fn wait_for_laser(&mut self, step: Step, stop: &AtomicBool) -> Result<Result<(), Failure>, RunError> {
         let limits = self.steps.plan.limits;
         let until = self.rig.clock.now() + Duration::from_secs_f64(limits.suspend_s);
@@ -243,7 +243,7 @@ impl Session<'_> {
                 return Ok(Ok(()));
             }
             if !state.emitting {
-                // Its power was cut: begin anew.
+                // Its power was cut: start over.
                 return Ok(Err(Failure::new(Fault::Timeout, "laser", "its light went out")));
             }
             let why = format!("the laser's power is {:.2} of nominal", state.power);
@@ -267,7 +267,7 @@ impl Session<'_> {
         }
     }
 
-    /// Turns all stages to their goals, at once, each from below.
+    /// Moves all stages to their goals concurrently, each from below.
     fn turn(&mut self, capture: usize) -> Result<Vec<f64>, Failure> {
         let mut found: BTreeMap<String, f64> = BTreeMap::new();
         let mut over: Vec<(String, f64)> = vec![];
@@ -323,7 +323,7 @@ impl Session<'_> {
         Ok(angles.into_values().collect())
     }
 
-    /// One frame, from moving the stages to its numbers.
+    /// Takes one frame, from moving the stages to its numbers.
     fn frame(&mut self, step: Step) -> Result<Taken, Failure> {
         let angles_deg = self.turn(step.capture)?;
         if let Some(tell) = &mut self.rig.on_frame {
@@ -373,7 +373,7 @@ impl Session<'_> {
             let what = format!("a frame of {} bytes came: it is torn", frame.bytes.len());
             return Err(Failure::new(Fault::Timeout, &name, what));
         };
-        // A frame that is not newer than the last is one of before.
+        // A frame number that does not increase means an earlier frame.
         if self.last_number.is_some_and(|last| frame.number <= last) {
             return Err(Failure::new(
                 Fault::Timeout,
@@ -384,7 +384,7 @@ impl Session<'_> {
         self.last_number = Some(frame.number);
         self.saturated(step, &part, settings.format.bits(), &name)?;
         record.number = frame.number;
-        // Where it was read on the sensor; the rest is nothing.
+        // Place the region on the sensor; the rest is zero.
         let [width, height] = self.steps.frame_size.map(|n| n as usize);
         let r = settings.region;
         let mut whole = vec![0; width * height];
@@ -395,7 +395,7 @@ impl Session<'_> {
         Ok(whole)
     }
 
-    /// Refuses a frame that is white nearly everywhere at the shortest exposure.
+    /// Rejects a frame at the shortest exposure if too many of its pixels are saturated.
     fn saturated(&self, step: Step, numbers: &[u32], bits: u32, name: &str) -> Result<(), Failure> {
         let Work::Camera(work) = &self.steps.plan.work else {
             return Ok(());
@@ -453,7 +453,7 @@ impl Session<'_> {
             let what = format!("{} bins came instead of {}", histogram.counts.len(), work.bins);
             return Err(Failure::new(Fault::Timeout, counter.name(), what));
         }
-        // Light that failed while it counted: what was counted is not to be used.
+        // Discard the counts if the laser failed during the acquisition.
         let laser = self.rig.laser.as_mut().ok_or_else(|| absent("laser"))?;
         let power = laser.state(self.within)?.power;
         if power < self.steps.plan.limits.laser_power {
@@ -465,7 +465,7 @@ impl Session<'_> {
         Ok((histogram.counts, tags))
     }
 
-    /// Light off, stages stopped; failures are no matter any more.
+    /// Switches off the light and stops the stages. Failures are ignored.
     fn darken(&mut self) {
         if let Some(projector) = &mut self.rig.projector {
             let _ = projector.dark(self.within);

@@ -1,4 +1,4 @@
-//! The store of a run: raw frames over named axes, and all that is needed to make Mueller matrices of them.
+//! The store of a run: raw frames over named axes, with everything needed to reconstruct Mueller matrices.
 
 use super::journal::{self, Event, FrameRecord};
 use super::masks::Mask;
@@ -12,31 +12,23 @@ use std::path::Path;
 use store::zarr::frames::{FrameAxis, FrameLayout, FrameMap, FrameNumber, FrameStore};
 use store::zarr::{CreateError, OpenError};
 
-/// Why a run's store cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum RunStoreError {
-    /// It cannot be made.
     #[error(transparent)]
     Create(#[from] CreateError),
-    /// It cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// It is of another run.
+    /// The store belongs to another run.
     #[error(
         "{path}: it was begun with another plan, scheme or rig ({what} is not the same); resume it with those, or choose another `-o`"
     )]
     Other {
-        /// The store.
         path: String,
-        /// What differs.
+        /// The attribute that differs.
         what: String,
     },
-    /// Nothing is left to do.
     #[error("{path}: it is finished; `sunstone reconstruct` makes Mueller matrices of it")]
-    Finished {
-        /// The store.
-        path: String,
-    },
+    Finished { path: String },
 }
 
 fn indices(name: &str, n: u64) -> FrameAxis {
@@ -47,7 +39,7 @@ fn indices(name: &str, n: u64) -> FrameAxis {
     }
 }
 
-/// The layout of a plan's frames.
+/// Returns the layout of a plan's frames.
 #[must_use]
 pub fn layout(steps: &Steps) -> FrameLayout {
     let [captures, second, third] = steps.plan.run_shape();
@@ -99,7 +91,7 @@ pub fn layout(steps: &Steps) -> FrameLayout {
     }
 }
 
-/// What stands in the store beside the frames; `sample` is what was captured, if it is a known one.
+/// Returns the attributes of a run's store. `sample` is the name of a known sample, if one was captured.
 #[must_use]
 pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<String, Value> {
     let mut first = 0;
@@ -141,7 +133,7 @@ pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<Str
     );
     all.insert("name".into(), json!(steps.plan.name));
     all.insert("plan".into(), json!(steps.plan.text));
-    // Of finite numbers, which TOML can write.
+    // The numbers are finite, so the conversion to TOML cannot fail.
     let scheme = scheme_file::to_toml(&steps.plan.scheme).unwrap_or_default();
     all.insert("scheme".into(), json!(scheme));
     all.insert("rig".into(), json!(rig.name));
@@ -155,7 +147,7 @@ pub fn attributes(steps: &Steps, rig: &RigPlan, sample: Option<&str>) -> Map<Str
     all
 }
 
-/// Makes the store of a new run.
+/// Creates the store of a new run.
 ///
 /// # Errors
 /// [`RunStoreError`].
@@ -176,7 +168,7 @@ pub fn create(
     )?)
 }
 
-/// Which shot of each mask lights what a place sees.
+/// Returns one map per mask: the shot in which each camera pixel is read, or −1.
 fn maps(steps: &Steps) -> Vec<FrameMap> {
     let of = |s: &Option<u32>| s.map_or(-1.0, f64::from);
     let map = |mask: &Mask| FrameMap {
@@ -187,7 +179,7 @@ fn maps(steps: &Steps) -> Vec<FrameMap> {
     steps.masks.iter().map(map).collect()
 }
 
-/// Opens the store of a run that was begun with the same plan and rig.
+/// Opens the store of an unfinished run of the same plan and rig.
 ///
 /// # Errors
 /// [`RunStoreError`].
@@ -202,7 +194,7 @@ pub fn resume(
     if store.is_finished() {
         return Err(RunStoreError::Finished { path: shown });
     }
-    // As they are once they were written and read.
+    // Write and parse the attributes so that they compare equal to stored ones.
     let wanted = Value::Object(attributes(steps, rig, sample));
     let wanted: Value = serde_json::from_str(&wanted.to_string()).unwrap_or(wanted);
     let found = store.attributes();
@@ -226,7 +218,7 @@ pub fn resume(
     Ok(store)
 }
 
-/// Writes what is known of every frame beside them, and the manifest: the run is finished.
+/// Writes the metadata of all frames as columns, and the manifest, which finishes the run.
 ///
 /// # Errors
 /// [`DiskError`].
@@ -236,7 +228,7 @@ pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
         cause,
     };
     let store = FrameStore::open_for_write(path).map_err(|e| failed(e.to_string()))?;
-    // A column of numbers for each thing that is known of all frames, and no more: there may be half a million.
+    // Keep only columns of numbers in memory: a run can have half a million frames.
     let scan = matches!(steps.plan.work, Work::Scan(_));
     let mut columns: Vec<(String, &str)> = vec![];
     columns.extend(

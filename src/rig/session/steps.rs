@@ -1,4 +1,4 @@
-//! What a plan asks of a rig, frame by frame, and how long that takes.
+//! The steps of a plan on a rig, frame by frame, and their cost.
 
 use super::lab::{Rig, absent};
 use super::masks::{Epipolar, Mask, flat, stripes};
@@ -12,9 +12,7 @@ use std::time::Duration;
 /// One frame of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Its number.
     pub frame: u32,
-    /// Capture.
     pub capture: usize,
     /// Shot, or row of scan points.
     pub second: usize,
@@ -22,43 +20,39 @@ pub struct Step {
     pub third: usize,
 }
 
-/// A plan made ready for a rig: all that needs no instrument to answer.
+/// A plan prepared for a rig, including everything that needs no communication with instruments.
 pub struct Steps {
-    /// The plan.
     pub plan: Plan,
-    /// Stages in the order of their names: that of the angles which the journal notes.
+    /// Stages in the order of their names, which is the order of the angles in the journal.
     pub stage_names: Vec<String>,
-    /// Stages' goals, degrees, by capture.
+    /// Goals of each stage in degrees, by capture.
     pub goals: BTreeMap<String, Vec<f64>>,
-    /// Masks of a camera's plan.
+    /// Masks of a camera plan.
     pub masks: Vec<Mask>,
-    /// Their shots, one after the other.
+    /// Shots of all masks in order: index of the mask, and region.
     pub shots: Vec<(usize, Region)>,
-    /// All patterns, as loaded into the projector, in the order of the shots.
+    /// Patterns of all shots in order, as loaded into the projector.
     pub patterns: Vec<Pattern>,
     /// Size of the camera, or of a histogram: (bins, 1).
     pub frame_size: [u32; 2],
     shape: [u64; 3],
 }
 
-/// What a plan costs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
-    /// Frames.
     pub frames: u64,
-    /// Time that passes.
     pub duration: Duration,
-    /// Of it, while stages move.
+    /// Part of the duration during which stages move.
     pub moving: Duration,
-    /// Numbers as the sensor delivers them, bytes.
+    /// Size of the raw sensor data in bytes.
     pub bytes: u64,
 }
 
 impl Steps {
-    /// Checks a plan against what a rig's instruments say they can do.
+    /// Checks a plan against the limits of a rig's instruments.
     ///
     /// # Errors
-    /// [`Failure`]: a role that is missing, a limit that the plan breaks.
+    /// [`Failure`] if an instrument is missing or the plan exceeds a limit.
     pub fn new(plan: Plan, rig: &Rig, epipolar: Option<&Epipolar<'_>>) -> Result<Self, Failure> {
         let goals = goals(&plan.scheme, rig)?;
         let mut steps = Self {
@@ -170,13 +164,12 @@ impl Steps {
         Ok(())
     }
 
-    /// Frames of the run.
     #[must_use]
     pub fn frames(&self) -> u32 {
         self.plan.frames() as u32
     }
 
-    /// The step that takes frame `n`.
+    /// Returns the step of a frame.
     #[must_use]
     pub fn step(&self, frame: u32) -> Step {
         let n = u64::from(frame);
@@ -189,7 +182,7 @@ impl Steps {
         }
     }
 
-    /// What the camera is set to for a step.
+    /// Returns the camera's settings for a step, or `None` for a scan.
     #[must_use]
     pub fn camera_settings(&self, step: Step) -> Option<CameraSettings> {
         let Work::Camera(work) = &self.plan.work else {
@@ -198,7 +191,8 @@ impl Steps {
         Some(settings(work, self.shots[step.second].1, step.third))
     }
 
-    /// Duration, frames and bytes, before anything moves. Retries, homing and saving are not in it; saving runs beside.
+    /// Estimates duration, frames and bytes of the plan. The estimate excludes retries, homing and saving,
+    /// which runs concurrently.
     #[must_use]
     pub fn cost(&self, rig: &Rig) -> Cost {
         let mut cost = Cost {
@@ -209,7 +203,7 @@ impl Steps {
         };
         let mut at: BTreeMap<&str, f64> = BTreeMap::new();
         for capture in 0..self.plan.scheme.captures() {
-            // Stages move together: the longest way counts.
+            // Stages move concurrently, so the longest move counts.
             let longest = self.goals.iter().map(|(name, goals)| {
                 let from = at.insert(name, goals[capture]).unwrap_or(0.0);
                 let stage = &rig.stages[name];
@@ -263,7 +257,7 @@ fn settings(work: &CameraWork, region: Region, exposure: usize) -> CameraSetting
     }
 }
 
-/// Where the beam points for a scan point, optical degrees in x and y: through the middles of a pinhole's pixels.
+/// Returns the direction of a scan point, through a pinhole camera's pixel center: optical degrees in x, y.
 #[must_use]
 pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
     let size = work.points.map(|n| n as usize);
@@ -271,7 +265,7 @@ pub fn pointing(work: &ScanWork, x: usize, y: usize) -> [f64; 2] {
     view.ray(x, y, size, 550.0).direction().map(f64::to_degrees)
 }
 
-/// Time of a move that comes from below.
+/// Returns the time of a move that approaches its goal from below.
 #[must_use]
 pub fn move_time(limits: StageLimits, approach_deg: f64, from: f64, to: f64) -> Duration {
     if from == to {
@@ -283,7 +277,7 @@ pub fn move_time(limits: StageLimits, approach_deg: f64, from: f64, to: f64) -> 
     limits.move_time(to - from)
 }
 
-/// Goals of all stages, by capture: a stage carries the element of its name.
+/// Returns the goals of all stages by capture. A stage carries the element of the same name.
 fn goals(scheme: &Scheme, rig: &Rig) -> Result<BTreeMap<String, Vec<f64>>, Failure> {
     let mut goals = BTreeMap::new();
     let elements = scheme.generator().iter().chain(scheme.analyzer());

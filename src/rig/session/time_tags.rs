@@ -1,8 +1,10 @@
-//! Time tags of a scan: the records of a counter's T3 mode, kept as they came, and the histograms made of them.
+//! Time tags of a scan: the raw T3 records of a counter, and histograms of them.
 //!
-//! All points of a row are one `.ptu` file in the store, `time_tags/N.ptu`: marker 1 begins a point, marker 2 ends it, and syncs
-//! are counted on from point to point. `sunstone ptu histogram … --pixels WIDTH,1 --pixel-marker 1,2` gives the row's histograms.
-//! Until its row is full, a point's tags are in a log, so that they are always in the one or the other.
+//! All points of a row are stored in one `.ptu` file, `time_tags/N.ptu`. Marker 1 begins a point, marker 2
+//! ends it, and sync numbers continue from point to point. `sunstone ptu histogram … --pixels WIDTH,1
+//! --pixel-marker 1,2` computes the row's histograms.
+//!
+//! Until its row is complete, a point's tags are in a log. They are therefore always in the log or in a file.
 
 use crate::ptu::histogram::{Plan, possibly_empty_histogram};
 use crate::ptu::reader::Reader;
@@ -12,7 +14,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Cursor, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
-/// The log of a row that is not full, in the store's folder.
+/// File name of the log of an incomplete row.
 const LOG: &str = ".session.tags";
 /// The rows' folder in the store.
 const FOLDER: &str = "time_tags";
@@ -20,23 +22,22 @@ const FOLDER: &str = "time_tags";
 const BEGIN: u8 = 1;
 const END: u8 = 2;
 
-/// Records of what is kept: those of the card whose files PicoQuant's programs read with the largest `dtime`.
+/// Record type of the files: the one with the largest `dtime` range that PicoQuant's programs read.
 pub const RECORD: RecordType = RecordType::TimeHarp260PT3;
 
-/// What was tagged at one point: the pulses of its dwell, and every photon.
+/// Time tags of one point: the pulses of its dwell, and every photon.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tags {
-    /// Laser pulses.
     pub pulses: u64,
-    /// Pulse since the dwell's begin, 43 bits; time since the pulse in bins, 15 bits; channel, 6 bits.
+    /// Pulse since the start of the dwell (43 bits), time since it in bins (15 bits), channel (6 bits).
     photons: Vec<u64>,
 }
 
 impl Tags {
-    /// Of the records of one acquisition, whose syncs count from its begin.
+    /// Decodes the records of one acquisition, whose sync numbers count from its start.
     ///
     /// # Errors
-    /// In words: tags beyond its pulses or out of their order, and records that mean nothing.
+    /// A message if tags are beyond the pulses or out of order, or if records are invalid.
     pub fn new(records: &[u32], record: RecordType, pulses: u64) -> Result<Self, String> {
         let mut decoder = Decoder::new(record);
         let mut photons = vec![];
@@ -67,10 +68,10 @@ impl Tags {
         self.photons.iter().map(split)
     }
 
-    /// Counts by bin: what [`possibly_empty_histogram`] makes of a file of these tags.
+    /// Returns the counts per bin, as [`possibly_empty_histogram`] computes them from a file of these tags.
     ///
     /// # Errors
-    /// In words: a bin of 2³² − 1 counts.
+    /// A message if a bin has 2³² − 1 counts.
     pub fn histogram(&self, bins: usize, scale: &Scale) -> Result<Vec<u32>, String> {
         let name = Path::new("time tags");
         let mut bytes = Cursor::new(vec![]);
@@ -88,7 +89,7 @@ impl Tags {
         Ok(found.counts)
     }
 
-    /// CRC-32C of all of it.
+    /// Returns the CRC-32C of pulses and photons.
     #[must_use]
     pub fn checksum(&self) -> u32 {
         crc32c::crc32c(&self.bytes())
@@ -100,12 +101,10 @@ impl Tags {
     }
 }
 
-/// What counts of a file are worth.
+/// Time scale of a file's counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// Width of a bin, ps.
     pub bin_ps: f64,
-    /// Pulses a second.
     pub rate_hz: f64,
 }
 
@@ -121,7 +120,6 @@ impl Scale {
     }
 }
 
-/// Writes a row's file.
 fn row<W: Write + Seek>(out: W, scale: &Scale, points: &[Tags]) -> io::Result<()> {
     let mut writer = writer::Writer::begin(out, &scale.description())?;
     fill(&mut writer, points)?;
@@ -145,7 +143,7 @@ fn file_of(store: &Path, row: usize) -> PathBuf {
     store.join(FOLDER).join(format!("{row:06}.ptu"))
 }
 
-/// The points of a row's file; `None` if it is not there, or not what `row` writes.
+/// Returns the points of a row's file, or `None` if the file is missing or was not written by `row`.
 #[must_use]
 pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
     let mut reader = Reader::open(&file_of(store, row)).ok()?;
@@ -180,7 +178,7 @@ pub fn read_row(store: &Path, row: usize, points: usize) -> Option<Vec<Tags>> {
     (read.is_ok() && sound && begin.is_none() && out.len() == points).then_some(out)
 }
 
-/// Points that wait for their row, in memory and in a log.
+/// Points of an incomplete row, in memory and in a log.
 pub(super) struct TagLog {
     store: PathBuf,
     scale: Scale,
@@ -189,11 +187,11 @@ pub(super) struct TagLog {
 }
 
 impl TagLog {
-    /// An empty log in a store, over whatever is there.
+    /// Creates an empty log in a store and overwrites an existing one.
     pub(super) fn new(store: &Path, scale: Scale) -> io::Result<Self> {
         let folder = store.join(FOLDER);
         std::fs::create_dir_all(&folder)?;
-        // A group of the store, so that readers of Zarr know what the folder is.
+        // Mark the folder as a group for Zarr readers.
         let group = "{\n  \"zarr_format\": 3,\n  \"node_type\": \"group\",\n  \"attributes\": {}\n}\n";
         base::whole_file::write(&folder.join("zarr.json"), group.as_bytes())?;
         let log = OpenOptions::new()
@@ -210,7 +208,6 @@ impl TagLog {
         })
     }
 
-    /// Adds a point.
     pub(super) fn append(&mut self, frame: u32, tags: Tags) -> io::Result<()> {
         let body = tags.bytes();
         let mut bytes = Vec::with_capacity(body.len() + 12);
@@ -224,30 +221,29 @@ impl TagLog {
         Ok(())
     }
 
-    /// Waits until the disk has the log.
     pub(super) fn sync(&self) -> io::Result<()> {
         self.log.sync_data()
     }
 
-    /// Empties the log: a new row begins.
+    /// Empties the log for a new row.
     pub(super) fn empty(&mut self) -> io::Result<()> {
         self.part.clear();
         self.log.set_len(0)?;
         self.log.rewind()
     }
 
-    /// Writes the row's file, and waits until the disk has it.
+    /// Writes the row's file and waits until it is on disk.
     pub(super) fn finish_row(&self, number: usize) -> io::Result<()> {
         let path = file_of(&self.store, number);
         let description = self.scale.description();
         writer::write(&path, &description, |w| fill(w, &self.part))?;
         File::open(&path)?.sync_data()?;
-        // The new name is in the folder.
+        // Sync the folder as well, so that the new name is on disk.
         File::open(self.store.join(FOLDER))?.sync_data()
     }
 }
 
-/// Points of the log, up to the first that is torn.
+/// Returns the points of the log, up to the first incomplete one.
 #[must_use]
 pub(super) fn read_log(store: &Path) -> Vec<(u32, Tags)> {
     let mut bytes = vec![];
@@ -281,7 +277,7 @@ pub(super) fn read_log(store: &Path) -> Vec<(u32, Tags)> {
     out
 }
 
-/// Removes the log: all rows are files.
+/// Removes the log of a finished run.
 pub(super) fn remove_log(store: &Path) -> io::Result<()> {
     match std::fs::remove_file(store.join(LOG)) {
         Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
@@ -321,7 +317,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
-        /// Rows and logs come back, and a histogram is a count of the tags.
+        /// Rows and logs round-trip, and a histogram equals the count of the tags.
         #[test]
         fn tags_come_back(points in points(), cut in 0_usize..2000) {
             let folder = tempfile::tempdir().expect("a folder");
@@ -339,7 +335,7 @@ mod tests {
                 p.each().filter(|(_, d, _)| *d < 1000).for_each(|(_, d, _)| want[usize::from(d)] += 1);
                 prop_assert_eq!(p.histogram(1000, &SCALE).expect("a histogram"), want);
             }
-            // Torn: what is whole is there, and nothing else.
+            // Truncated: all complete points are read, and nothing else.
             let path = folder.path().join(LOG);
             let bytes = std::fs::read(&path).expect("reads");
             std::fs::write(&path, &bytes[..bytes.len().saturating_sub(cut)]).expect("writes");
@@ -351,7 +347,7 @@ mod tests {
             prop_assert_eq!(read_row(folder.path(), 3, points.len()), None);
         }
 
-        /// Any words of a card: tags or a message.
+        /// Arbitrary records yield tags or a message.
         #[test]
         fn any_records_are_survived(words in prop::collection::vec(any::<u32>(), 0..30), pulses in any::<u64>()) {
             for record in RecordType::ALL {

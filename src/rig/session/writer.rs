@@ -1,8 +1,9 @@
-//! Frames on their way to disk, beside the run: a thread that writes each, syncs, and only then notes it in the journal.
+//! The writer thread: writes each frame, syncs it to disk, and only then records it in the journal.
 //!
-//! A frame that is a chunk of the store goes straight there. Small ones (histograms) are first appended to a log of the chunk
-//! that they are part of, and become a chunk when it is full; the log is emptied after that, so that a frame is always in
-//! the one or the other. Frames that wait are synced together. Time tags go the same way beside their histograms, before them.
+//! A frame that is a whole chunk of the store is written directly. Smaller frames (histograms) are first
+//! appended to a log of their chunk, which becomes a chunk when it is full. The log is emptied afterwards, so
+//! that a frame is always in the log or in a chunk. Queued frames are synced together. Time tags are written
+//! in the same way, before their histograms.
 
 use super::journal::{Event, FrameRecord, Journal};
 use super::time_tags::{self, Scale, TagLog, Tags};
@@ -13,69 +14,65 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use store::zarr::frames::FrameStore;
 
-/// The log of a chunk that is not full, in the store's folder.
+/// File name of the log of an incomplete chunk.
 const LOG: &str = ".session.frames";
-/// Frames that wait at most: what a power cut can cost.
+/// Maximum number of queued frames, which a power cut can lose.
 const WAITING: usize = 64;
 
-/// What comes to the writer.
 enum Item {
     Frame(FrameRecord, Vec<u32>, Option<Tags>),
     Event(Event),
-    /// Write all that came and say so.
+    /// Writes all earlier items, then replies.
     Flush(SyncSender<()>),
 }
 
-/// What ended the writer.
+/// An error that ended the writer.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {cause}; make room and resume: all frames that were noted are safe")]
 pub struct DiskError {
-    /// Where.
     pub path: PathBuf,
-    /// What the system says.
     pub cause: String,
 }
 
-/// A thread that writes.
+/// A handle to the writer thread.
 pub struct Writer {
     sender: Option<SyncSender<Item>>,
     thread: Option<JoinHandle<Result<(), DiskError>>>,
 }
 
-/// What the thread works with.
+/// State of the thread.
 struct Work {
     store: FrameStore,
     journal: Journal,
     log: File,
     tags: Option<TagLog>,
-    /// Numbers of the chunk that is not full.
+    /// Numbers of the incomplete chunk.
     part: Vec<u32>,
-    /// Chunks that the disk need not have yet.
+    /// Chunks that are written but possibly not on disk.
     unsynced: Vec<usize>,
     disk_full: Option<Box<dyn FnMut() -> bool + Send>>,
 }
 
-/// CRC-32C of a frame's numbers.
+/// Returns the CRC-32C of a frame's numbers.
 #[must_use]
 pub fn checksum(numbers: &[u32]) -> u32 {
     let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
     crc32c::crc32c(&bytes)
 }
 
-/// What of a run's store is sound, and what the log holds of the chunk that is not full.
+/// The intact part of a run's store, and the logged frames of the incomplete chunk.
 pub struct Recovered {
-    /// Frames that are on disk, from the first on.
+    /// Number of intact frames, from the first one.
     pub frames: u32,
     part: Vec<u32>,
-    /// Time tags of the same frames, where these are kept.
+    /// Time tags of the logged frames, if kept.
     tags: Vec<Tags>,
 }
 
-/// Compares a store with its journal, from the first frame on: frames whose numbers are not what the journal says end what
-/// is sound.
+/// Compares a store with its journal. The first frame with a different checksum ends the intact part.
 ///
 /// # Errors
-/// If the journal cannot be read.
+/// An error if the journal cannot be read.
 pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
     let crcs = super::journal::frames(store.path(), |r| (r.crc, r.tags_crc))?;
     let (per, len) = (store.layout().frames_per_chunk(), store.layout().frame_len());
@@ -146,7 +143,7 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
             good = n + 1;
         }
         if good < sound + per {
-            // Also a full chunk whose file is lost, but whose log is there: it is filled again from the log.
+            // A full chunk whose file is lost but whose log is intact is rebuilt from the log.
             (part, tags, sound) = (kept, kept_tags, good);
             break;
         }
@@ -164,7 +161,7 @@ pub fn recover(store: &FrameStore) -> io::Result<Recovered> {
     })
 }
 
-/// Frames of the log, up to the first that is torn.
+/// Returns the frames of the log, up to the first incomplete one.
 fn read_log(store: &Path, len: usize) -> io::Result<Vec<(u32, Vec<u32>)>> {
     let mut file = base::input::open(&store.join(LOG))?;
     let mut frames = vec![];
@@ -186,10 +183,10 @@ fn read_log(store: &Path, len: usize) -> io::Result<Vec<(u32, Vec<u32>)>> {
 }
 
 impl Writer {
-    /// Begins to write a store, at the frame behind what was recovered; with time tags of some scale, or without.
+    /// Starts the writer at the frame after the recovered ones. `tags` is the scale of time tags, if kept.
     ///
     /// # Errors
-    /// If the file system refuses.
+    /// [`DiskError`] from the file system.
     pub fn new(
         store: FrameStore,
         recovered: Recovered,
@@ -222,7 +219,7 @@ impl Writer {
             unsynced: vec![],
             disk_full,
         };
-        // The log anew, with what is sound in it alone.
+        // Rewrite the log with the intact frames only.
         let len = work.store.layout().frame_len().max(1);
         let first = recovered.frames as usize - recovered.part.len() / len;
         work.empty_log().map_err(failed)?;
@@ -239,7 +236,7 @@ impl Writer {
         let (sender, receiver) = sync_channel(WAITING);
         let thread = std::thread::spawn(move || {
             let result = work.serve(&receiver);
-            // The store goes with its lock.
+            // The store and its lock are dropped here.
             result.map_err(|cause| DiskError { path, cause })
         });
         Ok(Self {
@@ -253,10 +250,10 @@ impl Writer {
         if sent { Ok(()) } else { self.close() }
     }
 
-    /// Hands a frame over; waits where too many wait.
+    /// Queues a frame. Blocks while the queue is full.
     ///
     /// # Errors
-    /// [`DiskError`] that an earlier one met.
+    /// [`DiskError`] of an earlier item.
     pub fn frame(
         &mut self,
         record: FrameRecord,
@@ -266,18 +263,18 @@ impl Writer {
         self.send(Item::Frame(record, numbers, tags))
     }
 
-    /// Notes what happened.
+    /// Queues an event for the journal.
     ///
     /// # Errors
-    /// As [`Self::frame`].
+    /// Like [`Self::frame`].
     pub fn event(&mut self, event: Event) -> Result<(), DiskError> {
         self.send(Item::Event(event))
     }
 
-    /// Waits until all that was handed over is on disk.
+    /// Waits until all queued items are on disk.
     ///
     /// # Errors
-    /// As [`Self::frame`].
+    /// Like [`Self::frame`].
     pub fn flush(&mut self) -> Result<(), DiskError> {
         let (sender, receiver) = sync_channel(1);
         self.send(Item::Flush(sender))?;
@@ -288,10 +285,10 @@ impl Writer {
         }
     }
 
-    /// Waits for the end of all that was handed over, and closes the store.
+    /// Waits until all queued items are on disk, and closes the store.
     ///
     /// # Errors
-    /// As [`Self::frame`].
+    /// Like [`Self::frame`].
     pub fn close(&mut self) -> Result<(), DiskError> {
         self.sender = None;
         match self.thread.take().map(JoinHandle::join) {
@@ -314,7 +311,7 @@ impl Drop for Writer {
 impl Work {
     fn serve(&mut self, receiver: &Receiver<Item>) -> Result<(), String> {
         while let Ok(first) = receiver.recv() {
-            // All that waits is synced together.
+            // Write all queued items with a single sync.
             let mut waiting = vec![first];
             waiting.extend(receiver.try_iter());
             self.write(waiting)?;
@@ -343,7 +340,7 @@ impl Work {
                 }
             }
         }
-        // What was written before a failure is noted all the same.
+        // Frames written before a failure are journaled as well.
         for chunk in std::mem::take(&mut self.unsynced) {
             self.store.sync_chunk(chunk).map_err(io)?;
         }
@@ -371,7 +368,7 @@ impl Work {
             return Ok(());
         }
         if (frame as usize).is_multiple_of(per) {
-            // The chunk before is in its place.
+            // The previous chunk is complete.
             self.part.clear();
             self.empty_log().map_err(|e| e.to_string())?;
         }
@@ -381,7 +378,7 @@ impl Work {
             self.store
                 .write_chunk(chunk, &self.part)
                 .map_err(|e| e.to_string())?;
-            // Before its log is emptied.
+            // Sync the chunk before its log is emptied.
             self.store.sync_chunk(chunk).map_err(|e| e.to_string())?;
         }
         Ok(())
@@ -402,7 +399,7 @@ impl Work {
     }
 }
 
-/// A point's tags, and its row's file with the last of them.
+/// Appends a point's tags to the log. The last point of a row also writes the row's file.
 fn put_tags(log: &mut TagLog, frame: usize, per: usize, tags: Tags) -> io::Result<()> {
     if frame.is_multiple_of(per) {
         log.empty()?;
@@ -414,10 +411,10 @@ fn put_tags(log: &mut TagLog, frame: usize, per: usize, tags: Tags) -> io::Resul
     Ok(())
 }
 
-/// Removes the logs: all frames are in chunks.
+/// Removes the logs of a finished run.
 ///
 /// # Errors
-/// If the file system refuses.
+/// Errors of the file system.
 pub fn remove_log(store: &Path) -> io::Result<()> {
     time_tags::remove_log(store)?;
     match std::fs::remove_file(store.join(LOG)) {

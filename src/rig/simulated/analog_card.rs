@@ -1,5 +1,6 @@
-//! A simulated analog output card: what it puts out is rounded to its bits, stands for the time of a sample, and drives
-//! whatever hangs at its terminals.
+//! A simulated analog output card.
+//!
+//! It rounds each output to its bit depth, keeps it for one sample period, and drives its terminals.
 
 use super::faults::Mishap;
 use super::world::Shared;
@@ -8,13 +9,12 @@ use crate::instrument::{AnalogLimits, AnalogOutput, AnalogSettings, Failure, Fau
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// What stood at the terminals and since when: every sample's begin by the bench's clock, and the volts of all channels.
+/// Recorded outputs: the start time of every sample on the bench's clock, and the voltages of all channels.
 pub type Recording = Arc<Mutex<Vec<(Duration, Vec<f64>)>>>;
 
-/// What hangs at the terminals: told the volts of all channels whenever they change.
+/// The load at the terminals. It receives the voltages of all channels at every change.
 pub type Terminals = Box<dyn FnMut(&[f64]) + Send>;
 
-/// A simulated card.
 pub struct SimulatedCard {
     name: String,
     world: Shared,
@@ -22,15 +22,15 @@ pub struct SimulatedCard {
     terminals: Terminals,
     settings: Option<AnalogSettings>,
     buffer: Vec<Vec<f64>>,
-    /// When the buffer was started, and how many of its samples have been put out.
+    /// Start time of the buffer, and the number of its samples that have been output.
     running: Option<(Duration, usize)>,
-    /// Volts of all channels.
+    /// Present voltages of all channels.
     standing: Vec<f64>,
     recording: Option<Recording>,
 }
 
 impl SimulatedCard {
-    /// A card that is not configured, all channels at 0 V. Faults strike it by `name`, at the n-th wait.
+    /// Creates an unconfigured card with all channels at 0 V. Faults are counted by `name`, at each wait.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: AnalogLimits, terminals: Terminals) -> Self {
         Self {
@@ -46,7 +46,7 @@ impl SimulatedCard {
         }
     }
 
-    /// From now on every sample is kept there.
+    /// Records every sample from now on and returns the recording.
     pub fn record(&mut self) -> Recording {
         let recording = Recording::default();
         self.recording = Some(recording.clone());
@@ -57,13 +57,13 @@ impl SimulatedCard {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Begin of a sample, or the end of the last one, after the start.
+    /// Returns the time from the start to the begin of a sample, or to the end of the last sample.
     fn time_of(&self, sample: usize) -> Duration {
         let rate = self.settings.as_ref().map_or(1.0, |s| s.rate_hz);
         Duration::from_secs_f64(sample as f64 / rate)
     }
 
-    /// Puts out what is due by the bench's clock.
+    /// Outputs the samples that are due on the bench's clock.
     fn catch_up(&mut self) {
         let Some((begun, mut done)) = self.running else {
             return;
@@ -90,10 +90,10 @@ impl SimulatedCard {
         self.running = Some((begun, done));
     }
 
-    /// That no buffer is being put out.
+    /// Checks that no buffer is being output.
     ///
     /// # Errors
-    /// [`Failure`] if the line is dead, or if one is.
+    /// [`Failure`] if the line is dead or a buffer is being output.
     fn free(&mut self) -> Result<(), Failure> {
         self.world.alive(&self.name)?;
         self.catch_up();
@@ -107,7 +107,7 @@ impl SimulatedCard {
         Ok(())
     }
 
-    /// When the buffer ends that was begun then.
+    /// Returns the end time of a buffer that started at `begun`.
     fn end(&self, begun: Duration) -> Duration {
         begun + self.time_of(self.buffer.first().map_or(0, Vec::len))
     }
@@ -126,7 +126,7 @@ impl Instrument for SimulatedCard {
         (self.settings, self.running) = (None, None);
         self.buffer.clear();
         self.world.reconnect(&self.name, within)?;
-        // A card that is reset stands at zero.
+        // A reset sets all outputs to zero.
         self.standing.fill(0.0);
         (self.terminals)(&self.standing);
         Ok(())

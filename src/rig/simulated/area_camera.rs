@@ -1,5 +1,7 @@
-//! A simulated camera: what falls on it is the tensor under the pattern that is shown, through the elements where they stand;
-//! its noise is that of the run's frame.
+//! A simulated area camera.
+//!
+//! Its image is the tensor under the shown pattern, seen through the elements at their true angles. The frame
+//! number of the run keys its noise.
 
 use super::faults::Mishap;
 use super::world::Shared;
@@ -8,20 +10,18 @@ use crate::instrument::{
 };
 use std::time::Duration;
 
-/// A simulated camera.
 pub struct SimulatedCamera {
     name: String,
     world: Shared,
     limits: CameraLimits,
     settings: Option<CameraSettings>,
-    /// The frame under way: when it is read, and it, unless it is lost.
+    /// The exposure under way: its readout time and its frame. The frame is `None` if it was dropped.
     pending: Option<(Duration, Option<RawFrame>)>,
     last: Option<RawFrame>,
     taken: u64,
 }
 
 impl SimulatedCamera {
-    /// A camera that is not configured.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: CameraLimits) -> Self {
         Self {
@@ -39,7 +39,7 @@ impl SimulatedCamera {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Digital numbers of the exposure that begins now.
+    /// Returns the digital numbers of an exposure that begins now.
     fn numbers(&self, settings: &CameraSettings) -> Result<Vec<u32>, Failure> {
         let r = settings.region;
         let region = [r.x, r.y, r.width, r.height].map(|n| n as usize);

@@ -1,5 +1,7 @@
-//! A simulated photon counter: the diode of [`polarimetry::capture::detector::spad`] where the galvo points, through the
-//! elements where they stand.
+//! A simulated photon counter.
+//!
+//! Its detector is the diode of [`polarimetry::capture::detector::spad`]. It sees the point at which the
+//! galvo points, through the elements at their true angles.
 
 use super::faults::Mishap;
 use super::light::Scenery;
@@ -17,12 +19,11 @@ use polarimetry::capture::directions::Directions;
 use polarimetry::capture::element::Ray;
 use std::time::Duration;
 
-/// Its time tags are those of PicoQuant's TimeHarp 260 P.
+/// Record type of its time tags: that of PicoQuant's TimeHarp 260 P.
 pub const TAGS: RecordType = RecordType::TimeHarp260PT3;
-/// Tags of one acquisition at most.
+/// Maximum number of tags in one acquisition.
 const MOST_TAGS: u64 = 1 << 26;
 
-/// A simulated counter.
 pub struct SimulatedCounter {
     name: String,
     world: Shared,
@@ -33,7 +34,6 @@ pub struct SimulatedCounter {
 }
 
 impl SimulatedCounter {
-    /// A counter that is not configured.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: CounterLimits) -> Self {
         Self {
@@ -51,7 +51,7 @@ impl SimulatedCounter {
     }
 }
 
-/// Radiance by bin of the counter where the beam points, and the scan point's number.
+/// Returns the radiance per bin of the counter in the galvo's direction, and the scan point's index.
 fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32), String> {
     let sets = w.sets();
     let [ax, ay] = w.pointing_deg.map(|a| a.to_radians().tan());
@@ -90,7 +90,7 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
     };
     let seen = w.bench.histogram(histogram, &sets, &ray);
     let scale = w.power();
-    // The tensor's first bin among the counter's; what comes before these is not seen.
+    // Index of the tensor's first bin among the counter's bins. Earlier bins of the tensor are dropped.
     let first = ((begin_ps - settings.offset_ps) / settings.bin_ps).round() as i64;
     let mut bins = vec![0.0; usize::try_from(first).unwrap_or(0)];
     let early = usize::try_from(-first).unwrap_or(0);
@@ -98,7 +98,7 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
     Ok((bins, (y * width + x) as u32))
 }
 
-/// Counts by bin as the T3 records of a card. Photons later than `dtime` can say are lost, as they are there.
+/// Converts counts per bin to T3 records. Photons beyond the range of `dtime` are lost, as on the real card.
 fn tagged(counts: &[u64], pulses: u64, alone: bool, random: &mut Stream) -> std::io::Result<Vec<u32>> {
     let seen = &counts[..counts.len().min(TAGS.dtimes() as usize)];
     if seen.iter().sum::<u64>() > MOST_TAGS {
@@ -188,7 +188,7 @@ impl PhotonCounter for SimulatedCounter {
             if !settings.tags || full {
                 return Ok((counts, vec![], diode.pulses));
             }
-            // The same counts, whatever mode the card is in: only then are they dealt to pulses.
+            // The counts do not depend on the card's mode. Only tag mode then assigns them to pulses.
             let alone = diode.mode == Mode::Synchronous;
             let records = tagged(&counts, diode.pulses, alone, &mut random).map_err(|e| e.to_string())?;
             Ok((vec![], records, diode.pulses))

@@ -1,54 +1,53 @@
-//! What goes wrong in a laboratory, on purpose: faults that strike an instrument at its n-th use.
+//! Injected faults: each strikes an instrument at its n-th use.
 
 use serde::{Deserialize, Serialize};
 
-/// What happens.
+/// Kind of an injected fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mishap {
-    /// A frame or an acquisition never comes.
+    /// A frame or an acquisition never arrives.
     DroppedFrame,
-    /// The answer comes after every deadline, once.
+    /// One answer misses its deadline.
     Timeout,
-    /// A stage stops short of its goal.
+    /// A stage stops before its goal.
     Stall,
-    /// The cable comes off, and is back when one connects anew.
+    /// The cable comes off. Reconnecting succeeds.
     CableOut,
-    /// The cable comes off and stays off.
+    /// The cable comes off. Reconnecting fails.
     CableGone,
-    /// Stray light: one frame is white.
+    /// Stray light saturates one frame.
     Saturation,
-    /// The laser loses power for a minute.
+    /// The laser's power drops for a minute.
     LaserLow,
-    /// Somebody sets the wall's clock back by an hour.
+    /// The wall clock is set back by one hour.
     ClockBack,
-    /// Somebody sets it forward by a day.
+    /// The wall clock is set forward by one day.
     ClockForward,
-    /// The bench loses power: all lines are dead, stages forget their zero, and are back when one connects anew.
+    /// The bench loses power: all lines are dead and the stages lose their zero until they are reconnected.
     PowerCut,
-    /// A frame comes with fewer bytes than it should have.
+    /// A frame has too few bytes.
     ShortFrame,
-    /// A frame of before comes once more.
+    /// The previous frame arrives again.
     StaleFrame,
-    /// The instrument refuses (an interlock), and goes on refusing.
+    /// The instrument refuses the command because of an interlock.
     Interlock,
     /// The disk is full for one write.
     DiskFull,
 }
 
-/// A mishap and when it strikes.
+/// An injected fault and the use at which it strikes.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultAt {
-    /// What happens.
     pub kind: Mishap,
     /// Name of the instrument whose uses are counted (moves, exposures, acquisitions, …), or `disk`.
     pub instrument: String,
-    /// Which use, from 1.
+    /// Number of the use, from 1.
     pub at: u64,
 }
 
-/// Mishaps that wait.
+/// The faults that have not struck yet, and the number of uses of each instrument.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
     waiting: Vec<FaultAt>,
@@ -56,7 +55,6 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// These, all still to come.
     #[must_use]
     pub fn new(waiting: Vec<FaultAt>) -> Self {
         Self {
@@ -65,7 +63,7 @@ impl Faults {
         }
     }
 
-    /// Counts a use of an instrument, and says what strikes.
+    /// Counts a use of an instrument and returns the fault that strikes it, if any.
     pub fn strike(&mut self, instrument: &str) -> Option<Mishap> {
         let uses = self.uses.entry(instrument.to_owned()).or_default();
         *uses += 1;

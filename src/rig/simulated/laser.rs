@@ -4,7 +4,6 @@ use super::world::Shared;
 use crate::instrument::{Failure, Fault, Identity, Instrument, LaserLimits, LaserState, PulsedLaser};
 use std::time::Duration;
 
-/// A simulated laser.
 pub struct SimulatedLaser {
     name: String,
     world: Shared,
@@ -13,7 +12,6 @@ pub struct SimulatedLaser {
 }
 
 impl SimulatedLaser {
-    /// A laser that is off.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: LaserLimits) -> Self {
         Self {

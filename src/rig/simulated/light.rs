@@ -1,4 +1,4 @@
-//! What the bench's light meets: a rendered tensor in memory, scan points of one that are read row by row, or a plain sample.
+//! The scenery of the bench: a rendered tensor in memory, a scan read row by row, or a uniform sample.
 
 use polarimetry::capture::bench::{Bench, Light, times};
 use polarimetry::capture::design_matrix::ELEMENTS;
@@ -11,27 +11,28 @@ use store::zarr::{StoredSlice, TensorStore};
 use tensor::axes::AxisKind;
 use tensor::field::Field;
 
-/// Images of patterns that are kept, bytes: a night shows the same ones again and again.
+/// Maximum size of the cached images of patterns, in bytes. A run repeats the same patterns.
 const KEPT_BYTES: usize = 512 << 20;
-/// Rows of a scan that are kept, bytes.
+/// Maximum size of the cached rows of a scan, in bytes.
 const MOST_ROWS_BYTES: usize = 64 << 20;
-/// A tensor's part that is played must fit in memory, bytes.
+/// Maximum size of a slice that is loaded into memory, in bytes.
 const MOST_BYTES: u64 = 6 << 30;
 
-/// What the light meets.
+/// The object that the bench's light illuminates.
 pub enum Scenery {
-    /// The same matrix at all pixels of a camera: air, a mirror, a known plate. Time-resolved in the first bin alone.
+    /// A uniform sample such as air, a mirror or a known plate: every camera pixel has the same Mueller
+    /// matrix. With time bins, all light is in the first bin.
     Sample {
-        /// Row-major, at full drive of all pixels.
+        /// Row-major Mueller matrix at full drive of all projector pixels.
         mueller: [f32; ELEMENTS],
         /// Columns and rows of the camera.
         camera: [usize; 2],
-        /// Images are made of it.
+        /// Buffer of the sample's image, 16 elements per pixel.
         image: Vec<f32>,
     },
-    /// T(s, s') in memory.
+    /// T(s, s', p, p') in memory.
     Tensor(PlayedTensor),
-    /// T(s, s' = s, t) by rows of scan points.
+    /// T(s, s' = s, p, p', t), read by rows of scan points.
     Scan(PlayedScan),
 }
 
@@ -41,9 +42,9 @@ pub struct PlayedTensor {
     pub camera: [usize; 2],
     /// Columns and rows of s'.
     pub projector: [usize; 2],
-    /// By camera pixel, projector pixel, element.
+    /// Elements by camera pixel, projector pixel and Mueller element.
     data: Vec<f32>,
-    /// Images under patterns that were shown, the last ones last.
+    /// Cached pairs of pattern and image, oldest first.
     kept: Vec<(Vec<f32>, Vec<f32>)>,
     lit: Vec<[f64; 4]>,
 }
@@ -53,22 +54,19 @@ pub struct PlayedScan {
     slice: StoredSlice,
     /// Columns and rows of the scan.
     pub camera: [usize; 2],
-    /// Bins and their width, ps, and the begin of the first.
     pub bins: usize,
-    /// Width of a bin, ps.
     pub bin_ps: f64,
-    /// Begin of the first bin, ps.
     pub start_ps: f64,
     lane: usize,
     lanes: usize,
-    /// First of the rows in memory, and they.
+    /// Index of the first cached row, and the data of the cached rows.
     rows: Option<(usize, Vec<f32>)>,
-    /// How many: those of a chunk, if they are not too large.
+    /// Number of rows read together: the rows of a chunk if they fit into memory, otherwise 1.
     together: usize,
 }
 
 impl Scenery {
-    /// A plain sample before a camera.
+    /// Creates a uniform sample in front of a camera.
     #[must_use]
     pub fn sample(mueller: [f32; ELEMENTS], camera: [usize; 2]) -> Self {
         let image = mueller.repeat(camera[0] * camera[1]);
@@ -79,10 +77,11 @@ impl Scenery {
         }
     }
 
-    /// A slice of a finished store at a wavelength: with time bins it is scanned, else shown patterns.
+    /// Opens a slice of a finished store at a wavelength. A slice with time bins is scanned; any other is
+    /// illuminated by patterns.
     ///
     /// # Errors
-    /// What cannot be played, in words.
+    /// A message if the store cannot be read or the slice cannot be played.
     pub fn open(path: &Path, name: &str, nm: f64) -> Result<Self, String> {
         let store = TensorStore::open(path).map_err(|e| e.to_string())?;
         denoised::refuse(&store).map_err(|e| e.to_string())?;
@@ -151,7 +150,7 @@ impl Scenery {
             ));
         }
         let mut data = Vec::with_capacity(width * height * projector[0] * projector[1] * ELEMENTS);
-        // Rows of a chunk together: each is decompressed once.
+        // Read the rows of a chunk together, so that each chunk is decompressed once.
         let rows = layout.axes[0].chunk.max(1);
         for y in (0..height as u64).step_by(rows as usize) {
             let mut shape = layout.shape();
@@ -171,7 +170,7 @@ impl Scenery {
         }))
     }
 
-    /// Columns and rows of the camera, or of scan points.
+    /// Returns the columns and rows of the camera or of the scan.
     #[must_use]
     pub fn camera(&self) -> [usize; 2] {
         match self {
@@ -181,10 +180,12 @@ impl Scenery {
         }
     }
 
-    /// What comes back under a pattern (drives of s', a whole number of projector pixels a box); none in the dark.
+    /// Returns the light that returns from the scenery under a pattern, or `None` without a pattern.
+    ///
+    /// The pattern contains the drives of s'; each box of s' covers a whole number of projector pixels.
     ///
     /// # Errors
-    /// If the pattern does not fit the tensor, in words.
+    /// A message if the pattern does not fit the tensor, or if the scenery is a scan.
     pub fn light(
         &mut self,
         pattern: Option<&Vec<f32>>,
@@ -243,7 +244,7 @@ impl PlayedTensor {
         Ok(Light::Stokes(&self.lit))
     }
 
-    /// Contracts the tensor with a pattern, and forgets old images where they are too many.
+    /// Contracts the tensor with a pattern and caches the image. Evicts the oldest images if necessary.
     fn keep(&mut self, pattern: &[f32]) -> usize {
         let boxes = self.projector[0] * self.projector[1];
         let size = self.camera[0] * self.camera[1] * ELEMENTS;
@@ -272,10 +273,10 @@ fn lit_pixels(pattern: &[f32]) -> impl Iterator<Item = (usize, f32)> {
 }
 
 impl PlayedScan {
-    /// 16 elements a bin of a scan point. The rows that were read last stay in memory.
+    /// Returns 16 elements per bin of a scan point. The rows that were read last stay in memory.
     ///
     /// # Errors
-    /// If the store is damaged, or there is no such point; in words.
+    /// A message if the store is damaged or the point does not exist.
     pub fn point(&mut self, x: usize, y: usize) -> Result<&[f32], String> {
         let [width, height] = self.camera;
         if x >= width || y >= height {

@@ -1,8 +1,8 @@
-//! Simulated twins of all instruments, which share one bench: the camera sees the stages move, the pattern change and the
-//! laser fail.
+//! Simulated instruments that share one bench.
 //!
-//! Its sensors play a rendered tensor ([`light`]) through the optics as they are in truth ([`world::World::bench`]); what goes wrong in a
-//! laboratory is injected by [`faults`]. Time is that of the bench's [`crate::clock::Clock`].
+//! The camera sees the effect of stage moves, pattern changes and laser failures. The sensors play a rendered
+//! tensor ([`light`]) through the true optics ([`world::World::bench`]). [`faults`] injects the failures of a
+//! laboratory. All instruments use the bench's [`crate::clock::Clock`].
 
 pub mod analog_card;
 pub mod area_camera;

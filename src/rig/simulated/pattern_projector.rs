@@ -1,11 +1,10 @@
-//! A simulated projector: patterns from memory, binary or grey.
+//! A simulated projector of stored binary or gray patterns.
 
 use super::world::Shared;
 use crate::instrument::{Failure, Fault, Identity, Instrument, Pattern, PatternProjector, ProjectorLimits};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A simulated projector.
 pub struct SimulatedProjector {
     name: String,
     world: Shared,
@@ -14,7 +13,6 @@ pub struct SimulatedProjector {
 }
 
 impl SimulatedProjector {
-    /// A projector without patterns.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: ProjectorLimits) -> Self {
         Self {

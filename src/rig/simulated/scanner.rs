@@ -4,7 +4,6 @@ use super::world::Shared;
 use crate::instrument::{Failure, Fault, GalvoLimits, GalvoScanner, Identity, Instrument};
 use std::time::Duration;
 
-/// A simulated scanner.
 pub struct SimulatedScanner {
     name: String,
     world: Shared,
@@ -12,7 +11,6 @@ pub struct SimulatedScanner {
 }
 
 impl SimulatedScanner {
-    /// A scanner at rest.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: GalvoLimits) -> Self {
         Self {

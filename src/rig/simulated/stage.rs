@@ -1,33 +1,31 @@
-//! A simulated rotation stage: a trapezoid of velocity, backlash, an encoder with a least step, and a zero that has to be
-//! found.
+//! A simulated rotation stage with trapezoidal velocity, backlash, finite encoder resolution and homing.
 //!
-//! Backlash: the axle follows the encoder with half of the play behind, on the side that it was last turned to. Who always
-//! comes from the same side is off by a constant, which calibration finds.
+//! Backlash: the axle lags the encoder by half of the play, opposite to the direction of the last move. If
+//! all moves approach from the same side, the error is a constant, which calibration finds.
 
 use super::faults::Mishap;
 use super::world::{Shared, StageState};
 use crate::instrument::{Failure, Fault, Identity, Instrument, RotationStage, StageLimits, StageReading};
 use std::time::Duration;
 
-/// Homing speed, degrees a second.
+/// Homing speed in degrees per second.
 const HOMING: f64 = 10.0;
 
-/// A simulated stage.
 pub struct SimulatedStage {
     name: String,
     world: Shared,
     limits: StageLimits,
     backlash_deg: f64,
-    /// Where to, and when it is there.
+    /// Goal in degrees and arrival time of the move under way.
     goal: Option<(f64, Duration)>,
     stalled: bool,
 }
 
 impl SimulatedStage {
-    /// A stage that carries the element of the same name, not homed.
+    /// Creates a stage, not homed, that carries the element of the same name.
     #[must_use]
     pub fn new(name: &str, world: Shared, limits: StageLimits, backlash_deg: f64) -> Self {
-        // Where somebody left it.
+        // An arbitrary initial position.
         let left = StageState {
             angle_deg: 13.0,
             encoder_deg: 0.0,
@@ -52,7 +50,7 @@ impl SimulatedStage {
         Failure::new(fault, &self.name, what)
     }
 
-    /// Puts encoder and axle to an angle, come from where they were.
+    /// Sets encoder and axle to an angle. The direction of the move determines the sign of the backlash.
     fn put(&self, angle: f64) {
         let step = self.limits.resolution_deg;
         let encoder = (angle / step).round() * step;
@@ -105,7 +103,7 @@ impl RotationStage for SimulatedStage {
         self.goal = None;
         self.world.with(|w| {
             if let Some(state) = w.stages.get_mut(&self.name) {
-                // From one side, always.
+                // Homing always approaches from the same side.
                 *state = StageState {
                     angle_deg: -0.5 * self.backlash_deg,
                     encoder_deg: 0.0,
@@ -173,7 +171,7 @@ impl RotationStage for SimulatedStage {
     fn stop(&mut self, _within: Duration) -> Result<(), Failure> {
         self.world.alive(&self.name)?;
         if let Some((goal, then)) = self.goal.take() {
-            // As far as it came.
+            // Stop at the position reached so far.
             let left = then.saturating_sub(self.world.clock().now()).as_secs_f64();
             let from = self.state().encoder_deg;
             let whole = self.limits.move_time(goal - from).as_secs_f64();

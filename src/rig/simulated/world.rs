@@ -1,4 +1,4 @@
-//! The bench that all simulated instruments share.
+//! The state of the bench that all simulated instruments share.
 
 use super::faults::{FaultAt, Faults, Mishap};
 use super::light::Scenery;
@@ -12,57 +12,50 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// A bench that instruments share.
+/// A handle to the shared bench.
 #[derive(Clone)]
 pub struct Shared(Arc<Mutex<World>>);
 
-/// Where a simulated stage is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageState {
-    /// Where the axle is, degrees from its zero.
+    /// True angle of the axle, in degrees from its zero.
     pub angle_deg: f64,
-    /// Where the encoder says it is.
+    /// Angle that the encoder reports.
     pub encoder_deg: f64,
-    /// Zero has been found.
     pub homed: bool,
 }
 
-/// Everything that is in the laboratory.
+/// The complete state of the simulated laboratory.
 pub struct World {
-    /// Its time.
     pub clock: Clock,
-    /// Optics in truth.
+    /// True optics.
     pub bench: Bench,
-    /// What the light meets.
     pub scenery: Scenery,
-    /// The camera in truth.
+    /// True camera.
     pub cmos: Cmos,
-    /// The diode in truth.
+    /// True diode.
     pub spad: Spad,
-    /// Stages by name.
     pub stages: BTreeMap<String, StageState>,
-    /// Drive of every projector pixel, 0 to 1; none where it is dark.
+    /// Drive of every projector pixel, 0 to 1, or `None` if the projector is dark.
     pub pattern: Option<Arc<Vec<f32>>>,
-    /// Where the galvo points, optical degrees.
+    /// Direction of the galvo, in optical degrees.
     pub pointing_deg: [f64; 2],
-    /// Laser's light is on.
     pub emitting: bool,
-    /// Laser is weak until then.
+    /// Time until which the laser has reduced power.
     pub low_until: Duration,
-    /// Number of the run's frame that is taken next, which all noise is keyed by.
+    /// Number of the run's next frame. It keys all noise.
     pub frame: u32,
-    /// Seed of the noise.
     pub seed: u64,
     faults: Faults,
-    /// Instruments whose line is dead.
+    /// Instruments that are disconnected until the next reconnect.
     dead: BTreeSet<String>,
-    /// Instruments whose line stays dead.
+    /// Instruments that are disconnected permanently.
     gone: BTreeSet<String>,
     power: bool,
 }
 
 impl Shared {
-    /// A bench at rest.
+    /// Creates a bench with the laser off, no pattern and no stages.
     #[must_use]
     pub fn new(clock: Clock, bench: Bench, scenery: Scenery, cmos: Cmos, spad: Spad, seed: u64) -> Self {
         Self(Arc::new(Mutex::new(World {
@@ -85,26 +78,26 @@ impl Shared {
         })))
     }
 
-    /// Mishaps to come.
+    /// Sets the faults to inject.
     pub fn plan_faults(&self, faults: Vec<FaultAt>) {
         self.with(|w| w.faults = Faults::new(faults));
     }
 
-    /// Looks at, or changes, the bench.
+    /// Reads or changes the bench under its lock.
     pub fn with<T>(&self, f: impl FnOnce(&mut World) -> T) -> T {
         f(&mut locked(&self.0))
     }
 
-    /// The bench's clock.
     #[must_use]
     pub fn clock(&self) -> Clock {
         self.with(|w| w.clock.clone())
     }
 
-    /// Counts a use of an instrument; what strikes and is of no special kind is dealt with here.
+    /// Counts a use of an instrument and handles the faults that concern every instrument. Returns any other
+    /// fault to the caller.
     ///
     /// # Errors
-    /// [`Failure`] if its line is dead, or dies.
+    /// [`Failure`] if the line is dead, or if a fault disconnects, delays or blocks the instrument.
     pub fn use_of(&self, instrument: &str, within: Duration) -> Result<Option<Mishap>, Failure> {
         self.alive(instrument)?;
         let mishap = self.with(|w| w.faults.strike(instrument));
@@ -130,7 +123,7 @@ impl Shared {
                     w.emitting = false;
                     w.pattern = None;
                     for stage in w.stages.values_mut() {
-                        // Whoever switched it off also turned the axle a little; the encoder counts from there.
+                        // The axle turns a little during the power cut, and the encoder restarts at zero.
                         stage.angle_deg += 1.7;
                         stage.encoder_deg = 0.0;
                         stage.homed = false;
@@ -172,8 +165,10 @@ impl Shared {
         }
     }
 
+    /// Checks that an instrument is connected.
+    ///
     /// # Errors
-    /// If the line is dead.
+    /// [`Failure`] if the line is dead.
     pub fn alive(&self, instrument: &str) -> Result<(), Failure> {
         let dead = self.with(|w| w.dead.contains(instrument) || w.gone.contains(instrument));
         if dead {
@@ -186,10 +181,10 @@ impl Shared {
         Ok(())
     }
 
-    /// Connects an instrument anew.
+    /// Reconnects an instrument.
     ///
     /// # Errors
-    /// [`Failure`] if its cable stays off.
+    /// [`Failure`] if the instrument is disconnected permanently.
     pub fn reconnect(&self, instrument: &str, within: Duration) -> Result<(), Failure> {
         if self.with(|w| w.gone.contains(instrument)) {
             self.clock().sleep(within);
@@ -207,10 +202,10 @@ impl Shared {
         Ok(())
     }
 
-    /// What a simulated instrument says of itself.
+    /// Returns the identity of a simulated instrument.
     ///
     /// # Errors
-    /// If its line is dead.
+    /// [`Failure`] if the line is dead.
     pub fn identity(&self, instrument: &str, model: &str) -> Result<Identity, Failure> {
         self.alive(instrument)?;
         Ok(Identity {
@@ -221,7 +216,7 @@ impl Shared {
         })
     }
 
-    /// Whether a write to disk strikes a full disk.
+    /// Counts a write to the disk and returns whether the disk is full.
     #[must_use]
     pub fn disk_is_full(&self) -> bool {
         self.with(|w| w.faults.strike("disk")) == Some(Mishap::DiskFull)
@@ -229,7 +224,7 @@ impl Shared {
 }
 
 impl World {
-    /// What every element is truly set to: where its stage's axle is, or what the optics fix.
+    /// Returns the true setting of every element: its stage's axle angle, or the setting of the optics.
     #[must_use]
     pub fn sets(&self) -> [Vec<Set>; 2] {
         let mut sets = self.bench.optics.sets(0);
@@ -244,7 +239,7 @@ impl World {
         sets
     }
 
-    /// The laser's power over nominal.
+    /// Returns the laser's power relative to its nominal power.
     #[must_use]
     pub fn power(&self) -> f64 {
         match (self.emitting, self.clock.now() < self.low_until) {

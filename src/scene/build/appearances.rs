@@ -1,8 +1,9 @@
-//! What a mesh file says a material looks like → the nearest models of ours.
+//! Converts material descriptions of mesh files to the closest Sunstone models.
 //!
-//! A base without a coat is diffuse; with one it is plastic, whose body is chosen so that the directional albedo at normal
-//! incidence is that of the file's model ([`import::body`]). Metal has the indices that reflect its colour
-//! ([`import::metal`]). What lets light through is glass where it refracts, else a sheet.
+//! A base without a coat becomes diffuse. A base with a coat becomes plastic, whose body albedo is chosen so
+//! that the directional albedo at normal incidence equals that of the file's model ([`import::body`]). Metal
+//! gets the indices that reflect its colour ([`import::metal`]). Transmissive materials become glass if they
+//! refract, otherwise a thin sheet.
 
 use super::context::Context;
 use base::locate::Located;
@@ -17,30 +18,27 @@ use syntax::material::{
 use syntax::texture::{AlbedoFile, ImageAlbedo, ScalarFile};
 use syntax::values::SpectrumFile;
 
-/// Facets as smooth as they can be.
 const SMOOTH: f64 = 0.001;
 
-/// Materials being made for one of a file.
+/// Materials created for one material of a file.
 pub(super) struct Table<'a> {
     ctx: &'a mut Context,
     file: &'a Located<String>,
     name: &'a str,
-    /// The materials so far by name; the last one is that of the file.
+    /// Materials created so far by name; the last one is the file's material.
     pub made: Vec<(String, MaterialFile)>,
 }
 
 /// A linear colour, or three numbers.
 type Texel = [f32; 3];
 
-/// A decoded picture.
 struct Texels {
     size: [u32; 2],
-    /// Top row first.
     values: Vec<Texel>,
 }
 
 impl<'a> Table<'a> {
-    /// The materials that stand for an appearance, under `name` and names that begin with it.
+    /// Creates the materials for an appearance, under `name` and names that begin with it.
     pub fn new(ctx: &'a mut Context, file: &'a Located<String>, name: &'a str, a: &Appearance) -> Self {
         let mut out = Self {
             ctx,
@@ -105,7 +103,7 @@ impl<'a> Table<'a> {
         body
     }
 
-    /// A share `weight` of `b` in `a`.
+    /// Blends `a` with a share `weight` of `b`.
     fn mixed(
         &mut self,
         [first, second]: [&str; 2],
@@ -126,7 +124,7 @@ impl<'a> Table<'a> {
     }
 
     fn plastic(&mut self, a: &Appearance, coat: Coat) -> MaterialFile {
-        // Of an image of roughness: the middle of its range.
+        // For an image of roughness, use a roughness of 0.5, in the middle of its range: α is its square.
         let alpha = if a.metallic_roughness.is_some() {
             a.alpha / 4.0
         } else {
@@ -138,7 +136,7 @@ impl<'a> Table<'a> {
                 let factor = body::gltf(coat.ior, alpha);
                 self.albedo(a, |v| v * factor)
             }
-            // The colour is that of coat and body together.
+            // The colour includes both coat and body.
             Model::Mtl => self.albedo(a, |v| ((v - reflected) / (1.0 - reflected)).max(0.0)),
         };
         let specular = self.colour(coat.colour);
@@ -156,7 +154,8 @@ impl<'a> Table<'a> {
         }))
     }
 
-    /// A diffuse base and a mirror that add up to no more than all light: mixed by area, each brighter by its share.
+    /// Returns a blend by area of a diffuse base and a mirror whose albedos add up to at most 1. Each is
+    /// divided by its share.
     fn beside_mirror(&mut self, a: &Appearance, share: f64) -> MaterialFile {
         let rest = (1.0 - share).max(1e-9);
         let base = MaterialFile::Diffuse(DiffuseFile {
@@ -166,7 +165,7 @@ impl<'a> Table<'a> {
         let metal = Some(self.at("mirror".to_owned()));
         let (n, k) = (None, None);
         let reflectance = self.at(reflectance);
-        // MTL's is traced as a mirror; glTF's is as rough as the rest.
+        // For MTL it is a smooth mirror; for glTF it has the material's roughness.
         let mirror = if a.model == Model::Mtl {
             MaterialFile::Conductor(ConductorFile {
                 metal,
@@ -193,7 +192,7 @@ impl<'a> Table<'a> {
         let reflectance = match &a.image {
             None => 1.0.into(),
             Some(picture) => {
-                // The metal of the brightest texel, weakened elsewhere.
+                // Indices of the brightest texel; the image attenuates the reflectance of the others.
                 let most = self.brightest(picture);
                 brightest = std::array::from_fn(|i| a.base[i] * f64::from(most[i]));
                 let reference = most.map(|v| v.max(1e-6));
@@ -214,7 +213,7 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// What lets light through.
+    /// Returns glass or a thin sheet.
     fn transparent(&mut self, a: &Appearance) -> MaterialFile {
         let (ior, exterior_ior) = (self.at(a.ior.into()), self.at(1.0.into()));
         let tinted = a.image.is_some() || a.base != [1.0; 3];
@@ -257,7 +256,6 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// The share that is metal.
     fn metallic(&mut self, a: &Appearance) -> ScalarFile {
         let factor = a.metallic as f32;
         match &a.metallic_roughness {
@@ -266,7 +264,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Facets' α.
+    /// Returns the roughness α of the facets.
     fn alpha(&mut self, a: &Appearance) -> Located<ScalarFile> {
         let factor = a.alpha as f32;
         let value = match &a.metallic_roughness {
@@ -278,7 +276,7 @@ impl<'a> Table<'a> {
         self.at(value)
     }
 
-    /// The share of the surface that is there.
+    /// Returns the opacity, the share of the surface that is present.
     fn opacity(&mut self, a: &Appearance) -> ScalarFile {
         let factor = a.opacity as f32;
         match &a.opacity_image {
@@ -297,14 +295,14 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// The base colour with each value changed by a function, at most 1.
+    /// Returns the base colour with a function applied to each value, at most 1.
     fn albedo(&mut self, a: &Appearance, change: impl Fn(f64) -> f64) -> Located<AlbedoFile> {
         let value = match &a.image {
             None => {
                 let colour = a.base.map(|v| change(v).min(1.0));
                 self.colour(colour).into()
             }
-            // Nothing is to be changed.
+            // The image needs no change.
             Some(picture) if a.base == [1.0; 3] && change(1.0) == 1.0 && change(0.5) == 0.5 => {
                 AlbedoFile::Image(self.reference(picture, false))
             }
@@ -318,7 +316,8 @@ impl<'a> Table<'a> {
         self.at(value)
     }
 
-    /// The bytes of a picture. `None` if it cannot be read, which is reported where the material that names it is built.
+    /// Returns the bytes of an image, or `None` if it cannot be read. The material that uses it reports the
+    /// error.
     fn bytes(&mut self, picture: &Picture) -> Option<Vec<u8>> {
         match &picture.source {
             Source::File(name) => self.ctx.read(name, self.file.span()).ok(),
@@ -326,7 +325,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Linear texels of a picture: colours decoded if `encoded`.
+    /// Returns the linear texels of an image; colours are decoded if `encoded`.
     fn texels(&mut self, picture: &Picture, encoded: bool) -> Option<Texels> {
         let name = match &picture.source {
             Source::File(name) => name.as_str(),
@@ -340,7 +339,7 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// The alpha of a picture's texels, three times each; 1 where it has none.
+    /// Returns the alpha of an image's texels in all three channels, or 1 without an alpha channel.
     fn alphas(&mut self, picture: &Picture) -> Option<Texels> {
         let image = image::load_from_memory(&self.bytes(picture)?).ok()?;
         let alpha = |p: &Rgba<u16>| [f32::from(p.0[3]) / 65535.0; 3];
@@ -350,7 +349,6 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// The greatest value of each channel.
     fn brightest(&mut self, picture: &Picture) -> [f32; 3] {
         let Some(texels) = self.texels(picture, true) else {
             return [1.0; 3];
@@ -359,19 +357,20 @@ impl<'a> Table<'a> {
         values.fold([0.0; 3], |most, t| std::array::from_fn(|i| most[i].max(t[i])))
     }
 
-    /// An image of colours made of a picture.
+    /// Creates a colour image from another image.
     fn derived(&mut self, picture: &Picture, part: &str, change: impl Fn(Texel) -> Texel) -> AlbedoFile {
         let texels = self.texels(picture, true);
         AlbedoFile::Image(self.image(picture, part, texels, change))
     }
 
-    /// An image of numbers made of a picture's channels as they are.
+    /// Creates an image of numbers from the undecoded channels of another image.
     fn numbers(&mut self, picture: &Picture, part: &str, change: impl Fn(Texel) -> f32) -> ScalarFile {
         let texels = self.texels(picture, false);
         ScalarFile::Image(self.image(picture, part, texels, |t| [change(t); 3]))
     }
 
-    /// An image in memory, of changed texels of a picture; the picture itself if these could not be read.
+    /// Creates an in-memory image of modified texels; returns the original image if its texels could not be
+    /// read.
     fn image(
         &mut self,
         picture: &Picture,
@@ -401,7 +400,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// A picture as it is.
+    /// Returns an unmodified image.
     fn reference(&mut self, picture: &Picture, raw: bool) -> ImageAlbedo {
         let name = self.name_of(picture);
         ImageAlbedo {
@@ -416,7 +415,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Name under which an image is found.
+    /// Returns the name under which an image can be read.
     fn name_of(&mut self, picture: &Picture) -> String {
         match &picture.source {
             Source::File(name) => name.clone(),
@@ -428,7 +427,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Red above 590 nm, green from 500 nm, blue below.
+    /// Returns a spectrum: red above 590 nm, green from 500 nm, blue below.
     fn colour(&self, rgb: [f64; 3]) -> SpectrumFile {
         let channel = |nm: &f64| match *nm {
             nm if nm < 500.0 => rgb[2],

@@ -1,4 +1,4 @@
-//! From the syntax of a scene file to the flat tables of a [`Scene`], checking meaning on the way.
+//! Builds the flat tables of a [`Scene`] from the syntax of a scene file, with semantic checks.
 
 use super::context::{self, Context};
 use super::devices::{pinhole, projector};
@@ -29,12 +29,12 @@ pub fn read(path: &Path) -> Result<String, InputError> {
 /// Reads and builds a scene file.
 ///
 /// # Errors
-/// [`InputError`] naming file, line, column and fix.
+/// [`InputError`] with file, line, column and fix.
 pub fn load(path: &Path) -> Result<Scene, InputError> {
     from_text(path, &read(path)?)
 }
 
-/// Builds a scene from its text; `path` names it in messages and anchors the files it refers to.
+/// Builds a scene from text. `path` names it in messages and is the base of relative paths.
 ///
 /// # Errors
 /// As [`load`].
@@ -47,12 +47,12 @@ pub fn from_text(path: &Path, text: &str) -> Result<Scene, InputError> {
 /// Builds a variant of a scene from the text of its file ([`syntax::variant`]); `path` as in [`from_text`].
 ///
 /// # Errors
-/// As [`load`], at the values of `[vary]` where these are wrong; if there is no such variant.
+/// As [`load`], with locations in `[vary]` for its values, or if the variant does not exist.
 pub fn variant_from_text(path: &Path, text: &str, number: u64) -> Result<Scene, InputError> {
     from_variant(path, text, &variant::read(path, text, number)?, number)
 }
 
-/// Builds a variant of a scene, the one of this number; `path` and `text` as in [`from_file`].
+/// Builds a variant of a scene with its number; `path` and `text` as in [`from_file`].
 ///
 /// # Errors
 /// As [`load`].
@@ -74,7 +74,7 @@ pub fn from_variant(
     Ok(scene)
 }
 
-/// Builds a scene from the value of its file, whose places are those in `text`; `path` as in [`from_text`].
+/// Builds a scene from a parsed file whose locations refer to `text`; `path` as in [`from_text`].
 ///
 /// # Errors
 /// As [`load`].
@@ -83,7 +83,6 @@ pub fn from_file(path: &Path, text: &str, file: &SceneFile) -> Result<Scene, Inp
     build(&mut ctx, file)
 }
 
-/// Builds a scene from the value that its file holds.
 pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     match with_gaps(ctx, file)? {
         (_, Some(fault)) if file.render.gaps == GapsFile::Refuse => Err(fault),
@@ -95,15 +94,15 @@ pub(crate) fn build(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputE
     }
 }
 
-/// Rounds in which objects are moved off others, and contacts of each.
+/// Maximum number of rounds in which touching objects are moved, and of contacts per round.
 const MOST_ROUNDS: usize = 4;
 const MOST_CONTACTS: usize = 16;
 
-/// Builds a scene, and says in which gap light would be lost. Objects that touch others are moved off them by as much as single
-/// precision needs, where a thin layer of air between them changes nothing.
+/// Builds a scene and returns an error for the first gap in which light would be lost. Objects that touch are
+/// moved by the distance that single precision needs, unless both refract.
 ///
 /// # Errors
-/// As [`load`], but for gaps.
+/// As [`load`], except for gaps.
 pub(crate) fn with_gaps(
     ctx: &mut Context,
     file: &SceneFile,
@@ -136,7 +135,7 @@ pub(crate) fn with_gaps(
     Ok((scene, fault))
 }
 
-/// The tables of a scene, whose materials are all its own.
+/// Builds the tables of a scene without references to calibration files or materials of mesh files.
 fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     let settings = settings(ctx, file)?;
     let camera = pinhole(ctx, &file.camera, file.camera.span())?;
@@ -158,7 +157,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
         ));
     }
     let shines = file.objects.iter().any(|o| o.emission.is_some());
-    // Only surfaces and the sky are seen themselves.
+    // Only surfaces and the environment are directly visible.
     let seen = |e: &Located<EmitterFile>| matches!(**e, EmitterFile::Environment(_));
     if settings.max_depth == 1 && !shines && !file.emitters.iter().any(seen) {
         return Err(ctx.error(
@@ -248,7 +247,8 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     Ok(scene)
 }
 
-/// The error for a gap that single precision does not know, with the objects on both sides as far as they are known.
+/// Returns the error for a gap that single precision cannot resolve. It names the objects on both sides if
+/// known.
 fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
     let objects = gap.objects.iter().flatten();
     let mut both: Vec<_> = objects.filter_map(|i| file.objects.get(*i as usize)).collect();
@@ -271,7 +271,7 @@ fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
     )
 }
 
-/// Names that folders and people tell things by.
+/// Checks names that become folder names or identify objects.
 fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
     let names_no_file = |n: &str| n.is_empty() || n == "." || n == ".." || n.contains(['/', '\\', '\0']);
     if let Some(name) = file.name.as_deref().filter(|n| names_no_file(n)) {
@@ -304,8 +304,9 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
     Ok(())
 }
 
-/// What is rendered, as a text that does not depend on how the file is written: comments, order of tables, ways to write a
-/// number, defaults that are spelt out, figures and names of no consequence. Samples, their groups, seed and tiles are the render's.
+/// Returns the content of the scene as canonical text, for its hash. It is independent of comments, table
+/// order, number formats, explicit defaults, figures and names without effect. It also excludes samples,
+/// replicates, seed and tiles, which belong to the render.
 fn meaning(file: &SceneFile) -> String {
     let defaults = RenderFile::default();
     let meaning = SceneFile {
@@ -326,7 +327,7 @@ fn meaning(file: &SceneFile) -> String {
     meaning.to_string()
 }
 
-/// What is absent is absent: keys that scene files learn later do not change what older ones mean.
+/// Omits absent keys, so that keys added in later versions do not change the hash of older scenes.
 fn without_nulls(value: &mut serde_json::Value) {
     match value {
         serde_json::Value::Object(map) => {
@@ -338,7 +339,7 @@ fn without_nulls(value: &mut serde_json::Value) {
     }
 }
 
-/// The folder's name for `…/NAME/scene.toml`, the file's stem otherwise.
+/// Returns the folder's name for `…/NAME/scene.toml`, otherwise the file's stem.
 fn default_name(path: &Path) -> String {
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("scene");
     let folder = std::path::absolute(path)

@@ -1,6 +1,7 @@
-//! Attributes of meshes that materials ask for → values at the corners of triangles ([`Textures::corners`]).
+//! Converts mesh attributes that materials use to values at triangle corners ([`Textures::corners`]).
 //!
-//! A mesh has one set of texture coordinates, which lead to these values: a material takes one attribute, and no images beside it.
+//! A mesh has one set of texture coordinates, which then index these values. A material can therefore use one
+//! attribute, and no images together with it.
 //!
 //! [`Textures::corners`]: transport::material::texture::Textures::corners
 
@@ -14,12 +15,12 @@ use syntax::texture::AttributeFile;
 use transport::geometry::mesh::Mesh;
 use transport::material::texture::{MOST_CORNERS, corner_uv};
 
-/// Begins a material: what another one, which names it, has asked for so far.
+/// Starts a material and returns the uses of the material that refers to it.
 pub(super) fn begin(ctx: &mut Context) -> Uses {
     std::mem::take(&mut ctx.attributes.open)
 }
 
-/// Ends the material of a number; what it asks for is asked for by the one that names it too.
+/// Ends a material. What it uses, the material that refers to it (`outer`) uses too.
 pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), InputError> {
     let own = std::mem::replace(&mut ctx.attributes.open, outer);
     if let Uses {
@@ -36,7 +37,7 @@ pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), I
     again(ctx, material)
 }
 
-/// A material that is built is named once more.
+/// Adds the uses of a finished material to the material that refers to it.
 pub(super) fn again(ctx: &mut Context, material: u32) -> Result<(), InputError> {
     let Some(Uses {
         asked,
@@ -51,7 +52,7 @@ pub(super) fn again(ctx: &mut Context, material: u32) -> Result<(), InputError> 
     asked.map_or(Ok(()), |asked| join(ctx, asked))
 }
 
-/// The material that is being built asks for an attribute, as a number or as an albedo.
+/// Records that the current material uses an attribute, as a number or as an albedo.
 pub(super) fn ask(ctx: &mut Context, file: &AttributeFile, number: bool) -> Result<(), InputError> {
     let asked = Asked {
         name: file.attribute.clone(),
@@ -79,8 +80,8 @@ fn join(ctx: &mut Context, more: Asked) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Leads the texture coordinates of a mesh, whose corners are those of the file or (if `mirrored`) the second and third exchanged,
-/// to the values of its attribute.
+/// Sets the texture coordinates of a mesh so that they index the values of its attribute. `mirrored`
+/// exchanges the second and third corner of each triangle of the file.
 pub(super) fn give(
     ctx: &mut Context,
     asked: &Asked,
@@ -121,7 +122,7 @@ pub(super) fn give(
     let spectral = |triangle: &[[f32; 3]; 3]| order.map(|k| texel(triangle[k]));
     let more: Vec<_> = corners.values.iter().map(spectral).collect();
     ctx.attributes.corners.extend(more);
-    // Neighbours have texture coordinates of their own.
+    // Adjacent triangles do not share texture coordinates, so they do not share vertices either.
     let all = mesh.indices.as_flattened().iter().map(|i| *i as usize);
     let of_corner = |i: usize| Vec2::from_array(corner_uv((first + i / 3) as u32, i % 3));
     let count = mesh.indices.len() as u32;

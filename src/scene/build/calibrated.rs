@@ -1,4 +1,4 @@
-//! `calibration = "FILE"` of a camera or a projector: its pixels, lens and pose from the file of a calibration.
+//! `calibration = "FILE"` of a camera or projector: resolution, lens and pose from a calibration file.
 
 use super::context::Context;
 use super::devices::{pinhole, pinhole_of};
@@ -12,19 +12,20 @@ use syntax::scene::SceneFile;
 const FIX: &str =
     "name a file of `sunstone calibrate board` or `projector`; paths are relative to the scene file";
 
-/// What such a file has for a scene.
+/// The tables of a calibration file that scenes use.
 #[derive(Deserialize)]
 struct Document {
     camera: Option<Located<PinholeFile>>,
     projector: Option<Located<ProjectorFile>>,
 }
 
-/// The same scene in which devices that name a calibration are those of it.
+/// Replaces devices that name a calibration with the devices in that file.
 ///
-/// The file's own bytes are no part of the scene's meaning: only what it says of these devices is.
+/// The scene hash covers the values taken from the file, not the file's bytes.
 ///
 /// # Errors
-/// [`InputError`] at the key if the file cannot be read, has no such device, or is contradicted; in the file if it is wrong.
+/// [`InputError`] at the key if the file cannot be read, lacks the device or conflicts with other keys; in
+/// the file if the file is invalid.
 pub(crate) fn expand(ctx: &Context, file: SceneFile) -> Result<SceneFile, InputError> {
     let mut out = file;
     if out.camera.calibration.is_some() {
@@ -84,7 +85,7 @@ fn projector(
     })
 }
 
-/// The tables of a file, and where its own errors point.
+/// Returns the tables of a calibration file and the context for errors in it.
 fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), InputError> {
     let unreadable = |e: &dyn std::fmt::Display| {
         ctx.error(
@@ -101,7 +102,7 @@ fn read(ctx: &Context, key: &Located<String>) -> Result<(Document, Context), Inp
     Ok((document, Context::new(&path, &text, &wavelengths)?))
 }
 
-/// Refuses a device that is none, at its place in its own file.
+/// Reports an error in the calibration file if its device is invalid.
 fn sound(
     within: &Context,
     device: &PinholeFile,
@@ -118,7 +119,7 @@ fn sound(
     pinhole(within, device, span).map(|_| ())
 }
 
-/// What was found of a device, and what a scene may say beside: where it stands, and its aperture.
+/// Returns the calibrated device with the pose and the aperture that the scene gives.
 fn overlaid(
     ctx: &Context,
     key: &Located<String>,
@@ -156,7 +157,7 @@ fn overlaid(
             "leave resolution out, or calibrate with images of this size",
         ));
     }
-    // From here on messages point to the key.
+    // Locate errors in these values at the `calibration` key.
     fn here<T: Clone>(key: &Located<String>, value: &Located<T>) -> Located<T> {
         Located::at(key.span(), (**value).clone())
     }
@@ -212,7 +213,7 @@ mod tests {
         from_text(&folder.path().join("s.toml"), text).map_err(|e| e.to_string())
     }
 
-    /// A scene that names a calibration is the one into which its tables were copied, to its very hash.
+    /// A scene that names a calibration has the same hash as one that contains its tables.
     #[test]
     fn tables_by_name_are_those_by_copy() {
         let copied = format!("[camera]\n{CAMERA}[projector]\nirradiance = 2.0\n{PROJECTOR}");
@@ -222,12 +223,12 @@ mod tests {
         let principal = |s: &Scene| s.projector.as_ref().map(|p| p.pinhole.principal);
         assert_eq!(named.camera.focal, same.camera.focal);
         assert_eq!(principal(&named), principal(&same));
-        // What else stands in the file is of no matter, what it says of the camera is.
+        // Other tables of the file do not change the hash; the camera does.
         let other = document().replace("views = 3", "views = 4");
         assert_eq!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
         let other = document().replace("9.25", "9.26");
         assert_ne!(scene(BY_KEY, &other).expect("a scene").sha256, same.sha256);
-        // A pose of the scene's own goes before the calibration's.
+        // A pose in the scene overrides that of the calibration.
         let placed = BY_KEY.replace(
             "[projector]",
             "pose.look_at = { origin = [0, 0, 5], target = [0, 0, 0] }\n[projector]",
@@ -306,7 +307,7 @@ mod tests {
             let _ = scene(BY_KEY, &whole);
         }
 
-        /// Names of files that are none.
+        /// Names that are not calibration files do not panic.
         #[test]
         fn any_name_is_survived(name in "[a-z./ *]{0,12}") {
             let _ = crate::from_text(Path::new("/nowhere/s.toml"), &format!("[camera]\ncalibration = \"{name}\"\n"));

@@ -1,4 +1,4 @@
-//! What every step from syntax to tables needs: where messages point to, and what has been read.
+//! State shared by all build steps: the location of errors, files read, notes.
 
 use super::asked::Attributes;
 use base::document;
@@ -15,31 +15,29 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntax::values::SpectrumFile;
 
-/// A file being built.
 pub(crate) struct Context {
     pub file: PathBuf,
     pub text: Arc<str>,
-    /// Where relative paths begin.
+    /// Folder of relative paths.
     pub folder: PathBuf,
-    /// Files that are only in memory, by the names under which the scene knows them.
+    /// Files that exist in memory only, by the names that the scene uses.
     pub memory: BTreeMap<String, Vec<u8>>,
-    /// Names of those that were made here of other files, and so are none of the scene's own.
+    /// Names of in-memory files derived from other files; they are not files of the scene.
     pub made: BTreeSet<String>,
-    /// Wavelengths to build for.
     pub wavelengths: Wavelengths,
-    /// Wavelengths that lists of the file belong to; the same but where a file of materials is built for others.
+    /// Wavelengths to which lists in the file refer. They differ from `wavelengths` only if a material file
+    /// is built for others.
     pub listed: Wavelengths,
     pub hash: Sha256,
-    /// What files hold that is not used, and what was fixed, a sentence each.
+    /// Sentences about contents that are not used and about corrections.
     pub notes: Vec<String>,
-    /// Attributes of meshes that materials ask for.
     pub attributes: Attributes,
-    /// Files that were read, by their names.
+    /// Names of files that were read.
     pub files: RefCell<BTreeSet<String>>,
 }
 
 impl Context {
-    /// Of a file with its text and its list of wavelengths.
+    /// Creates the context of a file from its text and its wavelengths.
     pub fn new(path: &Path, text: &str, wavelengths_nm: &Located<Vec<f64>>) -> Result<Self, InputError> {
         let mut ctx = Self {
             file: path.to_owned(),
@@ -65,7 +63,7 @@ impl Context {
         Ok(ctx)
     }
 
-    /// The same where relative paths begin in another folder than the file's.
+    /// Sets the folder of relative paths.
     pub fn in_folder(self, folder: &Path) -> Self {
         Self {
             folder: folder.to_owned(),
@@ -73,12 +71,11 @@ impl Context {
         }
     }
 
-    /// The same where some of the files are only in memory.
+    /// Adds files that exist in memory only.
     pub fn with_files(self, memory: BTreeMap<String, Vec<u8>>) -> Self {
         Self { memory, ..self }
     }
 
-    /// An error at a place, with its fix.
     pub fn error(
         &self,
         span: Range<usize>,
@@ -94,14 +91,15 @@ impl Context {
         }
     }
 
-    /// Adds a note, once: several objects may be made of one file.
+    /// Adds a note, unless it exists already (several objects can use one file).
     pub fn note(&mut self, note: String) {
         if !self.notes.contains(&note) {
             self.notes.push(note);
         }
     }
 
-    /// Where a span begins, for people: ` of line 12`; nothing of scenes made in code.
+    /// Returns the line of a span for messages, such as ` of line 12`, or an empty string for scenes built in
+    /// code.
     pub fn line(&self, span: Range<usize>) -> String {
         match self.text.get(..span.start) {
             Some(before) if span != (0..0) => format!(" of line {}", before.matches('\n').count() + 1),
@@ -109,12 +107,11 @@ impl Context {
         }
     }
 
-    /// Path of a file that the scene names.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
 
-    /// Notes that the scene is made of a file.
+    /// Records that the scene uses a file.
     pub fn uses(&self, name: impl Into<String>) {
         let name = name.into();
         if !self.made.contains(&name) {
@@ -122,18 +119,18 @@ impl Context {
         }
     }
 
-    /// Keeps a file in memory that was made of another one.
+    /// Stores a derived file in memory.
     pub fn keep(&mut self, name: &str, bytes: Vec<u8>) {
         self.made.insert(name.to_owned());
         self.memory.insert(name.to_owned(), bytes);
     }
 
-    /// The files that the scene is made of, sorted.
+    /// Returns the names of files that the scene uses, sorted.
     pub fn used(&self) -> Vec<String> {
         self.files.borrow().iter().cloned().collect()
     }
 
-    /// Reads a file that the scene names, up to `most` bytes, without counting it into the scene's hash.
+    /// Reads at most `most` bytes of a file that the scene names, without adding it to the scene's hash.
     pub fn peek(&self, name: &str, most: u64) -> std::io::Result<Vec<u8>> {
         let mut bytes = vec![];
         match self.memory.get(name) {
@@ -149,20 +146,20 @@ impl Context {
         Ok(bytes)
     }
 
-    /// Reads a file that the scene names, and counts it into the scene's hash.
+    /// Reads a file that the scene names and adds it to the scene's hash.
     pub fn read(&mut self, name: &str, span: Range<usize>) -> Result<Vec<u8>, InputError> {
         let bytes = self.bytes(name, span)?;
         self.count(&bytes);
         Ok(bytes)
     }
 
-    /// Counts what a file holds into the scene's hash.
+    /// Adds a file's contents to the scene's hash.
     pub fn count(&mut self, bytes: &[u8]) {
         self.hash.update((bytes.len() as u64).to_le_bytes());
         self.hash.update(bytes);
     }
 
-    /// Reads a file that the scene names, for [`Self::count`] to count.
+    /// Reads a file that the scene names; the caller adds it to the hash with [`Self::count`].
     pub fn bytes(&self, name: &str, span: Range<usize>) -> Result<Vec<u8>, InputError> {
         let path = self.path(name);
         let bytes = match self.memory.get(name) {
@@ -179,7 +176,7 @@ impl Context {
         Ok(bytes)
     }
 
-    /// A value for each of the scene's wavelengths, all within `range`.
+    /// Returns a value per wavelength of the scene, all within `range`.
     pub fn values(
         &self,
         s: &SpectrumFile,
@@ -197,7 +194,7 @@ impl Context {
             SpectrumFile::Scalar(v) => vec![*v; self.wavelengths.count()],
             SpectrumFile::PerWavelength(list) if list.len() == n => at(SpectralTable { nm, values: list }),
             SpectrumFile::Table(table) if table.table().is_sound() => {
-                // Those between which none of the scene's wavelengths lies as well.
+                // Also check the entries that no wavelength of the scene uses.
                 for value in &table.values {
                     self.within(*value, span.clone(), what, &range)?;
                 }
@@ -224,7 +221,7 @@ impl Context {
         Ok(list)
     }
 
-    /// A number of the file, which lies within `range`.
+    /// Returns a number of the file after checking its range.
     pub fn number<T: Copy + PartialOrd + Display>(
         &self,
         value: &Located<T>,
@@ -234,7 +231,7 @@ impl Context {
         self.within(**value, value.span(), what, &range)
     }
 
-    /// [`Self::number`] that stands at a place.
+    /// [`Self::number`] for a value with a separate location.
     pub fn within<T: Copy + PartialOrd + Display>(
         &self,
         value: T,
@@ -252,7 +249,7 @@ impl Context {
         ))
     }
 
-    /// [`Self::values`] in their lanes.
+    /// Returns [`Self::values`] as SIMD lanes.
     pub fn spectrum(
         &self,
         s: &SpectrumFile,
@@ -278,7 +275,7 @@ impl Context {
     }
 }
 
-/// The largest value that makes sense anywhere in a scene file; keeps f32 arithmetic finite.
+/// Largest accepted value in a scene file; keeps f32 arithmetic finite.
 pub(crate) const HUGE: f64 = 1e12;
 
 /// Reads the text of a scene or material file.

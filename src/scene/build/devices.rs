@@ -1,4 +1,4 @@
-//! Cameras and projectors of a scene file → calibrated devices.
+//! Converts cameras and projectors of a scene file to calibrated devices.
 
 use super::context::{Context, HUGE};
 use super::lens::{distortion, intrinsics};
@@ -120,7 +120,7 @@ pub(crate) fn projector(
     })
 }
 
-/// A projector as a device like a camera.
+/// Returns a projector's keys as a camera's.
 pub(crate) fn pinhole_of(p: &ProjectorFile) -> PinholeFile {
     PinholeFile {
         calibration: p.calibration.clone(),

@@ -1,4 +1,5 @@
-//! Materials of mesh files → `[materials]` of the scene; what is not used is noted. [`super::appearances`] makes them.
+//! Adds the materials of mesh files to `[materials]` of the scene and notes those that are not used.
+//! [`super::appearances`] converts them.
 
 use super::appearances::Table;
 use super::context::Context;
@@ -9,10 +10,10 @@ use std::path::Path;
 use syntax::scene::SceneFile;
 use syntax::shape::{MeshFile, ShapeFile};
 
-/// As much of a file as is read to learn whether it has materials, and of a library.
+/// Bytes that are read of a mesh file, or of a library, to find out whether it has materials.
 const HEAD: u64 = 1 << 20;
 
-/// The same scene in which the materials of mesh files that are asked for are materials of its own.
+/// Returns the scene with the requested materials of mesh files added to its own.
 ///
 /// # Errors
 /// [`InputError`] at the mesh if a file cannot be read.
@@ -29,7 +30,8 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             continue;
         };
         if !mesh.materials {
-            // Names alone say nothing of looks, and a scene that names parts knows of them.
+            // Materials that are only names are not worth a note, and neither are those of parts that the
+            // scene overrides.
             let silent = object.part_materials.is_empty() && found.says_something;
             if silent {
                 ctx.note(format!(
@@ -65,18 +67,17 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
     Ok(out)
 }
 
-/// What a mesh file holds besides triangles.
 struct Found {
     list: Vec<Appearance>,
-    /// Names of materials that parts have.
+    /// Names of materials that parts use.
     used: Vec<String>,
     says_something: bool,
-    /// For people.
+    /// Description for messages.
     what: String,
 }
 
 fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option<Found>, InputError> {
-    // What is wrong with a mesh is said when its triangles are read.
+    // Errors in a mesh are reported when its triangles are read.
     let most = if mesh.materials || matches!(shape, ShapeFile::Gltf(_)) {
         u64::MAX
     } else {
@@ -97,7 +98,7 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
         ShapeFile::Obj(_) => {
             let mut list = vec![];
             for ways in mtl::libraries(&bytes) {
-                // The first way to read the line by which all its files are there.
+                // Use the first interpretation of the line for which all files exist.
                 let read = |ctx: &Context, names: &[String]| -> std::io::Result<Vec<Vec<u8>>> {
                     names.iter().map(|n| ctx.peek(&beside(n), library)).collect()
                 };

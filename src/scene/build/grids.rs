@@ -1,4 +1,4 @@
-//! Grids of a file → those of media.
+//! Converts volume grids of a file to grids of media.
 
 use super::context::Context;
 use super::shapes::{is_solid, transform};
@@ -9,7 +9,7 @@ use import::vol::parse_vol;
 use syntax::medium::{GridFile, GridFilter};
 use transport::medium::grid::Grid;
 
-/// Reads a grid whose numbers are not above `most`.
+/// Reads a grid whose values must not exceed `most`.
 pub(super) fn grid(ctx: &mut Context, file: &Located<GridFile>, most: f64) -> Result<Grid, InputError> {
     let at = file.file.span();
     let path = ctx.path(&file.file).display().to_string();

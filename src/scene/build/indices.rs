@@ -1,4 +1,4 @@
-//! Refractive indices of a file → numbers on its wavelengths, by value or by name of the optical constants.
+//! Returns refractive indices of a file per wavelength, from values or from names in the optical constants.
 
 use super::context::Context;
 use base::locate::{InputError, Located};
@@ -9,13 +9,14 @@ use syntax::values::{IndexFile, SpectrumFile};
 use transport::material;
 use transport::material::constants::ConstantsError;
 
-/// Name of the metal that reflects all light.
+/// Name of the ideal mirror among the metals.
 const MIRROR: &str = "mirror";
 
-/// Its extinction coefficient: k so large, without n, reflects all light and shifts the phases of both polarizations alike.
+/// Extinction coefficient of the mirror. Such a k, without n, reflects all light and gives both polarizations
+/// the same phase shift.
 const MIRROR_K: f32 = 1e6;
 
-/// Refractive index of something transparent; 0 in unused lanes.
+/// Returns the refractive index of a transparent substance, 0 in unused lanes.
 pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Spectral, InputError> {
     let name = match &**index {
         IndexFile::Values(s) => return ctx.spectrum(s, index.span(), what, 1.0..=10.0),
@@ -35,7 +36,7 @@ pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Re
     Ok(n)
 }
 
-/// n and k of something that absorbs, by name or by value; n is 1 in unused lanes.
+/// Returns n and k of an absorbing substance, by name or by value; n is 1 in unused lanes.
 pub(super) fn complex_index(
     ctx: &Context,
     place: &Located<MaterialFile>,
@@ -62,7 +63,7 @@ pub(super) fn complex_index(
     }
 }
 
-/// n and k of a named substance on the scene's wavelengths, in full precision; rows past their count are zero.
+/// Returns n and k of a named substance per wavelength of the scene in f64; unused rows are zero.
 pub(super) fn constants_f64(
     ctx: &Context,
     name: &str,
@@ -85,7 +86,7 @@ pub(super) fn constants_f64(
     Ok(rows)
 }
 
-/// n and k of a named substance; 0 in unused lanes.
+/// Returns n and k of a named substance, 0 in unused lanes.
 pub(super) fn constants(
     ctx: &Context,
     name: &str,

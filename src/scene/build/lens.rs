@@ -1,4 +1,4 @@
-//! Intrinsics and lens distortion of a scene file, in each of the ways in which they may be given.
+//! Intrinsics and lens distortion of a scene file, in all their forms.
 
 use super::context::{Context, HUGE};
 use base::locate::{InputError, Located};
@@ -10,7 +10,7 @@ use transport::device::distortion::fisheye::Fisheye;
 use transport::device::distortion::opencv::Opencv;
 use transport::device::distortion::tilt::Tilt;
 
-/// Focal lengths and principal point, both in our pixels (the first covers 0..1).
+/// Returns focal lengths and principal point in Sunstone's pixels (the first pixel covers 0..1).
 pub(crate) fn intrinsics(
     ctx: &Context,
     p: &PinholeFile,
@@ -86,7 +86,7 @@ pub(crate) fn intrinsics(
     Ok((focal, principal))
 }
 
-/// From OpenCV's pixel centres to ours.
+/// Converts a principal point from OpenCV's pixel centres to Sunstone's.
 fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, InputError> {
     let [[_, skew, cx], [below, _, cy], last] = **m;
     let error = |message: String, help: &str| Err(ctx.error(m.span(), message, help));
@@ -105,14 +105,13 @@ fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, 
     Ok(DVec2::new(cx + 0.5, cy + 0.5))
 }
 
-/// A lens, where it stands in the file, and what to do if it cannot be.
+/// Lens distortion, with the location and the fix for errors.
 pub(crate) struct Lens {
     pub(crate) distortion: Distortion,
     pub(crate) span: Option<Range<usize>>,
     pub(crate) fix: &'static str,
 }
 
-/// The distortion of a device.
 pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputError> {
     let spans = [
         p.distortion.as_ref().map(Located::span),
@@ -173,7 +172,7 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
     })
 }
 
-/// All coefficients in OpenCV's order.
+/// Returns all coefficients in OpenCV's order.
 fn names(f: &DistortionFile) -> [&f64; 14] {
     [
         &f.k1, &f.k2, &f.p1, &f.p2, &f.k3, &f.k4, &f.k5, &f.k6, &f.s1, &f.s2, &f.s3, &f.s4, &f.tau_x,
@@ -181,7 +180,7 @@ fn names(f: &DistortionFile) -> [&f64; 14] {
     ]
 }
 
-/// OpenCV's list; `None` if its length is none of OpenCV's.
+/// Parses OpenCV's list; returns `None` for lengths that OpenCV does not have.
 fn by_order(list: &[f64]) -> Option<DistortionFile> {
     if !matches!(list.len(), 4 | 5 | 8 | 12 | 14) {
         return None;

@@ -1,4 +1,4 @@
-//! Emitters and shining objects of a scene file → what the tracer knows of light.
+//! Converts emitters and emissive objects of a scene file to the renderer's lights.
 
 use super::context::{Context, HUGE};
 use super::devices::vector;
@@ -24,16 +24,16 @@ use transport::light::profile::{Frustum, Profile, Table};
 use transport::light::sky::Sky;
 use transport::material::texture::{Spectrum, Textures};
 
-/// All emitters but the projector and shining objects.
+/// All emitters except the projector and emissive objects.
 #[derive(Default)]
 pub(crate) struct Emitters {
     pub points: Vec<PointEmitter>,
     pub environment: Option<Environment>,
-    /// Without surfaces.
+    /// Lights except surfaces.
     pub lights: Lights,
 }
 
-/// Builds `[[emitters]]`.
+/// Builds `[[emitters]]`; [`slides`] adds images.
 pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Result<Emitters, InputError> {
     let mut all = Emitters::default();
     for e in list {
@@ -63,7 +63,7 @@ pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Resu
     Ok(all)
 }
 
-/// Gives spots their images, and adds the projectors of images after all other points; [`emitters`] has made the spots.
+/// Adds the images of spots built by [`emitters`], and appends image projectors after all other points.
 pub(crate) fn slides(
     ctx: &mut Context,
     images: &mut Images,
@@ -90,7 +90,6 @@ pub(crate) fn slides(
     Ok(())
 }
 
-/// The image of a spot.
 fn spot_slide(
     ctx: &mut Context,
     images: &mut Images,
@@ -148,7 +147,6 @@ fn slide(
     })
 }
 
-/// The image of what projects it.
 fn projected(
     ctx: &mut Context,
     images: &mut Images,
@@ -159,7 +157,6 @@ fn projected(
     textures::radiances(ctx, images, textures, image)
 }
 
-/// A unit vector.
 fn direction(ctx: &Context, v: [f64; 3], at: Range<usize>, what: &str) -> Result<Vec3A, InputError> {
     vector(ctx, v, at.clone(), what)?.try_normalize().ok_or_else(|| {
         ctx.error(
@@ -170,7 +167,7 @@ fn direction(ctx: &Context, v: [f64; 3], at: Range<usize>, what: &str) -> Result
     })
 }
 
-/// Frame and filter of an emitter.
+/// Returns the Stokes frame and the polarization filter of an emitter.
 fn polarized(
     ctx: &Context,
     stokes: Option<&Located<[f64; 4]>>,
@@ -289,7 +286,7 @@ fn beam(ctx: &Context, b: &BeamFile, at: Range<usize>) -> Result<Distant, InputE
     })
 }
 
-/// The same radiance from everywhere.
+/// Builds an environment of constant radiance.
 fn environment(ctx: &Context, v: &EnvironmentFile, at: Range<usize>) -> Result<Environment, InputError> {
     if v.transform.is_some() || v.stokes.is_some() || v.polarizer_deg.is_some() {
         return Err(ctx.error(
@@ -359,7 +356,7 @@ fn sky(
     })
 }
 
-/// The light that a shape of a shining object is.
+/// Builds the area light of an emissive object's shape.
 pub(crate) fn area(
     ctx: &mut Context,
     images: &mut Images,

@@ -1,4 +1,4 @@
-//! Materials of a file → the flat table of [`Materials`].
+//! Converts materials of a file to the flat table of [`Materials`].
 
 use super::asked::Attributes;
 use super::attributes;
@@ -30,26 +30,24 @@ use transport::material::{
     plastic, rough_conductor, rough_crystal, rough_dielectric, thin_dielectric, two_sided, varies,
 };
 
-/// A file of materials, built.
 pub struct MaterialSet {
-    /// What it is built for.
+    /// Wavelengths for which it was built.
     pub wavelengths: Wavelengths,
-    /// All of them, with their images and tables.
     pub materials: Materials,
-    /// Number of each material by name.
+    /// Index of each material by name.
     pub names: BTreeMap<String, u32>,
 }
 
 impl MaterialSet {
-    /// Reads and builds a file of materials: `wavelengths_nm` and `[materials]` as in a scene file.
+    /// Reads and builds a material file: `wavelengths_nm` and `[materials]` as in a scene file.
     ///
     /// # Errors
-    /// [`InputError`] naming file, line, column and fix.
+    /// [`InputError`] with file, line, column and fix.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "material file")?)
     }
 
-    /// Builds a file of materials from its text; `path` names it in messages and anchors the files it refers to.
+    /// Builds a material file from text. `path` names it in messages and is the base of relative paths.
     ///
     /// # Errors
     /// As [`Self::load`].
@@ -58,7 +56,8 @@ impl MaterialSet {
         Self::build(Context::new(path, text, &file.wavelengths_nm)?, &file)
     }
 
-    /// As [`Self::from_text`], at wavelengths other than the file's own, between which its lists are interpolated.
+    /// [`Self::from_text`] for wavelengths other than the file's own, between which its lists are
+    /// interpolated.
     ///
     /// # Errors
     /// As [`Self::load`].
@@ -81,7 +80,7 @@ impl MaterialSet {
     }
 }
 
-/// The pieces of a table's file that tell it from others.
+/// Reads the pieces of a table's file that identify it.
 fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
     let mut file = base::input::open(path)?;
     let mut out = Vec::new();
@@ -96,7 +95,7 @@ fn pieces(path: &Path, table: &Table) -> std::io::Result<Vec<u8>> {
 
 type Named = BTreeMap<String, Located<MaterialFile>>;
 
-/// The state of building: materials that others name are built before them.
+/// State while materials are built. Materials that others refer to are built first.
 struct Builder<'c, 'a> {
     ctx: &'c mut Context,
     files: &'a Named,
@@ -107,16 +106,12 @@ struct Builder<'c, 'a> {
     open: Vec<&'a str>,
 }
 
-/// All materials of a file.
 pub(crate) struct Built<'a> {
     pub table: Materials,
-    /// Their numbers.
     pub names: BTreeMap<&'a str, u32>,
-    /// The images that have been read.
     pub images: Images,
 }
 
-/// Builds all materials.
 pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>, InputError> {
     let mut builder = Builder {
         ctx,
@@ -157,7 +152,7 @@ impl<'a> Builder<'_, 'a> {
         Ok(id)
     }
 
-    /// The material that another one names.
+    /// Builds the material that another one refers to.
     fn inner(&mut self, name: &Located<String>) -> Result<u32, InputError> {
         let files = self.files;
         let Some((key, _)) = files.get_key_value(name.as_str()) else {
@@ -306,7 +301,8 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// Maps a table. Only [`Table::pieces`] of it count into the scene's hash, since whole tables take seconds to read.
+    /// Memory-maps a table. Only [`Table::pieces`] of it enter the scene's hash, since reading whole tables
+    /// takes seconds.
     fn measured(&mut self, m: &MeasuredFile) -> Result<u32, InputError> {
         let path = self.ctx.path(&m.file);
         let options = Options {
@@ -332,7 +328,7 @@ impl<'a> Builder<'_, 'a> {
         textures::spectrum(self.ctx, &mut self.images, &mut self.table.textures, albedo)
     }
 
-    /// A factor of reflected light; 1 in unused lanes.
+    /// Returns a factor of reflected light, 1 in unused lanes.
     fn factor(&mut self, factor: &Located<AlbedoFile>) -> Result<Spectrum, InputError> {
         let spectrum = self.albedo(factor)?;
         Ok(Spectrum {
@@ -341,7 +337,7 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// A number within `range`, or an image scaled to it.
+    /// Returns a number within `range`, or an image scaled to it.
     fn scalar(
         &mut self,
         s: &Located<ScalarFile>,
@@ -371,7 +367,7 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// A crystal's.
+    /// Returns the roughness of a crystal's faces.
     fn facets(&mut self, roughness: &Located<ScalarFile>) -> Result<Roughness, InputError> {
         let alpha = self
             .scalar(roughness, "roughness", 0.001..=1.0)
@@ -398,7 +394,7 @@ impl<'a> Builder<'_, 'a> {
         })
     }
 
-    /// Indices inside and outside of something transparent; 1 in unused lanes, so that nothing divides by zero there.
+    /// Returns the indices inside and outside of a dielectric, 1 in unused lanes to avoid divisions by zero.
     fn interface(
         &mut self,
         interior: &Located<IndexFile>,

@@ -1,4 +1,4 @@
-//! Media of a file → the flat table of [`Media`].
+//! Converts media of a file to the flat table of [`Media`].
 
 use super::context::{Context, read};
 use super::grids;
@@ -21,25 +21,24 @@ use transport::medium::rayleigh::{LARGEST_DEPOLARIZATION, Rayleigh};
 use transport::medium::size_distribution::SizeDistribution;
 use transport::medium::{Media, presets, water};
 
-/// A file of media, built.
 pub struct MediumSet {
-    /// What it is built for.
+    /// Wavelengths for which it was built.
     pub wavelengths: Wavelengths,
-    /// All of them, with their tables.
     pub media: Media,
-    /// Number of each medium by name.
+    /// Index of each medium by name.
     pub names: BTreeMap<String, u32>,
-    /// Bulk properties in full precision of each medium, per wavelength.
+    /// Bulk properties per medium and wavelength, in f64.
     pub bulk: Vec<Vec<Bulk>>,
 }
 
 impl MediumSet {
-    /// Reads and builds a file of media: `wavelengths_nm` and `[media]` as in a scene file. With `only`, no other medium
-    /// than that one is built, since tables of large particles take seconds; with `wavelengths`, they take the place of
-    /// the file's own, between which its lists are interpolated.
+    /// Reads and builds a media file: `wavelengths_nm` and `[media]` as in a scene file.
+    ///
+    /// With `only`, builds just that medium, since tables of large particles take seconds. `wavelengths`
+    /// replaces the file's own, between which its lists are interpolated.
     ///
     /// # Errors
-    /// [`InputError`] naming file, line, column and fix.
+    /// [`InputError`] with file, line, column and fix.
     pub fn load(
         path: &Path,
         only: Option<&str>,
@@ -48,7 +47,7 @@ impl MediumSet {
         Self::at(path, &read_file(path)?, only, wavelengths)
     }
 
-    /// As [`Self::load`], of a file's text; `path` names it in messages.
+    /// [`Self::load`] for a file's text; `path` names it in messages.
     ///
     /// # Errors
     /// As [`Self::load`].
@@ -75,7 +74,7 @@ impl MediumSet {
     }
 }
 
-/// The names of the media of a file, which is read but not built.
+/// Returns the names of the media of a file without building them.
 ///
 /// # Errors
 /// As [`MediumSet::load`].
@@ -83,7 +82,7 @@ pub fn names(path: &Path) -> Result<Vec<String>, InputError> {
     names_of_text(path, &read_file(path)?)
 }
 
-/// As [`names`], of a file's text.
+/// [`names`] for a file's text.
 ///
 /// # Errors
 /// As [`MediumSet::load`].
@@ -91,7 +90,7 @@ pub fn names_of_text(path: &Path, text: &str) -> Result<Vec<String>, InputError>
     Ok(MediumSetFile::read(path, text)?.media.into_keys().collect())
 }
 
-/// The text of a file of media.
+/// Returns the text of a media file.
 ///
 /// # Errors
 /// [`InputError`] if it cannot be read.
@@ -101,13 +100,12 @@ pub fn read_file(path: &Path) -> Result<String, InputError> {
 
 type Named = BTreeMap<String, Located<MediumFile>>;
 
-/// The largest coefficient that makes sense, 1/m.
+/// Largest accepted coefficient, 1/m.
 const LARGEST_COEFFICIENT: f64 = 1e9;
 
-/// Media, the number of each by name, and the bulk properties of each per wavelength.
+/// Media, the index of each by name, and bulk properties per medium and wavelength.
 type Built<'a> = (Media, BTreeMap<&'a str, u32>, Vec<Vec<Bulk>>);
 
-/// Builds all media.
 pub(crate) fn build<'a>(ctx: &mut Context, files: &'a Named) -> Result<Built<'a>, InputError> {
     let (mut media, mut names, mut bulk) = (Media::default(), BTreeMap::new(), vec![]);
     for (name, file) in files {
@@ -149,14 +147,13 @@ fn optics(ctx: &Context, m: &Located<MediumFile>) -> Result<Optics, InputError> 
     }
 }
 
-/// The range of a mean cosine.
 const COSINES: RangeInclusive<f64> = -LARGEST_G..=LARGEST_G;
 
 fn cosine(ctx: &Context, g: &Located<f64>) -> Result<f64, InputError> {
     ctx.number(g, "g", COSINES)
 }
 
-/// What the theory refuses, at a place.
+/// Converts an error of the scattering theory to an error at a location.
 fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
     let fix = match e {
         BulkError::Mie(_) => "change the radii, the index or wavelengths_nm",
@@ -169,7 +166,7 @@ fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
     ctx.error(span, e.to_string(), fix)
 }
 
-/// n and k on the wavelengths.
+/// Returns n and k per wavelength.
 fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Vec<[f64; 2]>, InputError> {
     match &**index {
         IndexFile::Values(s) => {
@@ -184,7 +181,7 @@ fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Result<Vec<[f
     }
 }
 
-/// The real index of a host, and what the named substance absorbs.
+/// Returns a host's real index, and the absorption coefficient of the named substance.
 fn host(ctx: &Context, host: &Located<IndexFile>, what: &str) -> Result<[Vec<f64>; 2], InputError> {
     let rows = index(ctx, host, what)?;
     if let Some([n, k]) = rows.iter().find(|[n, k]| !(1.0..=10.0).contains(n) || *k > 1e-3) {
@@ -264,7 +261,7 @@ fn particles(ctx: &Context, p: &ParticlesFile) -> Result<Optics, InputError> {
     mixture(ctx, &p.kinds, &index, &absorption)
 }
 
-/// Kinds of particle in a host.
+/// Builds the optics of a mixture of particles in a host.
 fn mixture(
     ctx: &Context,
     kinds: &Located<Vec<Located<KindFile>>>,
@@ -364,7 +361,7 @@ fn polystyrene(ctx: &Context, p: &PolystyreneFile, span: Range<usize>) -> Result
     let sizes = if spread < 1e-3 {
         SizeDistribution::Single { radius: mean }
     } else {
-        // The log-normal distribution of that mean and standard deviation.
+        // Log-normal distribution with this mean and standard deviation.
         let variance = (spread * spread).ln_1p();
         SizeDistribution::LogNormal {
             median: mean * (-0.5 * variance).exp(),

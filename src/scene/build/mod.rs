@@ -1,4 +1,5 @@
-//! From the syntax of a scene file to the flat tables of a [`transport::scene::Scene`], checking meaning on the way.
+//! Converts the syntax of a scene file to the flat tables of a [`transport::scene::Scene`], with semantic
+//! checks.
 
 mod appearances;
 pub(crate) mod asked;

@@ -1,11 +1,10 @@
-//! Files with the places of many copies: text, or NumPy's `.npy`.
+//! Reads files with the transforms of many copies: text, or NumPy's `.npy`.
 
 use super::context::Context;
 use base::locate::{InputError, Located};
 use glam::DAffine3;
 use import::places;
 
-/// Reads the places that a file lists.
 pub(super) fn read(ctx: &mut Context, file: &Located<String>) -> Result<Vec<DAffine3>, InputError> {
     let bytes = ctx.read(file, file.span())?;
     let places = places::parse(&bytes).map_err(|message| {

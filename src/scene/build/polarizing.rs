@@ -1,4 +1,5 @@
-//! Polarizing materials of a file → their tables: coated mirrors, polarizer and retarder sheets, crystals.
+//! Converts polarizing materials of a file to tables: coated mirrors, polarizer and retarder sheets,
+//! crystals.
 
 use super::context::Context;
 use super::indices::{complex_index, constants, constants_f64, index};
@@ -18,7 +19,7 @@ use transport::material::retarder::{Retarder, Tilt};
 use transport::material::sheet::SheetAxis;
 use transport::material::varies;
 
-/// Uniaxial crystals that the optical constants know: their name there ends in `_o` and `_e`.
+/// Uniaxial crystals in the optical constants, where their names end in `_o` and `_e`.
 const CRYSTALS: [&str; 3] = ["calcite", "quartz", "sapphire"];
 
 pub(super) fn coated(
@@ -184,7 +185,7 @@ pub(super) fn crystal(
     })
 }
 
-/// n_o and n_e per wavelength, 1 in unused lanes.
+/// Returns n_o and n_e per wavelength, 1 in unused lanes.
 fn crystal_indices(
     ctx: &Context,
     place: &Located<MaterialFile>,
@@ -212,7 +213,7 @@ fn crystal_indices(
         }
         (None, Some(n_o), Some(n_e)) => {
             let n = |s: &Located<SpectrumFile>, what| {
-                // In full precision: retardances are differences times thousands of waves.
+                // Keep f64: a retardance is an index difference times thousands of waves.
                 let list = ctx.values(s, s.span(), what, 1.0..=10.0)?;
                 Ok(std::array::from_fn(|i| list.get(i).copied().unwrap_or(1.0)))
             };
@@ -226,7 +227,7 @@ fn crystal_indices(
     }
 }
 
-/// An axis in a sheet: an angle or a direction, 0° if neither is given.
+/// Returns the axis of a sheet: an angle or a direction, 0° if neither is given.
 fn sheet_axis(
     ctx: &Context,
     angle_deg: &Option<Located<f64>>,
@@ -247,7 +248,6 @@ fn sheet_axis(
     }
 }
 
-/// A unit vector.
 fn direction(ctx: &Context, axis: &Located<[f64; 3]>) -> Result<Vec3A, InputError> {
     DVec3::from_array(**axis)
         .try_normalize()

@@ -1,4 +1,4 @@
-//! Poses of a scene file → where a device stands and which way its axes point.
+//! Converts poses of a scene file to position and axes.
 
 use super::context::{Context, HUGE};
 use base::locate::{InputError, Located};
@@ -7,7 +7,7 @@ use std::ops::Range;
 use syntax::device::{ExtrinsicsFile, PoseFile};
 use syntax::transform::TransformFile;
 
-/// Three finite numbers of sane size.
+/// Checks that three numbers are finite and at most [`HUGE`].
 pub(crate) fn vector(
     ctx: &Context,
     v: [f64; 3],
@@ -24,14 +24,14 @@ pub(crate) fn vector(
     ))
 }
 
-/// A map as rows of a 4×4 matrix, without signs of -0, which only confuse readers.
+/// Returns an affine map as rows of a 4×4 matrix, with -0 replaced by 0 for readability.
 pub(crate) fn rows(map: &DAffine3) -> [[f64; 4]; 4] {
     let m = map.matrix3;
     let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], map.translation[i]].map(|v| v + 0.0);
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
 
-/// A map as the transform of an object.
+/// Returns an affine map as the transform of an object.
 pub(crate) fn matrix(map: &DAffine3) -> TransformFile {
     TransformFile {
         matrix: Some(rows(map)),
@@ -39,7 +39,7 @@ pub(crate) fn matrix(map: &DAffine3) -> TransformFile {
     }
 }
 
-/// Where a device stands, and its axes (columns: right, down, forward).
+/// Returns position and axes (columns: right, down, forward) of a device.
 pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Mat3A), InputError> {
     let span = pose.span();
     match &**pose {
@@ -85,7 +85,7 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
     }
 }
 
-/// The device of x_device = R x_world + t: the rows of R are its axes, and it stands at -Rᵀ t.
+/// Returns the pose for x_device = R x_world + t: the axes are the rows of R and the position is -Rᵀ t.
 fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(Vec3A, Mat3A), InputError> {
     let error = |message: String, help: &str| ctx.error(span.clone(), message, help);
     let rotation = match (e.rotation, e.rvec) {
@@ -130,13 +130,13 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
     Ok((origin, Mat3A::from_cols(axes[0], axes[1], axes[2])))
 }
 
-/// How far from a rotation the digits of a printed one may leave it.
+/// Largest deviation from orthonormality that rounding of printed digits explains.
 const PRINTED: f64 = 1e-3;
 
-/// The rotation that rows are, but for the digits that were printed of them.
+/// Returns the rotation closest to rows that were printed with limited precision.
 ///
 /// # Errors
-/// Why they are none.
+/// The reason why the rows are not a rotation.
 pub(crate) fn rotation(rows: [[f64; 3]; 3]) -> Result<DMat3, String> {
     let mut r = DMat3::from_cols_array_2d(&rows).transpose();
     let off = r.transpose() * r - DMat3::IDENTITY;
@@ -149,7 +149,7 @@ pub(crate) fn rotation(rows: [[f64; 3]; 3]) -> Result<DMat3, String> {
     if r.determinant() < 0.0 {
         return Err("R is a reflection (its determinant is -1): an axis is turned round".into());
     }
-    // Toward the nearest rotation (Newton–Schulz), squaring what is off each time.
+    // Converge to the closest rotation (Newton–Schulz iteration, quadratic).
     for _ in 0..4 {
         r *= (DMat3::IDENTITY * 3.0 - r.transpose() * r) * 0.5;
     }
@@ -162,7 +162,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Printed to four digits and back.
+        /// Rotations survive rounding to four digits.
         #[test]
         fn printed_rotations_are_rotations(v in prop::array::uniform3(-3.0..3.0_f64)) {
             let r = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from_array(v)));

@@ -1,4 +1,4 @@
-//! Objects of a scene file → triangles and quadrics.
+//! Converts objects of a scene file to triangles and quadrics.
 
 use super::asked::Asked;
 use super::attributes;
@@ -18,36 +18,31 @@ use transport::geometry::builder::GeometryBuilder;
 use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::{Quadric, QuadricKind};
 
-/// A shape in the world, before it is cut into what the tracer knows.
+/// A shape with its transform, before conversion to the renderer's primitives.
 #[derive(Clone)]
 pub(crate) struct Placed {
     pub form: Form,
-    /// Number of its material.
     pub material: u32,
-    /// Its front and back are exchanged.
+    /// Whether front and back are exchanged.
     pub flipped: bool,
 }
 
-/// The form of a [`Placed`] shape; maps take its own space to the world.
+/// The form of a [`Placed`] shape. Maps are from object to world space.
 #[derive(Clone)]
 pub(crate) enum Form {
     Quadric(QuadricKind, DAffine3),
-    /// [`Mesh::rectangle`].
     Rectangle(DAffine3),
-    /// [`Mesh::cube`].
     Cube(DAffine3),
-    /// In world space.
     Mesh(Mesh),
 }
 
-/// What the tracer knows a shape as, in world space.
+/// A renderer primitive in world space.
 pub(crate) enum Solid {
     Quadric(Quadric),
     Mesh(Mesh),
 }
 
 impl Placed {
-    /// Cut into what the tracer knows.
     pub(crate) fn solid(self, ctx: &Context, object: &Located<ObjectFile>) -> Result<Solid, InputError> {
         let mut mesh = match self.form {
             Form::Quadric(kind, map) => {
@@ -70,7 +65,6 @@ impl Placed {
 }
 
 impl Solid {
-    /// Adds it to the surfaces.
     pub(crate) fn add(self, material: u32, geometry: &mut GeometryBuilder) {
         match self {
             Self::Quadric(quadric) => geometry.quadric(quadric),
@@ -79,7 +73,6 @@ impl Solid {
     }
 }
 
-/// The shapes that an object is made of.
 pub(crate) fn place(
     ctx: &mut Context,
     object: &Located<ObjectFile>,
@@ -285,7 +278,7 @@ pub(crate) fn place(
     }])
 }
 
-/// Reads a mesh file in the format that the shape names.
+/// Reads a mesh file of the shape's format.
 fn load(
     ctx: &mut Context,
     m: &MeshFile,
@@ -335,7 +328,6 @@ fn load(
     Ok(model.parts)
 }
 
-/// A mesh moved to the world.
 pub(crate) fn moved(
     ctx: &Context,
     mut mesh: Mesh,
@@ -360,9 +352,8 @@ pub(crate) fn moved(
     Ok(mesh)
 }
 
-/// A radius that a shape can have.
 fn sized(ctx: &Context, radius: f64, span: Range<usize>) -> Result<(), InputError> {
-    // That of 0 has no size and that without end reaches to infinity, whatever the shape.
+    // 0 and infinity are reported later, for any shape.
     if radius >= 0.0 {
         return Ok(());
     }
@@ -370,7 +361,7 @@ fn sized(ctx: &Context, radius: f64, span: Range<usize>) -> Result<(), InputErro
     Err(ctx.error(span, message, "give metres above 0"))
 }
 
-/// True if the map keeps volume apart from zero, so that it can be inverted.
+/// Returns whether the map is finite and invertible.
 pub(crate) fn is_solid(map: &DAffine3) -> bool {
     map.is_finite() && map.matrix3.determinant().abs() > 1e-30
 }
@@ -379,7 +370,8 @@ fn affine(a: DAffine3) -> Affine3A {
     Affine3A::from_mat3_translation(a.matrix3.as_mat3(), a.translation.as_vec3())
 }
 
-/// Unit disk or tube to one of `radius` about `origin`, its z axis along `axis`, of length `length`.
+/// Returns the map of the unit disk or cylinder to one of `radius` and `length` at `origin`, with its z axis
+/// along `axis`.
 fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     let z = axis.normalize_or(Vec3A::Z);
     let m = optics::polarization::frame::basis(z);
@@ -393,7 +385,6 @@ fn toward(origin: Vec3A, axis: Vec3A, radius: f64, length: f64) -> DAffine3 {
     )
 }
 
-/// The map that a transform says.
 pub(crate) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAffine3, InputError> {
     if let Some(m) = t.matrix {
         if t.scale.is_some()
@@ -436,7 +427,7 @@ pub(crate) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAf
     let [x, y, z] = turned.map(f64::to_radians);
     Ok(DAffine3::from_scale_rotation_translation(
         scale,
-        // About x first, then y, then z.
+        // Rotates about x first, then y, then z.
         DQuat::from_euler(EulerRot::ZYX, z, y, x),
         DVec3::from_array(t.translate.unwrap_or([0.0; 3])),
     ))

@@ -1,4 +1,4 @@
-//! Slices of a scene file → [`Slice`]s, checked against camera and projector.
+//! Converts slices of a scene file to [`Slice`]s and checks them against camera and projector.
 
 use super::context::Context;
 use super::textures;
@@ -13,22 +13,20 @@ use tensor::slice::{Block, CameraSelect, Polarization, ProjectorAxis, ProjectorS
 use transport::device::pinhole::Pinhole;
 use transport::device::projector::Projector;
 
-/// Names that a slice cannot have because the store uses them.
 const RESERVED: [&str; 2] = ["samples", "zarr.json"];
 
-/// The largest number of elements of one slice: 2^40 keeps every index exact and is 4 TiB of f32.
+/// Maximum number of elements of a slice: 2^40 keeps every index exact and is 4 TiB of f32.
 const MAX_ELEMENTS: u128 = 1 << 40;
 
-/// The largest number of elements of one chunk, which is held in memory: 2^28 is 1 GiB of f32.
+/// Maximum number of elements of a chunk in memory: 2^28 is 1 GiB of f32.
 const MAX_CHUNK: u128 = 1 << 28;
 
-/// A time bin is no shorter than this part of its time: f64 tells centres of bins apart to 2^-53.
+/// Minimum width of a time bin relative to its time: f64 distinguishes bin centres down to 2^-53.
 const LEAST_BIN: f64 = 1e-12;
 
-/// The largest projector with epipolar slices, which keep 24 bytes a pixel: 2^24 pixels is 4096 × 4096.
+/// Maximum projector size with epipolar slices, which need 24 bytes per pixel: 2^24 pixels is 4096 × 4096.
 const MAX_EPIPOLAR_PIXELS: u64 = 1 << 24;
 
-/// All slices of the file.
 pub(crate) fn build(
     ctx: &mut Context,
     file: &SceneFile,
@@ -112,7 +110,7 @@ pub(crate) fn build(
     Ok(slices)
 }
 
-/// Checks a list of rows or columns: rising, unique, in range.
+/// Checks a list of rows or columns: increasing, unique, in range.
 fn listed(
     ctx: &Context,
     list: &[u32],
@@ -268,7 +266,7 @@ fn projector_select(
     })
 }
 
-/// Every pixel's own coordinate as its weight.
+/// Returns a mask that weights every pixel by its own coordinate.
 fn moment(of: CoordinateFile, [w, h]: [u32; 2]) -> ProjectorSelect {
     let pixels = (0..h).flat_map(|v| (0..w).map(move |u| (u, v)));
     let (name, weights) = match of {
@@ -281,7 +279,7 @@ fn moment(of: CoordinateFile, [w, h]: [u32; 2]) -> ProjectorSelect {
     }
 }
 
-/// A drive image: its brightness, linear, is the weight of each projector pixel.
+/// Reads a drive image, whose linear brightness is the weight of each projector pixel.
 fn mask(
     ctx: &mut Context,
     name: &str,
@@ -332,7 +330,8 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
             "give 1 to 1048576 bins",
         ));
     }
-    // A bin's width must count beside its time: then bins are finite and rise, and their centres are told apart.
+    // The bin width must be representable next to the time. Then edges are finite and increasing, and centres
+    // differ.
     let end = b.start_ps + f64::from(*b.bins) * *b.bin_ps;
     let latest = b.start_ps.abs().max(end.abs());
     if !(latest.is_finite() && latest * LEAST_BIN < *b.bin_ps) {
@@ -352,7 +351,7 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
     })
 }
 
-/// The camera bins' least common multiple: tiles must be a multiple of it.
+/// Returns the least common multiple of the camera bin sizes; tile sizes must be a multiple of it.
 fn bin_multiple(slices: &[Slice]) -> u64 {
     let gcd = |mut a: u64, mut b: u64| {
         while b != 0 {

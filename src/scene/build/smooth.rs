@@ -1,14 +1,14 @@
-//! Vertex normals for meshes that have none.
+//! Computes vertex normals for meshes that have none.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use transport::geometry::mesh::Mesh;
 
-/// Gives each mesh without normals vertex normals: the mean of the faces around a vertex, weighted by their angles there
+/// Computes vertex normals of each mesh without normals: the angle-weighted mean of adjacent face normals
 /// (Thürmer & Wüthrich 1998, "Computing vertex normals from polygonal facets", as in Mitsuba 3).
 ///
-/// Meshes are the parts of one file. A vertex that several parts have (the same position and texture coordinates) has one
-/// normal; vertices that a part lists separately keep an edge between them.
+/// The meshes are parts of one file. A vertex that occurs in several parts (same position and texture
+/// coordinates) has one normal. Separate vertices within a part keep a hard edge between them.
 pub(crate) fn smooth(parts: &mut [Mesh]) {
     let mut sums: Vec<Vec<DVec3>> = parts.iter().map(of_faces).collect();
     if parts.iter().filter(|p| p.normals.is_empty()).count() > 1 {
@@ -16,7 +16,7 @@ pub(crate) fn smooth(parts: &mut [Mesh]) {
     }
     for (part, sums) in parts.iter_mut().zip(sums) {
         if part.normals.is_empty() {
-            // A vertex whose faces cancel out has no normal; Mitsuba takes the x axis.
+            // If adjacent faces cancel, use the x axis as in Mitsuba.
             part.normals = sums
                 .into_iter()
                 .map(|n| n.normalize_or(DVec3::X).as_vec3())
@@ -25,7 +25,7 @@ pub(crate) fn smooth(parts: &mut [Mesh]) {
     }
 }
 
-/// Sum of the weighted normals of the faces around each vertex.
+/// Returns the sum of weighted face normals around each vertex.
 fn of_faces(mesh: &Mesh) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     for corners in &mesh.indices {
@@ -41,7 +41,7 @@ fn of_faces(mesh: &Mesh) -> Vec<DVec3> {
     sums
 }
 
-/// Adds up the sums of vertices that several parts have.
+/// Adds up the sums of vertices that occur in several parts.
 fn share(parts: &[Mesh], sums: &mut [Vec<DVec3>]) {
     let key = |mesh: &Mesh, i: usize| {
         let bits = |v: Vec3| v.to_array().map(f32::to_bits);
@@ -65,7 +65,8 @@ fn share(parts: &[Mesh], sums: &mut [Vec<DVec3>]) {
 mod tests {
     use super::*;
 
-    /// Two faces at a right angle with angles of 90° and 45° at the shared vertex: the normal leans to the wider one.
+    /// Two faces at a right angle have angles of 90° and 45° at the shared vertex: the larger angle has more
+    /// weight.
     #[test]
     fn normals_are_weighted_by_angles() {
         let mesh = Mesh {
@@ -84,7 +85,7 @@ mod tests {
         assert_eq!(parts[0].normals[1], Vec3::Z);
     }
 
-    /// Cutting a mesh into parts changes no normal; normals that a part has are kept.
+    /// Splitting a mesh into parts does not change its normals, and existing normals are kept.
     #[test]
     fn parts_share_the_normals_of_common_vertices() {
         let whole = Mesh {

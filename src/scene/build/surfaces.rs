@@ -1,4 +1,5 @@
-//! Objects, groups and instances of a scene file → the geometry, with a number of its own for every filled object.
+//! Converts objects, groups and instances of a scene file to geometry. Every filled object gets its own
+//! material index.
 
 use super::context::{Context, HUGE};
 use super::lights;
@@ -17,22 +18,21 @@ use transport::material::Materials;
 use transport::medium::nesting::Boundary;
 use transport::names::Names;
 
-/// More copies than this are a mistake.
+/// Maximum number of copies; more are assumed to be a mistake.
 const MOST_COPIES: usize = 1 << 26;
 
-/// The surfaces so far.
 pub(crate) struct Surfaces<'a> {
     pub geometry: GeometryBuilder,
     pub materials: &'a mut Materials,
-    /// One a material.
+    /// One boundary per material.
     pub boundaries: Vec<Boundary>,
-    /// What objects are called, and which material of the file each number is.
+    /// Names of objects, and the material of the file for each material index.
     pub called: Names,
-    /// Numbers of materials and media.
+    /// Indices of materials and media.
     names: &'a BTreeMap<&'a str, u32>,
     media: &'a BTreeMap<&'a str, u32>,
     images: &'a mut Images,
-    /// Surfaces that shine, and their numbers by material.
+    /// Emissive surfaces, and their indices by material.
     pub shining: (Vec<AreaLight>, Vec<u32>),
 }
 
@@ -63,7 +63,7 @@ impl<'a> Surfaces<'a> {
         }
     }
 
-    /// Adds objects, of the group of this name if they are one's.
+    /// Adds objects, optionally as those of a named group.
     pub fn objects(
         &mut self,
         ctx: &mut Context,
@@ -82,8 +82,9 @@ impl<'a> Surfaces<'a> {
             let (mut solids, mut numbers) = (vec![], vec![]);
             for mut placed in shapes::place(ctx, object, self.names)? {
                 if filling.is_some() || object.emission.is_some() {
-                    // A number of its own tells this object's surfaces from others of the same material. Copies of an object
-                    // share it: light that leaves one of them leaves the one that it entered last.
+                    // A separate index distinguishes this object's surfaces from others of the same material.
+                    // Copies of an object share the index: light that exits one of them exits the one that it
+                    // entered last.
                     let material = self.materials.list[placed.material as usize];
                     self.materials.list.push(material);
                     self.boundaries.push(filling.unwrap_or(Boundary::NONE));
@@ -112,7 +113,6 @@ impl<'a> Surfaces<'a> {
         volumes::overlaps(ctx, &volumes)
     }
 
-    /// Adds groups and their copies.
     pub fn instances(
         &mut self,
         ctx: &mut Context,
@@ -159,7 +159,6 @@ impl<'a> Surfaces<'a> {
     }
 }
 
-/// The number of a group by its name.
 pub(crate) fn group_number<T: Copy>(
     ctx: &Context,
     name: &Located<String>,
@@ -179,7 +178,7 @@ pub(crate) fn group_number<T: Copy>(
     })
 }
 
-/// The places of all copies that an entry stands for.
+/// Returns the transforms of all copies of an entry.
 pub(crate) fn copies(
     ctx: &mut Context,
     instance: &Located<InstanceFile>,
@@ -216,7 +215,7 @@ pub(crate) fn copies(
     Ok(all)
 }
 
-/// What fills an object whose first boundary has the number `first`.
+/// Returns the medium that fills an object, whose first boundary has the index `first`.
 fn filling(
     ctx: &Context,
     object: &ObjectFile,

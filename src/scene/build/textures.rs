@@ -1,4 +1,5 @@
-//! Images and checkerboards of a file → the flat table of [`Textures`]. Texels of a file that is named twice are kept once.
+//! Converts images and checkerboards of a file to the flat table of [`Textures`]. A file's texels are stored
+//! once.
 
 use super::attributes;
 use super::context::Context;
@@ -13,17 +14,17 @@ use syntax::texture::{AlbedoFile, CheckerboardFile, ImageAlbedo, ScalarFile, UvR
 use syntax::values::SpectrumFile;
 use transport::material::texture::{ATTRIBUTE, Filter, Image, SAME, Scalar, Spectrum, Textures, UvMap, Wrap};
 
-/// What texels are read from: a file, its layer, and what its channels mean.
+/// Key of stored texels: file, layer and meaning of the channels.
 type ImageKey = (PathBuf, Option<String>, Channels);
 
-/// The images that have been read: size and first texel.
+/// Images that have been read: size and index of the first texel.
 #[derive(Default)]
 pub(crate) struct Images(BTreeMap<ImageKey, ([u32; 2], u32)>);
 
-/// Most that an image of albedos may be multiplied by.
+/// Largest factor of an albedo image.
 const BRIGHTEST: f64 = 2.0;
 
-/// The same image with texels times a factor above 1, none brighter than 1.
+/// Returns a copy of an image with texels multiplied by a factor above 1 and clamped to 1.
 fn brightened(ctx: &mut Context, textures: &mut Textures, texture: u32, factor: Spectral, name: &str) -> u32 {
     let image = textures.images[texture as usize];
     let first = image.first as usize;
@@ -49,7 +50,7 @@ fn brightened(ctx: &mut Context, textures: &mut Textures, texture: u32, factor: 
     textures.images.len() as u32 - 1
 }
 
-/// A spectrum of 0..1, an image of colours or a checkerboard.
+/// Returns a spectrum of 0..1, an image of colours or a checkerboard.
 pub(super) fn spectrum(
     ctx: &mut Context,
     images: &mut Images,
@@ -103,7 +104,6 @@ pub(super) fn spectrum(
     })
 }
 
-/// Notes texels of a reflectance that return more light than they receive.
 fn note_reflectance_above_one(
     ctx: &mut Context,
     textures: &Textures,
@@ -125,7 +125,7 @@ fn note_reflectance_above_one(
     }
 }
 
-/// A number within `range`, an image scaled to it or a checkerboard.
+/// Returns a number within `range`, an image scaled to it or a checkerboard.
 pub(super) fn scalar(
     ctx: &mut Context,
     images: &mut Images,
@@ -166,7 +166,7 @@ pub(super) fn scalar(
     })
 }
 
-/// An image of radiances over a surface: as it is if its file holds linear values, decoded otherwise.
+/// Reads an image of radiances over a surface; decodes it unless the file's values are linear.
 pub(super) fn radiances(
     ctx: &mut Context,
     images: &mut Images,
@@ -181,7 +181,7 @@ pub(super) fn radiances(
     image(ctx, images, textures, file, channels)
 }
 
-/// The texels of an image of the sky, for each wavelength, top row first, and its width and height.
+/// Returns width and height of an environment image and its texels per wavelength, top row first.
 pub(super) fn sky(
     ctx: &mut Context,
     name: &Located<String>,
@@ -192,7 +192,6 @@ pub(super) fn sky(
     Ok((size, textures.texels))
 }
 
-/// The image of a bump map.
 pub(super) fn heights(
     ctx: &mut Context,
     images: &mut Images,
@@ -210,7 +209,7 @@ pub(super) fn heights(
     image(ctx, images, textures, file, numbers(file))
 }
 
-/// What the channels of an image of numbers mean.
+/// Returns the meaning of the channels of an image of numbers.
 fn numbers(file: &ImageAlbedo) -> Channels {
     match (file.luminance, file.raw) {
         (false, _) => Channels::Numbers,
@@ -219,7 +218,6 @@ fn numbers(file: &ImageAlbedo) -> Channels {
     }
 }
 
-/// The image of a normal map.
 pub(super) fn normals(
     ctx: &mut Context,
     images: &mut Images,
@@ -240,7 +238,6 @@ pub(super) fn normals(
     image(ctx, images, textures, &file, Channels::Numbers)
 }
 
-/// The map of texture coordinates.
 fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMap, InputError> {
     let Some(rows) = uv else {
         return Ok(SAME);
@@ -256,7 +253,7 @@ fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMa
     ))
 }
 
-/// Two by two texels.
+/// Creates a checkerboard as an image of two by two texels.
 fn checkerboard(
     ctx: &mut Context,
     textures: &mut Textures,
@@ -312,7 +309,7 @@ fn image(
     Ok(textures.images.len() as u32 - 1)
 }
 
-/// Reads the texels of an image: colours as red, green or blue for each wavelength, numbers as they are.
+/// Reads the texels of an image: colours as red, green or blue per wavelength, numbers unchanged.
 fn read(
     ctx: &mut Context,
     textures: &mut Textures,
@@ -346,7 +343,7 @@ fn read(
     Ok(([image.width as u32, image.height as u32], first as u32))
 }
 
-/// Reads and decodes an image; what its reader should know goes to the notes.
+/// Reads and decodes an image, and adds the decoder's notes.
 pub(super) fn decoded(
     ctx: &mut Context,
     name: &Located<String>,

@@ -1,7 +1,8 @@
-//! Objects that touch within rounding: the surface of one of the two is moved by as much as single precision needs.
+//! Separates or overlaps objects that touch within rounding: moves the surface of one by the distance that
+//! single precision needs.
 //!
-//! Glass on something opaque reaches into it, so that light in the glass meets what it lies on, as in other programs. A sheet, which
-//! bends no light, is moved off.
+//! Glass on an opaque object is extended into it, so that light in the glass meets the object without air
+//! between, as in other renderers. A sheet, which does not refract, is moved away.
 
 use super::context::Context;
 use super::pose::matrix;
@@ -13,19 +14,20 @@ use syntax::scene::SceneFile;
 use syntax::shape::ObjectFile;
 use transport::render::gaps::{Contact, Gap};
 
-/// Widths of a gap that count as enough, in units of the least.
+/// Width of a gap that is accepted as sufficient, in units of the minimum width.
 const ENOUGH: f64 = 2.0;
 
-/// An object thinner than this many of the moves is moved as a whole; of a thicker one the opposite side stays.
+/// An object thinner than this multiple of the displacement is translated. For a thicker one the opposite
+/// side stays fixed.
 const FLAT: f64 = 8.0;
 
-/// The largest share by which an object becomes thinner or thicker.
+/// Largest relative change of an object's thickness.
 const MOST_CHANGE: f64 = 0.01;
 
-/// Moves the surface of one of the objects at a gap, and says so; `None` if that is not possible.
+/// Moves the surface of one of the objects at a gap and returns a note, or `None` if that is not possible.
 pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Option<String> {
     let (width, enough) = (f64::from(gap.width), ENOUGH * f64::from(gap.least));
-    // The object that is moved, and how far off the other one.
+    // The object to move, and its displacement away from the other one.
     let (side, off) = match gap.contact {
         Contact::Air(side) => (side, enough - width),
         Contact::Touch => (0, -enough - width),
@@ -42,7 +44,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
     let map = if high - low < FLAT * off.abs() {
         DAffine3::from_translation(away * off)
     } else {
-        // Of the distance from the opposite side.
+        // Scale factor relative to the distance from the opposite side.
         let share = off / (high - gap.at.as_dvec3().dot(away));
         if share.is_nan() || share.abs() >= MOST_CHANGE {
             return None;
@@ -81,7 +83,7 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
     Some(note)
 }
 
-/// How far an object reaches along a direction, metres.
+/// Returns the range of an object along a direction, in metres.
 fn extent(
     ctx: &mut Context,
     file: &SceneFile,

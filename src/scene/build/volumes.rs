@@ -1,4 +1,5 @@
-//! Objects that a medium fills: closed, their normals outward, and none that cut into another of the same priority.
+//! Checks of objects filled with a medium: they must be closed, and must not intersect others of the same
+//! priority. Their normals are turned outward.
 
 use super::context::Context;
 use super::shapes::Solid;
@@ -10,32 +11,30 @@ use transport::geometry::mesh::Mesh;
 use transport::geometry::quadric::{Quadric, QuadricKind};
 use transport::medium::nesting::Boundary;
 
-/// A filled object.
+/// An object filled with a medium.
 pub(crate) struct Volume<'a> {
     object: &'a Located<ObjectFile>,
     filling: Boundary,
     inside: Inside,
     low: DVec3,
     high: DVec3,
-    /// Points of its surface.
     points: Vec<DVec3>,
 }
 
-/// What tells whether a point is inside.
 enum Inside {
-    /// Of a sphere, or a tube with caps.
+    /// Sphere, or cylinder with caps.
     Quadric(Box<Quadric>),
     Mesh(closed::Inside),
 }
 
-/// How many points of a surface are asked whether they are inside of another object.
+/// Number of surface points that are tested against other objects.
 const POINTS: usize = 96;
 
 impl<'a> Volume<'a> {
-    /// Checks an object's surfaces; meshes whose normals point inward are turned round, and it is said in a note.
+    /// Checks an object's surfaces. If a mesh's normals point inward, reverses it and adds a note.
     ///
     /// # Errors
-    /// [`InputError`] at the object if they are open, with a place in the mesh.
+    /// [`InputError`] at the object if its surface is open, with a location on the mesh.
     pub fn new(
         ctx: &mut Context,
         object: &'a Located<ObjectFile>,
@@ -64,7 +63,7 @@ impl<'a> Volume<'a> {
             }
             let (low, high) = q.bounds();
             let at = |k: usize| (k as f32 + 0.5) / POINTS as f32;
-            // A spiral over the surface, dense enough for what it is asked.
+            // Points on a spiral cover the surface evenly.
             let point = |k: usize| q.point([(at(k) * 38.2).fract(), at(k)]).0.as_dvec3();
             return Ok(Self {
                 object,
@@ -103,7 +102,7 @@ impl<'a> Volume<'a> {
         })
     }
 
-    /// Whether a point is inside; `None` so near to the surface that it is either.
+    /// Returns whether a point is inside, or `None` if it is too close to the surface to decide.
     fn holds(&self, p: DVec3) -> Option<bool> {
         match &self.inside {
             Inside::Quadric(q) => {
@@ -114,17 +113,17 @@ impl<'a> Volume<'a> {
         }
     }
 
-    /// True if some of its surface is inside of another volume, and some outside.
+    /// Returns whether the surface is partly inside and partly outside another volume.
     fn cuts(&self, other: &Self) -> bool {
         let found: Vec<bool> = self.points.iter().filter_map(|p| other.holds(*p)).collect();
         found.contains(&true) && found.contains(&false)
     }
 }
 
-/// Checks that no volume cuts into another one of the same priority with another medium.
+/// Checks that volumes of equal priority with different media do not intersect.
 ///
 /// # Errors
-/// [`InputError`] at the second of two that do.
+/// [`InputError`] at the second of two intersecting volumes.
 pub(crate) fn overlaps(ctx: &Context, volumes: &[Volume]) -> Result<(), InputError> {
     for (i, b) in volumes.iter().enumerate() {
         for a in &volumes[..i] {

@@ -1,4 +1,4 @@
-//! Scenes in code are the scenes of files, and their faults have places.
+//! Tests that scenes built in code equal those of files, and that their errors have locations.
 
 use super::*;
 use crate::{Camera, Emitter, Material, Medium, Object, Projector, Slice};
@@ -9,7 +9,7 @@ use tensor::field::Field;
 use tensor::memory::Arrays;
 use transport::render::schedule::{Share, Unwatched, render};
 
-/// A tent of two triangles with normals and texture coordinates.
+/// Returns a tent of two triangles with normals and texture coordinates.
 fn tent() -> Mesh {
     let point = |x, y, z| Vec3::new(x, y, z);
     Mesh {
@@ -143,14 +143,14 @@ fn a_scene_in_code_is_the_scene_of_its_file() {
     assert!(a == b, "the renders differ");
 }
 
-/// A picture of one colour in the middle of the range, as a file.
+/// Encodes a uniform image.
 fn picture(image: impl Into<image::DynamicImage>, format: image::ImageFormat) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(vec![]);
     image.into().write_to(&mut bytes, format).expect("a picture");
     bytes.into_inner()
 }
 
-/// What a scene tells of the colour 0.5 of an image.
+/// Returns the first texel of an image in a built scene.
 fn texel(bytes: Vec<u8>, raw: bool) -> f32 {
     let image = ImageAlbedo {
         raw,
@@ -171,7 +171,8 @@ fn texel(bytes: Vec<u8>, raw: bool) -> f32 {
     scene.materials.textures.texels[0][0]
 }
 
-/// By what a file holds, and not by its name: bytes are sRGB-encoded (IEC 61966-2-1), real numbers are linear.
+/// The data type decides, not the file name: bytes are sRGB-encoded (IEC 61966-2-1), floating-point values
+/// are linear.
 #[test]
 fn real_numbers_of_images_are_linear() {
     use image::ImageFormat::{Hdr, OpenExr, Png};
@@ -190,7 +191,8 @@ fn real_numbers_of_images_are_linear() {
     }
 }
 
-/// A number of an image is its first channel as it is, or the luminance of its colours (Rec. 709), decoded unless raw.
+/// A number is the first channel, undecoded, or the luminance of the colours (Rec. 709), which are decoded
+/// unless raw.
 #[test]
 fn numbers_of_images_are_channels_or_luminances() {
     let bytes = picture(
@@ -244,7 +246,7 @@ fn a_scene_knows_its_files() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).expect("writes");
     std::fs::create_dir(folder.path().join("meshes")).expect("a folder");
-    // A document whose buffer is a file, and an object whose library names an image.
+    // A glTF document with an external buffer, and an OBJ whose material library names an image.
     let positions: Vec<u8> = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
         .iter()
         .flat_map(|v| v.to_le_bytes())
@@ -285,7 +287,7 @@ fn a_scene_knows_its_files() {
     );
 }
 
-/// The place and the message of what is wrong with a scene.
+/// Returns the location and the message of a scene's error.
 fn refusal(scene: SceneBuilder, words: &str) -> String {
     let error = scene
         .build()

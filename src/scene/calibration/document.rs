@@ -1,4 +1,4 @@
-//! A calibration file as one tree, whatever its syntax, and errors that name places in it.
+//! A calibration file parsed to a tree, independent of its syntax, and errors located in it.
 
 use super::{npz, yaml};
 use base::locate::InputError;
@@ -7,21 +7,20 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The largest text that is read, bytes: calibrations are kilobytes.
+/// Maximum size of a text file in bytes; calibrations are kilobytes.
 const LARGEST: u64 = 64 << 20;
 
 const FIX: &str = "give a calibration as .yaml, .yml, .json or .npz";
 
-/// A file that has been read.
 pub(super) struct Document {
     pub(super) file: PathBuf,
-    /// Empty of files that are no text.
+    /// The text, or empty for binary files.
     text: Arc<str>,
     pub(super) root: Value,
 }
 
 impl Document {
-    /// Reads a file as its extension says.
+    /// Reads a file in the format of its extension.
     pub(super) fn load(path: &Path) -> Result<Self, InputError> {
         let failed = |message: String| InputError {
             file: path.to_owned(),
@@ -40,7 +39,6 @@ impl Document {
         Self::parse(path, bytes)
     }
 
-    /// Of a file's bytes.
     pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, InputError> {
         let extension = path
             .extension()
@@ -80,7 +78,7 @@ impl Document {
         })
     }
 
-    /// An error at the value that keys lead to.
+    /// Returns an error located at the value of a key path.
     pub(super) fn error(&self, keys: &[String], message: &str, help: &str) -> InputError {
         let named = if keys.is_empty() {
             String::new()
@@ -96,7 +94,7 @@ impl Document {
         }
     }
 
-    /// Where the last of the keys stands, each looked for behind the one before it.
+    /// Returns the location of the last key; each key is searched for after the previous one.
     fn find(&self, keys: &[String]) -> Option<std::ops::Range<usize>> {
         let mut span = None;
         let mut from = 0;
@@ -117,7 +115,7 @@ impl Document {
     }
 }
 
-/// The last boundary of characters up to `at`.
+/// Returns the last character boundary up to `at`.
 fn boundary(text: &str, at: usize) -> usize {
     let mut at = at.min(text.len());
     while !text.is_char_boundary(at) {

@@ -1,26 +1,25 @@
-//! What readers of calibrations are told, and what they find.
+//! Options and results of the calibration readers.
 
 use syntax::device::ExtrinsicsFile;
 
-/// What a user says of a calibration that its file does not.
+/// User settings that supplement or override a calibration file.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Which of several cameras: `cam1`, or `2` of K2 and D2, or `proj` of proj_K.
+    /// Which of several cameras to read: `cam1`, or `2` for K2 and D2, or `proj` for proj_K.
     pub camera: Option<String>,
-    /// Which of several views of a target gives the pose, from 0.
+    /// Index of the target view whose pose to use, from 0.
     pub view: Option<usize>,
-    /// Width and height, which take the place of the file's.
+    /// Width and height in pixels, instead of the file's.
     pub resolution: Option<[u32; 2]>,
-    /// Metres that the file's unit of length has; absent: as the file says, or 1.
+    /// Length of the file's unit in metres. Default: the file's value, or 1.
     pub metres_per_unit: Option<f64>,
-    /// Four coefficients are those of a fisheye.
+    /// Treat four coefficients as those of a fisheye model.
     pub fisheye: bool,
-    /// Of Kalibr's files: the world is the IMU's frame instead of the first camera's.
+    /// For Kalibr files: use the IMU's frame as the world instead of the first camera's.
     pub imu: bool,
 }
 
 impl Default for Options {
-    /// As the file says.
     fn default() -> Self {
         Self {
             camera: None,
@@ -33,15 +32,14 @@ impl Default for Options {
     }
 }
 
-/// What a reader finds in a file.
 pub(super) struct Found {
-    /// OpenCV's camera matrix with OpenCV's pixel centres.
+    /// OpenCV's camera matrix, with OpenCV's pixel centres.
     pub(super) matrix: [[f64; 3]; 3],
     pub(super) lens: Lens,
     pub(super) size: Option<[u32; 2]>,
-    /// World to device, in the file's unit of length.
+    /// World-to-device transform in the file's unit of length.
     pub(super) pose: Option<ExtrinsicsFile>,
-    /// Metres that the file says its unit has.
+    /// Length of the unit in metres, if the file gives it.
     pub(super) unit: Option<f64>,
     pub(super) notes: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! Kalibr's camera chains: `cam0`, `cam1`, … with `intrinsics: [fu, fv, pu, pv]`.
+//! Reader for Kalibr's camera chains: `cam0`, `cam1`, … with `intrinsics: [fu, fv, pu, pv]`.
 
 use super::document::Document;
 use super::found::{Found, Lens, Options};
@@ -8,7 +8,7 @@ use base::locate::InputError;
 use glam::DMat4;
 use syntax::device::ExtrinsicsFile;
 
-/// The cameras of a chain, in order.
+/// Returns the cameras of a chain, in order.
 fn cameras(document: &Document) -> Vec<(String, Node<'_>)> {
     let root = Node::root(document);
     let number = |name: &str| name.strip_prefix("cam")?.parse::<u32>().ok();
@@ -21,12 +21,12 @@ fn cameras(document: &Document) -> Vec<(String, Node<'_>)> {
     found.into_iter().map(|(_, k, node)| (k, node)).collect()
 }
 
-/// True of such a file.
+/// Returns whether a document is a camera chain.
 pub(super) fn is(document: &Document) -> bool {
     !cameras(document).is_empty()
 }
 
-/// Reads a camera of a chain; the world is the first camera's frame, or the IMU's.
+/// Reads a camera of a chain. The world is the frame of the first camera or of the IMU.
 pub(super) fn read(document: &Document, options: &Options) -> Result<Found, InputError> {
     let cameras = cameras(document);
     let names: Vec<&str> = cameras.iter().map(|(k, _)| k.as_str()).collect();
@@ -97,7 +97,7 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
             t: Some([rows[0][3], rows[1][3], rows[2][3]]),
             ..ExtrinsicsFile::default()
         }),
-        // Kalibr's targets are given in metres.
+        // Kalibr's targets are in metres.
         unit: Some(1.0),
         notes,
     })

@@ -1,7 +1,9 @@
-//! MATLAB's cameraParameters and cameraIntrinsics as `jsonencode` writes them, or a struct of their properties.
+//! Reader for MATLAB's cameraParameters and cameraIntrinsics as `jsonencode` writes them, or a struct of
+//! their properties.
 //!
-//! MATLAB counts pixels from 1, so its principal point is OpenCV's plus 1. Its older matrices are for row vectors: IntrinsicMatrix
-//! is [fx 0 0; s fy 0; cx cy 1] and x_camera = x_world·R + t; `K`, and R of rigidtform3d in PatternExtrinsics, are for columns.
+//! MATLAB counts pixels from 1, so its principal point is OpenCV's plus 1. Its older matrices are for row
+//! vectors: IntrinsicMatrix is [fx 0 0; s fy 0; cx cy 1] and x_camera = x_world·R + t. `K`, and R of
+//! rigidtform3d in PatternExtrinsics, are for column vectors.
 
 use super::document::Document;
 use super::found::{Found, Lens, Options};
@@ -17,7 +19,7 @@ const NAMES: [&str; 4] = [
     "RadialDistortion",
 ];
 
-/// The table that MATLAB's names are in: the whole, or the one that holds it, or that was asked for.
+/// Returns the table with MATLAB's names: the root, or the only table of the root that has them.
 pub(super) fn find(document: &Document) -> Option<Node<'_>> {
     let is = |node: &Node| NAMES.iter().any(|n| node.get(n).is_some()) || node.get("Intrinsics").is_some();
     let root = Node::root(document);
@@ -29,7 +31,6 @@ pub(super) fn find(document: &Document) -> Option<Node<'_>> {
     inside.next().is_none().then_some(first)
 }
 
-/// Reads a camera.
 pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Found, InputError> {
     let inner = camera.get("Intrinsics");
     let get = |key: &str| camera.get(key).or_else(|| inner.as_ref()?.get(key));
@@ -79,7 +80,7 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
     };
     let size = match get("ImageSize") {
         Some(node) if node.value.as_array().is_none_or(|a| !a.is_empty()) => {
-            // Rows, then columns.
+            // MATLAB's order is rows, columns.
             let [h, w] = node.vector::<2>()?;
             Some(node.pixels(w, h)?)
         }
@@ -123,7 +124,7 @@ fn pose(
         notes.push("The rotation matrix is MATLAB's, for row vectors: it was transposed.".into());
         return Ok(found(transposed(r.matrix::<3>()?), t.vector::<3>()?));
     }
-    // One view is written as a table, several as a list of them.
+    // A single view is a table, several views are a list of tables.
     let views = camera.get("PatternExtrinsics");
     let count = match (&views, camera.get("TranslationVectors")) {
         (Some(list), _) => list.value.as_array().map_or(1, Vec::len),
@@ -165,7 +166,7 @@ fn pose(
         ));
     };
     let (rotations, translations) = (r.array()?, t.array()?.values);
-    // 3 × 3 × views, of which MATLAB drops a last axis of one.
+    // The shape is 3 × 3 × views; MATLAB omits a last axis of length 1.
     if rotations.values.len() != 9 * count || rotations.shape.get(..2) != Some(&[3, 3]) {
         return Err(r.error(
             &format!(

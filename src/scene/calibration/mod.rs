@@ -1,4 +1,4 @@
-//! Calibrations that other programs write → a camera or a projector of a scene file.
+//! Converts calibrations of other programs to a camera or a projector of a scene file.
 //!
 //! | program | file | pixel centres | world to device |
 //! |---|---|---|---|
@@ -7,8 +7,8 @@
 //! | Kalibr camchain | YAML | first pixel at 0 | T_cn_cnm1, T_cam_imu |
 //! | MATLAB (`jsonencode`) | JSON | first pixel at 1 | row vectors: x = X R + t, R transposed |
 //!
-//! `document` reads any of these files into one tree, `names` finds things in it, and `opencv`, `kalibr`, `matlab` know who
-//! means what.
+//! `document` parses each of these formats to a tree, `names` looks up values in it, and `opencv`, `kalibr`
+//! and `matlab` interpret them.
 
 mod document;
 mod found;
@@ -31,17 +31,17 @@ use serde::Serialize;
 use std::path::Path;
 use syntax::device::{ExtrinsicsFile, PinholeFile, PoseFile, ProjectorFile};
 
-/// A device, and what was assumed of it.
+/// A device and the assumptions made about it.
 #[derive(Clone, Debug)]
 pub struct Calibration {
-    /// As the syntax of scene files has it.
+    /// The device in scene-file syntax.
     pub device: PinholeFile,
-    /// What the file does not say, and what was left aside, a sentence each.
+    /// Sentences about values that the file does not contain and about contents that were ignored.
     pub notes: Vec<String>,
 }
 
-/// True of the files that [`load`] reads: by their extensions, and of JSON those that have no `"type"` on their outermost level,
-/// which scenes of Mitsuba have.
+/// Returns whether [`load`] can read a file: by its extension and, for JSON, by the absence of a top-level
+/// `"type"`, which Mitsuba scenes have.
 #[must_use]
 pub fn is_calibration(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
@@ -55,12 +55,13 @@ pub fn is_calibration(path: &Path) -> bool {
 /// Reads a calibration.
 ///
 /// # Errors
-/// [`InputError`] if the file is none, or names a device that a scene cannot have; with the place if one is to blame.
+/// [`InputError`] if the file is not a calibration or its device is not valid in a scene; with its location
+/// if known.
 pub fn load(path: &Path, options: &Options) -> Result<Calibration, InputError> {
     from_document(&Document::load(path)?, options)
 }
 
-/// Longest translation that is taken as metres where the file does not say.
+/// Largest translation that is accepted as metres if the file does not give its unit.
 const LONGEST: f64 = 10.0;
 
 fn from_document(document: &Document, options: &Options) -> Result<Calibration, InputError> {
@@ -141,7 +142,6 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
     Ok(Calibration { device, notes })
 }
 
-/// That the device can stand in a scene.
 fn check(document: &Document, device: &PinholeFile) -> Result<(), InputError> {
     let wavelengths = Located::nowhere(vec![550.0]);
     let ctx = Context::new(&document.file, "", &wavelengths)?;
@@ -150,7 +150,6 @@ fn check(document: &Document, device: &PinholeFile) -> Result<(), InputError> {
         .map_err(|e| InputError { span: None, ..e })
 }
 
-/// A table that a scene file may hold.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Table<'a> {
@@ -159,10 +158,10 @@ enum Table<'a> {
 }
 
 impl Calibration {
-    /// The `[camera]` (or `[projector]`) of a scene file, below comments with what was assumed.
+    /// Returns `[camera]` (or `[projector]`) of a scene file, after comments with the assumptions.
     ///
     /// # Errors
-    /// If a number is larger than TOML can hold.
+    /// A number is larger than TOML allows.
     pub fn to_toml(&self, projector: bool) -> Result<String, toml::ser::Error> {
         let comments: String = self.notes.iter().map(|n| format!("# {n}\n")).collect();
         let table = if projector {

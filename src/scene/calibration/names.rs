@@ -1,10 +1,10 @@
-//! Finding things in a calibration by their names, and reading numbers from what is found.
+//! Look-up of values in a calibration by name, and conversion to numbers.
 
 use super::document::Document;
 use base::locate::InputError;
 use serde_json::{Map, Value};
 
-/// A value of a document, with the keys that lead to it.
+/// A value of a document with its key path.
 #[derive(Clone)]
 pub(super) struct Node<'a> {
     pub(super) document: &'a Document,
@@ -18,14 +18,13 @@ pub(super) struct Array {
     pub(super) values: Vec<f64>,
 }
 
-/// A name as people vary it: letters and digits in lower case.
+/// Normalizes a name: letters and digits in lower case.
 fn plain(name: &str) -> String {
     let letters = name.chars().filter(char::is_ascii_alphanumeric);
     letters.map(|c| c.to_ascii_lowercase()).collect()
 }
 
 impl<'a> Node<'a> {
-    /// The whole document.
     pub(super) fn root(document: &'a Document) -> Self {
         Self {
             document,
@@ -34,12 +33,11 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// An error at this value.
     pub(super) fn error(&self, message: &str, help: &str) -> InputError {
         self.document.error(&self.keys, message, help)
     }
 
-    /// The table that this is, or an empty one.
+    /// Returns the entries of this table, or none if it is not a table.
     pub(super) fn table(&self) -> impl Iterator<Item = (&'a String, &'a Value)> + use<'a> {
         self.value.as_object().into_iter().flat_map(Map::iter)
     }
@@ -52,13 +50,13 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The value of a key, spelt so.
+    /// Returns the value of a key with exactly this name.
     pub(super) fn get(&self, key: &str) -> Option<Self> {
         let value = self.value.as_object()?.get(key).filter(|v| !v.is_null())?;
         Some(self.child(key, value))
     }
 
-    /// The value of the first of some names, however people vary capitals and underscores.
+    /// Returns the value of the first name that exists, regardless of capitals and underscores.
     pub(super) fn any(&self, names: &[&str]) -> Option<Self> {
         names.iter().find_map(|name| {
             let mut of = self
@@ -68,7 +66,6 @@ impl<'a> Node<'a> {
         })
     }
 
-    /// An element of a list.
     pub(super) fn item(&self, i: usize) -> Option<Self> {
         Some(Self {
             document: self.document,
@@ -77,12 +74,10 @@ impl<'a> Node<'a> {
         })
     }
 
-    /// A text.
     pub(super) fn text(&self) -> Option<&'a str> {
         self.value.as_str()
     }
 
-    /// A number.
     pub(super) fn number(&self) -> Result<f64, InputError> {
         match self.array()?.values[..] {
             [one] => Ok(one),
@@ -90,7 +85,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// Numbers: a list, lists of lists of one shape, or a matrix as OpenCV and ROS write it.
+    /// Returns numbers: a list, nested lists of equal shape, or a matrix in OpenCV's or ROS's notation.
     pub(super) fn array(&self) -> Result<Array, InputError> {
         let bad = || {
             self.error(
@@ -135,7 +130,7 @@ impl<'a> Node<'a> {
         Ok(array)
     }
 
-    /// So many numbers, in whatever shape.
+    /// Returns `N` numbers of any shape.
     pub(super) fn vector<const N: usize>(&self) -> Result<[f64; N], InputError> {
         let values = self.array()?.values;
         let found = values.len();
@@ -147,7 +142,6 @@ impl<'a> Node<'a> {
         })
     }
 
-    /// A matrix by its rows.
     pub(super) fn matrix<const N: usize>(&self) -> Result<[[f64; N]; N], InputError> {
         let array = self.array()?;
         let square = array.shape == [N, N] || array.values.len() == N * N && array.shape.len() <= 1;
@@ -162,13 +156,13 @@ impl<'a> Node<'a> {
         }))
     }
 
-    /// Width and height, from two whole numbers in that order.
+    /// Returns width and height from two integers in that order.
     pub(super) fn size(&self) -> Result<[u32; 2], InputError> {
         let [w, h] = self.vector::<2>()?;
         self.pixels(w, h)
     }
 
-    /// Width and height in whole pixels.
+    /// Checks width and height in pixels.
     pub(super) fn pixels(&self, w: f64, h: f64) -> Result<[u32; 2], InputError> {
         let whole = |n: f64| n.fract() == 0.0 && (1.0..=32768.0).contains(&n);
         if whole(w) && whole(h) {

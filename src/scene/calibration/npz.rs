@@ -1,17 +1,17 @@
-//! NumPy's archives → the tree that JSON has, an array a key.
+//! Reads NumPy archives to a JSON tree with one array per key.
 
 use npyz::{DType, NpyFile, Order, TypeChar};
 use serde_json::{Map, Value};
 use std::io::{Cursor, Read};
 use zip::ZipArchive;
 
-/// Arrays of more elements are no numbers of a calibration, and are left aside.
+/// Maximum number of elements; larger arrays are not part of a calibration and are ignored.
 const MOST: u64 = 1 << 16;
 
 /// Reads an archive.
 ///
 /// # Errors
-/// Why it is none.
+/// The reason why the archive cannot be read.
 pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("this is no .npz: {e}"))?;
     let mut out = Map::new();
@@ -24,7 +24,7 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
         let Some(key) = name.strip_suffix(".npy") else {
             continue;
         };
-        // More than the largest array that is kept.
+        // More than the largest array that is accepted.
         let mut bytes = vec![];
         entry
             .take(16 * MOST)
@@ -37,7 +37,7 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
     Ok(Value::Object(out))
 }
 
-/// A small array of numbers, or a text; anything else is `None`.
+/// Returns a small numeric array or a string; `None` for anything else.
 fn array(bytes: &[u8]) -> Option<Value> {
     let file = NpyFile::new(bytes).ok()?;
     let shape = file.shape().to_vec();
@@ -82,7 +82,7 @@ fn array(bytes: &[u8]) -> Option<Value> {
             strides[k - 1] = strides[k] * shape[k];
         }
     }
-    // Axes of one element alone may be many; lists of lists need not.
+    // Limit the depth of nested lists, since arrays can have many axes of length 1.
     if shape.len() > 8 {
         shape = vec![values.len()];
         strides = vec![1];

@@ -1,4 +1,5 @@
-//! Files of OpenCV's users (`cv::FileStorage`, JSON, numpy.savez) and of ROS, by the names that they give things.
+//! Reader for files written with OpenCV (`cv::FileStorage`, JSON, numpy.savez) and ROS, by their common key
+//! names.
 
 use super::document::Document;
 use super::found::{Found, Lens, Options};
@@ -39,7 +40,6 @@ const TRANSLATION: [&str; 6] = [
     "translation_vectors",
 ];
 
-/// Reads a camera of a file.
 pub(super) fn read(document: &Document, options: &Options) -> Result<Found, InputError> {
     let root = Node::root(document);
     let camera = choose(&root, options)?;
@@ -84,8 +84,8 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     })
 }
 
-/// A part of a document that is a camera: the whole, the one table that is one, or the one that was asked for; with the
-/// camera's affix in front of names or behind them (`proj_K`, `K2`).
+/// The part of a document that describes a camera: the root, its only camera table or the selected table.
+/// With an affix, names have it as prefix or suffix (`proj_K`, `K2`).
 struct Camera<'a> {
     node: Node<'a>,
     affix: Option<String>,
@@ -120,7 +120,7 @@ fn choose<'a>(root: &Node<'a>, options: &Options) -> Result<Camera<'a>, InputErr
             node: root.clone(),
             affix: Some(name.clone()),
         };
-        // What leaves nothing of itself in a name would fit any.
+        // Names without letters and digits would match any key.
         let says = name.chars().any(|c| c.is_ascii_alphanumeric());
         if says && camera.any(&MATRIX).is_some() {
             return Ok(camera);
@@ -165,7 +165,7 @@ fn matrix(camera: &Camera) -> Result<[[f64; 3]; 3], InputError> {
     Ok([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 }
 
-/// That a matrix is OpenCV's: not transposed, and without skew.
+/// Checks that a matrix is in OpenCV's form: not transposed, and without skew.
 pub(super) fn checked(node: &Node, m: [[f64; 3]; 3]) -> Result<[[f64; 3]; 3], InputError> {
     if m[2] != [0.0, 0.0, 1.0] || m[1][0] != 0.0 {
         return Err(node.error(
@@ -192,7 +192,7 @@ fn fisheye(camera: &Camera, options: &Options) -> bool {
     options.fisheye || set
 }
 
-/// Coefficients of a model that the file may name.
+/// Returns the distortion of the model that the file names.
 pub(super) fn lens(
     node: &Node,
     model: Option<&str>,
@@ -285,7 +285,7 @@ fn pose(
             return Ok(None);
         }
     };
-    // Of several views, each is an element of the first axis.
+    // With several views, each is an element of the first axis.
     let part = |node: &Node, size: usize| -> Result<Vec<f64>, InputError> {
         let all = node.array()?.values;
         let one = all.chunks_exact(size).nth(view).map(<[f64]>::to_vec);

@@ -1,4 +1,4 @@
-//! The same camera as each program writes it, and files that are none.
+//! Tests with one camera in each program's format, and with invalid files.
 
 use super::document::Document;
 use super::*;
@@ -6,7 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 use proptest::prelude::*;
 use std::io::Write;
 
-/// What all programs below describe: OpenCV's matrix, lens and pose.
+/// The camera that all files below describe: OpenCV's matrix, lens and pose.
 const MATRIX: [[f64; 3]; 3] = [[600.0, 0.0, 319.5], [0.0, 610.0, 239.25], [0.0, 0.0, 1.0]];
 const LENS: [f64; 5] = [-0.1, 0.02, 0.001, -0.002, 0.003];
 const RVEC: [f64; 3] = [0.1, -0.2, 0.3];
@@ -25,7 +25,7 @@ fn read(name: &str, bytes: impl Into<Vec<u8>>, options: &Options) -> Result<Cali
     from_document(&Document::parse(Path::new(name), bytes.into())?, options)
 }
 
-/// A device as the tracer has it.
+/// Returns the device as the renderer gets it.
 fn built(c: &Calibration) -> transport::device::pinhole::Pinhole {
     let ctx = Context::new(Path::new("a"), "", &Located::nowhere(vec![550.0])).unwrap();
     pinhole(&ctx, &c.device, 0..0).unwrap()
@@ -179,7 +179,7 @@ fn archives_of_numpy() {
     }
 }
 
-/// One view alone.
+/// Returns options that select the first view.
 fn options_of(options: &Options) -> Options {
     Options {
         view: Some(0),
@@ -244,7 +244,7 @@ fn kalibrs_chains() {
         DMat3::from_cols_array_2d(&rotation()).transpose(),
         DVec3::from_array(T),
     );
-    // The last link of the chain is what is left of the whole after the first.
+    // The last link of the chain is the total transform without the first link.
     let step = DVec3::new(0.1, 0.0, 0.0);
     let last = r * turn.transpose();
     let rows = |m: DMat3| m.transpose().to_cols_array_2d();
@@ -371,7 +371,7 @@ fn what_is_printed_is_a_table_of_a_scene() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..Default::default() })]
 
-    /// Files that are changed here and there are read, or refused in words.
+    /// Mutated files are read or refused without a panic.
     #[test]
     fn mutated_files_do_not_panic(which in 0..4_usize, changes in prop::collection::vec((0.0..1.0_f64, any::<u8>(), 0..4_u8), 1..6)) {
         let json = serde_json::json!({"K": MATRIX, "D": LENS, "rvecs": [RVEC, RVEC], "tvecs": [T, T], "resolution": [640, 480]}).to_string();

@@ -1,23 +1,22 @@
-//! YAML as calibration programs write it → the tree that JSON has.
+//! Parses YAML as written by calibration programs to a JSON tree.
 
 use saphyr_parser::{Event, Parser, ScalarStyle};
 use serde_json::{Map, Number, Value};
 
-/// How deep lists and tables may stand in one another.
 const DEEPEST: usize = 32;
 
-/// A list or table that has begun.
+/// A list or table that is being parsed.
 enum Open {
     List(Vec<Value>),
     Table(Map<String, Value>, Option<String>),
 }
 
-/// Reads the first document of a text.
+/// Parses the first document of a text.
 ///
 /// # Errors
-/// The byte at which it is wrong, and why.
+/// The byte offset of the error and its message.
 pub(super) fn read(text: &str) -> Result<Value, (usize, String)> {
-    // OpenCV's `%YAML:1.0` is no directive of YAML: a comment of the same length is.
+    // OpenCV's `%YAML:1.0` is not a valid YAML directive; replace it by a comment of the same length.
     let plain = match text.strip_prefix("%YAML:") {
         Some(rest) => format!("#YAML:{rest}"),
         None => text.to_owned(),
@@ -90,7 +89,7 @@ fn scalar(text: &str, style: ScalarStyle) -> Value {
     }
 }
 
-/// The byte at which a character begins, by its number.
+/// Returns the byte offset of a character index.
 fn bytes(text: &str, characters: usize) -> usize {
     text.char_indices().nth(characters).map_or(text.len(), |(i, _)| i)
 }

@@ -1,4 +1,4 @@
-//! A whole scene of Mitsuba: XML, or a Python dictionary as JSON.
+//! A Mitsuba scene: XML, or a Python dictionary as JSON.
 
 use super::folders::{Alias, Folders};
 use super::json;
@@ -11,29 +11,26 @@ use base::locate::InputError;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Parameters that mean something to us without being used in the file.
+/// Parameters that Sunstone uses even if the file does not.
 const RESERVED: [&str; 2] = [WAVELENGTHS, PROJECTOR_RESOLUTION];
 
-/// A whole scene.
 pub(super) struct Document {
     pub source: Source,
     pub scene: Node,
     /// Values of `<default>` and of the command line.
     pub parameters: BTreeMap<String, String>,
-    /// Other names of ids.
+    /// Additional names of ids.
     pub aliases: Vec<Alias>,
-    /// Where files are looked for.
     pub folders: Folders,
-    /// What the import has to say about how the text is read.
     pub notes: Vec<String>,
 }
 
 impl Document {
-    /// Reads a scene; `given` are the parameters of the command line, which win over `<default>`. Problems that leave a
-    /// scene are in its [`Source`].
+    /// Parses a scene. `given` are the command-line parameters, which override `<default>`. Errors inside the
+    /// scene are reported to its [`Source`].
     ///
     /// # Errors
-    /// [`InputError`] with the place, if there is no scene in it.
+    /// [`InputError`] with its location if the text does not contain a scene.
     pub fn parse(file: &Path, text: &str, given: &BTreeMap<String, String>) -> Result<Self, InputError> {
         let source = Source::new(file, text);
         let folders = Folders::of(file);

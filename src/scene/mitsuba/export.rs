@@ -1,11 +1,12 @@
-//! A scene file → Mitsuba 3's XML with meshes, images and tables beside it.
+//! Exports a scene file to Mitsuba 3's XML, with meshes, images and tables in files next to it.
 //!
-//! Everything that Mitsuba would take from a default is written out: indices outside, wavelengths, frames, filters. What
-//! it cannot say is an error that names the place; what it says with another model (masking of facets, unpolarized rough
-//! glass) is a note.
+//! Values for which Mitsuba has a default are written explicitly: exterior indices, wavelengths, frames,
+//! filters. A feature that Mitsuba cannot express is an error with its location. A feature that it models
+//! differently (masking of facets, unpolarized rough glass) is a note.
 //!
-//! Mitsuba's spectral variants interpolate between the scene's wavelengths and find our values there. Its mono variants
-//! reduce pairs wavelength:value to their luminance, so a scene for them is exported at one wavelength, as plain numbers.
+//! Mitsuba's spectral variants interpolate between the scene's wavelengths, at which they find the scene's
+//! values. Its mono variants reduce wavelength:value pairs to their luminance, so a scene for them is
+//! exported at one wavelength, as plain numbers.
 
 use super::export_emitters::EmitterWriter;
 use super::export_materials::MaterialWriter;
@@ -42,31 +43,30 @@ use transport::light::area::AreaLight;
 use transport::material::texture::{Image, Textures};
 use transport::scene::Settings;
 
-/// A scene in Mitsuba's language.
+/// A scene in Mitsuba's format.
 #[derive(Clone, Debug)]
 pub struct Export {
-    /// The text of `scene.xml`.
     pub xml: String,
     /// Names and contents of the files that it refers to.
     pub files: Vec<(String, Contents)>,
-    /// Where Mitsuba's models differ from ours.
+    /// Differences between the models of Mitsuba and Sunstone.
     pub notes: Vec<String>,
 }
 
 impl Export {
-    /// Reads and translates a scene file, as [`Self::from_text`].
+    /// Reads and converts a scene file; see [`Self::from_text`].
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::from_text`].
     pub fn load(path: &Path, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         Self::from_text(path, &read(path, "scene file")?, wavelength_nm)
     }
 
-    /// Translates a scene file. With `wavelength_nm` the scene is exported at that wavelength alone (between the file's
-    /// own, its lists are interpolated).
+    /// Converts a scene file. With `wavelength_nm`, the scene is exported at that wavelength only; lists are
+    /// interpolated between the file's wavelengths.
     ///
     /// # Errors
-    /// [`InputError`] as for a render, or naming what Mitsuba cannot express.
+    /// [`InputError`] as for a render, or for a feature that Mitsuba cannot express.
     pub fn from_text(path: &Path, text: &str, wavelength_nm: Option<f64>) -> Result<Self, InputError> {
         let file = SceneFile::read(path, text)?;
         let mut ctx = Context::new(path, text, &file.wavelengths_nm)?;
@@ -77,10 +77,10 @@ impl Export {
         export(&mut ctx, &file)
     }
 
-    /// Writes `scene.xml` and all else into a folder, which must not be there or be empty, unless `force` is given.
+    /// Writes `scene.xml` and its files into a folder that must be absent or empty, unless `force` is set.
     ///
     /// # Errors
-    /// [`WriteError`]; nothing is then half-written.
+    /// [`WriteError`]; no file is then partially written.
     pub fn write(&self, folder: &Path, force: bool) -> Result<(), WriteError> {
         let mut files = self.files.clone();
         files.push(("scene.xml".into(), Contents::Bytes(self.xml.clone().into_bytes())));
@@ -206,14 +206,13 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     })
 }
 
-/// A shape with its object, and the light that it is.
+/// A shape with its object and its emission.
 struct Shape<'a> {
     object: &'a Located<ObjectFile>,
     placed: Placed,
     light: Option<AreaLight>,
 }
 
-/// The shapes of objects.
 fn all_placed<'a>(
     ctx: &mut Context,
     objects: &'a [Located<ObjectFile>],
@@ -252,7 +251,7 @@ fn default(name: &str, value: &str) -> Element {
     Element::new("default").with("name", name).with("value", value)
 }
 
-/// Mitsuba counts the camera's segment in `rr_depth`, as in `max_depth`.
+/// Writes the integrator. Mitsuba counts the camera's segment in `rr_depth`, as in `max_depth`.
 fn integrator(settings: &Settings) -> Element {
     let path = Element::plugin("integrator", "path")
         .integer("max_depth", settings.max_depth)
@@ -260,7 +259,7 @@ fn integrator(settings: &Settings) -> Element {
     Element::plugin("integrator", "stokes").child(path)
 }
 
-/// Horizontal field of view in degrees of a pinhole that Mitsuba has, which has square pixels and no distortion.
+/// Returns the horizontal field of view in degrees. Mitsuba's pinholes have square pixels and no distortion.
 fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> Result<f64, InputError> {
     if !p.distortion.is_none() {
         return Err(ctx.error(
@@ -279,13 +278,13 @@ fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> 
     Ok(2.0 * (f64::from(p.resolution[0]) / 2.0 / p.focal.x).atan().to_degrees())
 }
 
-/// Where the principal point lies off the image's centre, in units of width and height.
+/// Returns the offset of the principal point from the image centre, in units of width and height.
 fn off_centre(p: &Pinhole) -> [f64; 2] {
     let [w, h] = p.resolution.map(f64::from);
     [0.5 - p.principal.x / w, 0.5 - p.principal.y / h]
 }
 
-/// Where Mitsuba's rays begin, metres.
+/// Near plane of Mitsuba's rays in metres.
 const NEAR: f64 = 1e-3;
 
 fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Result<Element, InputError> {
@@ -307,7 +306,7 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
     .float("near_clip", NEAR);
     let mut place = device(camera.origin, camera.axes);
     if camera.parallel {
-        // Its rays begin at the near plane, and its image reaches from -1 to 1 across.
+        // Its rays start at the near plane, and its image spans -1 to 1 horizontally.
         let half = f64::from(camera.resolution[0]) / camera.focal.x / 2.0;
         place.translation -= place.matrix3.z_axis * NEAR;
         place *= DAffine3::from_scale(DVec3::new(half, half, 1.0));
@@ -326,7 +325,7 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
     Ok(sensor.transform("to_world", &place).child(film).child(sampler))
 }
 
-/// Mitsuba's `projector` gives π times the irradiance that its documentation states for the same number.
+/// Writes the projector. Mitsuba's irradiance is π times the value that its documentation states.
 fn projector_element(
     ctx: &Context,
     p: &Projector,
@@ -385,7 +384,7 @@ fn shape(
         let message = format!("Mitsuba cannot express {what} (object `{name}`)");
         Err(ctx.error(object.shape.span(), message, fix))
     };
-    // A mirror turns Mitsuba's spheres inside out, and ours not.
+    // A reflection turns Mitsuba's spheres inside out, but not Sunstone's.
     let mut flipped = placed.flipped;
     let element = match &placed.form {
         Form::Quadric(QuadricKind::Sphere, map) => {
@@ -402,7 +401,8 @@ fn shape(
                     "scale x and y alike, or use a mesh",
                 );
             }
-            // Mitsuba samples the light of a mirrored tube on its other side; the tube is the same unmirrored.
+            // Mitsuba samples the light of a mirrored cylinder on its other side. The cylinder is symmetric,
+            // so remove the reflection.
             let mirrored = map.matrix3.determinant() < 0.0 && needs == Needs::default();
             let map = if mirrored {
                 *map * DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0))
@@ -421,7 +421,7 @@ fn shape(
             Element::plugin("shape", "disk").transform("to_world", map)
         }
         Form::Rectangle(map) => Element::plugin("shape", "rectangle").transform("to_world", map),
-        // The faces of Mitsuba's cube have other texture coordinates.
+        // The faces of Mitsuba's cube have different texture coordinates.
         Form::Cube(map) if needs == Needs::default() => {
             Element::plugin("shape", "cube").transform("to_world", map)
         }
@@ -447,13 +447,14 @@ fn mesh(index: usize, mesh: &Mesh, out: &mut Output) -> Element {
         .push((name.clone(), Contents::Bytes(write_ply::write(mesh))));
     let shape = Element::plugin("shape", "ply").string("filename", &name);
     if mesh.normals.is_empty() {
-        // Mitsuba would make up normals.
+        // Otherwise Mitsuba would compute normals.
         return shape.boolean("face_normals", true);
     }
     shape
 }
 
-/// True if a map keeps circles about z round and right angles to z right; with `all`, every angle.
+/// Returns whether a map keeps circles about z circular and z perpendicular to them; with `all`, whether it
+/// keeps all angles.
 fn is_similar(map: &DAffine3, all: bool) -> bool {
     let [x, y, z]: [DVec3; 3] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
     let (rx, ry, rz) = (x.length(), y.length(), z.length());

@@ -1,7 +1,8 @@
-//! Emitters and shining objects → Mitsuba's.
+//! Converts emitters and emissive objects to Mitsuba's.
 //!
-//! Mitsuba's light is unpolarized and has no profile but a cone's. Images of light are exported at one wavelength, as numbers:
-//! its spectral variants would make spectra of their colours.
+//! Mitsuba's light is unpolarized, and its only intensity profile is a cone. Images of emitters are exported
+//! for one wavelength, as numbers, because Mitsuba's spectral variants would convert their colours to
+//! spectra.
 
 use super::export_output::{Output, bitmap, device, spectrum};
 use super::files::Contents;
@@ -24,14 +25,13 @@ use transport::light::profile::Profile;
 use transport::light::sky::{Rows, Sky};
 use transport::material::texture::{Image, Textures};
 
-/// Writes light.
 pub(super) struct EmitterWriter<'a> {
     pub ctx: &'a Context,
     pub out: &'a mut Output,
 }
 
 impl EmitterWriter<'_> {
-    /// `[[emitters]]`.
+    /// Converts `[[emitters]]`.
     pub fn all(
         &mut self,
         file: &SceneFile,
@@ -150,8 +150,8 @@ impl EmitterWriter<'_> {
         self.at_one_wavelength(at.clone(), "an image of the sky")?;
         let [w, h] = sky.size();
         let at_row = |k: usize, i: usize| sky.texels()[k.min(h - 1) * w + i][0];
-        // Mitsuba's rows run from pole to pole. Rows in the middle of their share become the odd ones of 2h + 1, and those
-        // between are their means.
+        // Mitsuba's rows span pole to pole. Rows at cell centres become the odd rows of 2h + 1, and the rows
+        // between are means.
         let value = |k: usize, i: usize| match (sky.rows(), k % 2) {
             (Rows::Poles, _) => at_row(k, i),
             (Rows::Centres, 1) => at_row(k / 2, i),
@@ -175,7 +175,6 @@ impl EmitterWriter<'_> {
             .transform("to_world", &place))
     }
 
-    /// What makes a shape shine.
     pub fn area(
         &mut self,
         light: &AreaLight,
@@ -199,7 +198,7 @@ impl EmitterWriter<'_> {
         Ok(open.child(self.image("radiance", textures, image, scale, at)?))
     }
 
-    /// What a point emitter projects. Mitsuba's coordinates of it run down.
+    /// Converts the image that a point emitter projects. Mitsuba's v coordinate of it points down.
     fn slide(
         &mut self,
         name: &str,
@@ -212,7 +211,7 @@ impl EmitterWriter<'_> {
         self.image(name, textures, Image { uv, ..image }, 1.0, at)
     }
 
-    /// An image of light as a texture, its texels times `scale`.
+    /// Writes an emitter's image as a texture, with texels multiplied by `scale`.
     fn image(
         &mut self,
         name: &str,

@@ -1,4 +1,4 @@
-//! Images of materials → bitmaps of Mitsuba.
+//! Converts images of materials to Mitsuba bitmaps.
 
 use super::export_output::{Output, bitmap, png};
 use super::xml::Element;
@@ -8,19 +8,19 @@ use image::{DynamicImage, ImageBuffer, Luma, Rgb};
 use std::ops::Range;
 use transport::material::texture::Textures;
 
-/// Where images come from and go to, and the material whose images they are.
+/// Writer of the images of one material.
 pub(super) struct Images<'a> {
     pub ctx: &'a Context,
     pub textures: &'a Textures,
     pub out: &'a mut Output,
-    /// The material's place in the scene file.
+    /// Location of the material in the scene file.
     pub span: Range<usize>,
-    /// What the files' names begin with.
+    /// Prefix of the file names.
     pub stem: String,
 }
 
 impl Images<'_> {
-    /// A grey bitmap of a property: `value` of every texel, raw or encoded.
+    /// Writes a grey bitmap: `value` of every texel, raw or sRGB-encoded.
     pub fn grey(
         self,
         name: &str,
@@ -35,10 +35,10 @@ impl Images<'_> {
         self.write(name, name, texture, raw, &image)
     }
 
-    /// The bitmap of a bump map.
+    /// Writes the bitmap of a bump map.
     ///
     /// # Errors
-    /// [`InputError`] if its heights do not fit into a PNG file.
+    /// [`InputError`] if its heights are outside the range of a PNG file.
     pub fn heights(self, texture: u32) -> Result<Element, InputError> {
         let fits = |t: &[f32; 4]| (0.0..=1.0).contains(&t[0]);
         if !texels(self.textures, texture).1.iter().all(fits) {
@@ -51,7 +51,6 @@ impl Images<'_> {
         self.grey("heights", texture, true, |t| t[0])
     }
 
-    /// The bitmap of a normal map.
     pub fn normals(self, texture: u32) -> Result<Element, InputError> {
         let ((w, h), texels) = texels(self.textures, texture);
         let pixels = texels
@@ -77,7 +76,6 @@ impl Images<'_> {
     }
 }
 
-/// Size and texels of an image.
 pub(super) fn texels(textures: &Textures, texture: u32) -> ((u32, u32), &[[f32; 4]]) {
     let image = &textures.images[texture as usize];
     let (first, count) = (image.first as usize, (image.width * image.height) as usize);
@@ -87,7 +85,7 @@ pub(super) fn texels(textures: &Textures, texture: u32) -> ((u32, u32), &[[f32; 
     )
 }
 
-/// Linear → sRGB.
+/// Converts a linear value to sRGB.
 pub(super) fn encode(c: f32) -> f32 {
     if c <= 0.003_130_8 {
         c * 12.92

@@ -1,7 +1,7 @@
-//! Materials → Mitsuba's BSDFs.
+//! Converts materials to Mitsuba's BSDFs.
 //!
-//! An opaque material is two-sided here and one-sided there, so `twosided` goes round it, at the leaves: blends and normal
-//! maps then work from both sides too.
+//! Opaque materials are two-sided in Sunstone and one-sided in Mitsuba. They are therefore wrapped in
+//! `twosided`, at the leaves, so that blends and normal maps also work from both sides.
 
 use super::export_images::{Images, encode, texels};
 use super::export_output::{Needs, Output, is_even, plain_id, spectrum};
@@ -22,12 +22,12 @@ use transport::material::sheet::SheetAxis;
 use transport::material::texture::{Scalar, Spectrum};
 use transport::material::{Material, Materials};
 
-/// Writes the materials that shapes use.
+/// Converts the materials that shapes use.
 pub(super) struct MaterialWriter<'a> {
     ctx: &'a Context,
     files: &'a BTreeMap<String, Located<MaterialFile>>,
     table: &'a Materials,
-    /// Name of each material by its number.
+    /// Name of each material by its index.
     names: BTreeMap<u32, &'a str>,
     out: &'a mut Output,
     ids: BTreeMap<u32, String>,
@@ -53,7 +53,7 @@ impl<'a> MaterialWriter<'a> {
         }
     }
 
-    /// The BSDFs of `used` and of what they are made of, each after those that it names.
+    /// Returns the BSDFs of `used` and of the materials they refer to, which come first.
     pub fn all(&mut self, used: &[u32]) -> Result<Vec<Element>, InputError> {
         let mut done = vec![];
         for &id in used {
@@ -62,12 +62,12 @@ impl<'a> MaterialWriter<'a> {
         Ok(done)
     }
 
-    /// Id of each BSDF that was written.
+    /// Returns the id of each written BSDF.
     pub fn ids(&self) -> BTreeMap<u32, String> {
         self.ids.clone()
     }
 
-    /// What each of them needs of surfaces.
+    /// Returns what each BSDF requires of surfaces.
     pub fn needs(&self) -> BTreeMap<u32, Needs> {
         self.needs.clone()
     }
@@ -88,7 +88,7 @@ impl<'a> MaterialWriter<'a> {
         Ok(())
     }
 
-    /// Materials that another one refers to in the XML; those of `two_sided` are written inside of it.
+    /// Returns the materials that another one refers to in the XML. Those of `two_sided` are nested instead.
     fn made_of(&self, id: u32) -> Vec<u32> {
         match self.table.list[id as usize] {
             Material::Blend(b) => vec![b.a, b.b],
@@ -127,14 +127,14 @@ impl<'a> MaterialWriter<'a> {
         }
     }
 
-    /// That Mitsuba cannot express something of a material.
+    /// Returns the error for a property that Mitsuba cannot express.
     fn cannot<T>(&self, id: u32, what: &str, fix: &str) -> Result<T, InputError> {
         let name = self.names[&id];
         let message = format!("Mitsuba cannot express {what} (material `{name}`)");
         Err(self.ctx.error(self.files[name].span(), message, fix))
     }
 
-    /// One element with an id, as seen from both sides.
+    /// Returns one element with an id, visible from both sides.
     fn bsdf(&mut self, id: u32, name: &str) -> Result<Element, InputError> {
         let open = |kind: &str| Element::plugin("bsdf", kind).with("id", name);
         Ok(match self.table.list[id as usize] {
@@ -260,7 +260,7 @@ impl<'a> MaterialWriter<'a> {
         })
     }
 
-    /// A material as seen from its front, black or undefined from behind.
+    /// Returns a material as seen from its front. It is black or undefined from behind.
     fn one_sided(&mut self, id: u32, name: Option<&str>) -> Result<Element, InputError> {
         let open = |kind: &str| {
             let element = Element::plugin("bsdf", kind);
@@ -385,7 +385,8 @@ impl<'a> MaterialWriter<'a> {
         self.roughness(id, element, &p.roughness)
     }
 
-    /// Mitsuba's `plastic` (smooth) or `roughplastic` (through one facet), which have interreflection and no polarization.
+    /// Writes Mitsuba's `plastic` (smooth) or `roughplastic` (through one facet), which have interreflection
+    /// and no polarization.
     fn unpolarized_plastic(&mut self, id: u32, element: Element, p: &Plastic) -> Result<Element, InputError> {
         let smooth = p.roughness.alpha.texture.is_none() && p.roughness.alpha.value <= SMOOTH_COAT;
         let kind = match p.passage {
@@ -470,7 +471,7 @@ impl<'a> MaterialWriter<'a> {
             .child(self.scalar(id, "alpha", r.alpha)?))
     }
 
-    /// A number, or a grey image of linear values.
+    /// Writes a number, or a grey image of linear values.
     fn scalar(&mut self, id: u32, name: &str, s: Scalar) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(Element::new("float")
@@ -481,7 +482,7 @@ impl<'a> MaterialWriter<'a> {
             .grey(name, texture, true, |texel| texel[0] * s.value)
     }
 
-    /// A spectrum, or a grey image with the encoding of colours, which both programs undo.
+    /// Writes a spectrum, or a grey image in sRGB encoding, which both programs decode.
     fn albedo(&mut self, id: u32, name: &str, s: Spectrum) -> Result<Element, InputError> {
         let Some(texture) = s.texture else {
             return Ok(self.spectrum(name, s.value));
@@ -500,7 +501,6 @@ impl<'a> MaterialWriter<'a> {
             .grey(name, texture, false, |texel| encode(texel[0] * scale))
     }
 
-    /// The images of a material.
     fn images(&mut self, id: u32) -> Images<'_> {
         Images {
             ctx: self.ctx,
@@ -512,15 +512,15 @@ impl<'a> MaterialWriter<'a> {
     }
 }
 
-/// Roughness up to which a coat is exported as smooth.
+/// Maximum roughness of a coat that is exported as smooth.
 const SMOOTH_COAT: f32 = 0.001;
 
-/// Degrees as short as they were given.
+/// Converts to degrees with few digits.
 fn degrees(radians: f32) -> f64 {
     shortest((f64::from(radians).to_degrees()) as f32)
 }
 
-/// An f32 as the number of its shortest digits.
+/// Returns an f32 as the f64 with its shortest decimal representation.
 fn shortest(v: f32) -> f64 {
     single(v).parse().unwrap_or(f64::from(v))
 }

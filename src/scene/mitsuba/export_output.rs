@@ -1,4 +1,4 @@
-//! What both halves of an export write: spectra, images, ids, and files beside the XML.
+//! Helpers shared by the parts of an export: spectra, images, ids, and files next to the XML.
 
 use super::files::Contents;
 use super::names::plain;
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use transport::material::texture::{Filter, Image, SAME, Wrap};
 
-/// What is written beside the XML, and said to the user.
+/// Files to write next to the XML, and notes for the user.
 #[derive(Default)]
 pub(super) struct Output {
     pub files: Vec<(String, Contents)>,
@@ -20,7 +20,6 @@ pub(super) struct Output {
 }
 
 impl Output {
-    /// Says something once.
     pub fn note(&mut self, text: impl Into<String>) {
         let text = text.into();
         if !self.notes.contains(&text) {
@@ -28,7 +27,7 @@ impl Output {
         }
     }
 
-    /// Adds a file under its name, or under one that is free.
+    /// Adds a file under its name, or under a similar one if it is taken, and returns the name.
     pub fn file(&mut self, name: &str, contents: Contents) -> String {
         let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
         let mut free = name.to_owned();
@@ -42,11 +41,12 @@ impl Output {
     }
 }
 
-/// Wavelengths with the ends of Mitsuba's range beside them: beyond the last pair a spectrum is zero there, but constant
-/// with us. A metal of index zero would not even have a reflectance.
+/// Ends of Mitsuba's wavelength range in nanometres, added to all spectra. Beyond the last pair Mitsuba's
+/// spectra are zero and Sunstone's are constant. A metal with an index of zero would not even have a
+/// reflectance.
 const RANGE_NM: [f64; 2] = [360.0, 830.0];
 
-/// A spectrum as a property. A single value is written as such, so that mono variants take it as it is.
+/// Writes a spectrum as a property. A single value is written as a number, which mono variants use unchanged.
 pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -> Element {
     let nm = wavelengths.nm();
     let lanes = &value.to_array()[..nm.len()];
@@ -69,18 +69,18 @@ pub(super) fn spectrum(wavelengths: &Wavelengths, name: &str, value: Spectral) -
     out.with("value", pairs.join(", "))
 }
 
-/// True if all used lanes agree.
+/// Returns whether all used lanes are equal.
 pub(super) fn is_even(wavelengths: &Wavelengths, value: Spectral) -> bool {
     !transport::material::varies(value, wavelengths.count())
 }
 
-/// Device axes to the world, in Mitsuba's order: left, up, forward.
+/// Returns the device-to-world transform with Mitsuba's axes: left, up, forward.
 pub(super) fn device(origin: Vec3A, axes: Mat3A) -> DAffine3 {
     let [right, down, forward] = [axes.x_axis, axes.y_axis, axes.z_axis].map(glam::Vec3A::as_dvec3);
     DAffine3::from_mat3_translation(DMat3::from_cols(-right, -down, forward), origin.as_dvec3())
 }
 
-/// An image as a texture. Mitsuba counts v from the top.
+/// Writes an image as a texture. Mitsuba's v starts at the top.
 pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Element {
     let upward = Element::new("transform")
         .with("name", "to_uv")
@@ -101,7 +101,7 @@ pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Elemen
         .with("name", name)
         .string("filename", file)
         .boolean("raw", raw)
-        // As exact as the variant, not half precision.
+        // Use the variant's precision instead of half precision.
         .string("format", "variant");
     if image.filter == Filter::Nearest {
         out = out.string("filter_type", "nearest");
@@ -114,7 +114,6 @@ pub(super) fn bitmap(name: &str, file: &str, raw: bool, image: &Image) -> Elemen
     out.child(upward)
 }
 
-/// A PNG file.
 pub(super) fn png(
     ctx: &Context,
     span: Range<usize>,
@@ -130,16 +129,15 @@ pub(super) fn png(
     Ok(Contents::Bytes(bytes))
 }
 
-/// What a material needs of a surface.
+/// Requirements of a material on a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Needs {
-    /// Texture coordinates.
     pub uv: bool,
-    /// Their direction on the surface.
+    /// Tangent directions of the texture coordinates.
     pub tangent: bool,
 }
 
-/// Ids that XML and Mitsuba's parameter syntax leave alone, one for each name.
+/// Returns a unique id for a name, with characters that XML and Mitsuba's parameter syntax accept.
 pub(super) fn plain_id(name: &str, taken: &BTreeMap<u32, String>) -> String {
     let base = plain(name);
     let mut id = base.clone();

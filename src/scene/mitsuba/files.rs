@@ -1,37 +1,33 @@
-//! Writing a scene of several files so that it is there whole or not at all.
+//! Writes a scene of several files atomically.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What a file of an exported scene holds.
+/// Contents of a file of an exported scene.
 #[derive(Clone, Debug)]
 pub enum Contents {
-    /// These bytes.
     Bytes(Vec<u8>),
-    /// The same as another file, which may be too large to pass through memory.
+    /// A copy of another file, which can be too large for memory.
     CopyOf(PathBuf),
 }
 
-/// Why a folder could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// There is something in the folder already.
     #[error("{0} exists and is not an empty folder; give another one, or --force to write into it")]
     Occupied(PathBuf),
-    /// The file is there already.
     #[error("{0} exists; give another name, or --force to replace it")]
     Exists(PathBuf),
-    /// The file system refused.
     #[error("cannot write {0}: {1}")]
     Io(PathBuf, io::Error),
 }
 
-/// Writes files into a folder, which appears with all of them. With `force` a folder that is there is kept, and each file
-/// replaces its namesake at once, the last of `files` (the one that names the others) last.
+/// Writes files into a new folder, which appears only when it is complete. With `force`, writes into an
+/// existing folder: each file replaces one of the same name atomically, in the order of `files`, whose last
+/// one refers to the others.
 ///
 /// # Errors
-/// [`WriteError`]; a fresh folder is then not there.
+/// [`WriteError`]; a new folder is then not created.
 pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) -> Result<(), WriteError> {
     let at = |path: &Path| {
         let path = path.to_owned();
@@ -66,7 +62,7 @@ pub(super) fn write(folder: &Path, files: &[(String, Contents)], force: bool) ->
         for (name, contents) in files {
             fill(&fresh.join(name), contents)?;
         }
-        // An empty folder of that name gives way; one that has been filled meanwhile does not.
+        // Replace an empty folder of that name, but not one that was filled in the meantime.
         match fs::remove_dir(&absolute) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
             _ => fs::rename(&fresh, &absolute),
@@ -82,7 +78,7 @@ fn fill(path: &Path, contents: &Contents) -> io::Result<()> {
     }
 }
 
-/// A result, after an attempt to remove what a failure left; the failure is what the user needs to hear of.
+/// Removes the remains of a failed write and returns its error.
 fn cleaned(done: io::Result<()>, remove: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
     if done.is_err() {
         let _ = remove();
@@ -90,10 +86,10 @@ fn cleaned(done: io::Result<()>, remove: impl FnOnce() -> io::Result<()>) -> io:
     done
 }
 
-/// Writes one file, at once or not at all.
+/// Writes one file atomically.
 ///
 /// # Errors
-/// [`WriteError`] if it is there already and `force` is not given, or the file system refuses.
+/// [`WriteError`] if the file exists and `force` is not set, or if the file system reports an error.
 pub(super) fn write_one(path: &Path, contents: &Contents, force: bool) -> Result<(), WriteError> {
     if path.exists() && !force {
         return Err(WriteError::Exists(path.to_owned()));

@@ -1,8 +1,8 @@
-//! Mitsuba 3's XML → a scene file in TOML.
+//! Imports Mitsuba 3's XML to a scene file in TOML.
 //!
-//! The subset is that of [`super::export`]. Colours given as RGB are taken as the values at the scene's wavelengths: red
-//! above 590 nm, green from 500 to 590 nm, blue below (660, 550 and 450 nm unless the file or `-D wavelengths_nm=…` says
-//! otherwise). One-sided BSDFs become `two_sided` with a black back.
+//! The subset is that of [`super::export`]. RGB colours become values at the scene's wavelengths: red above
+//! 590 nm, green from 500 to 590 nm, blue below. The wavelengths are 660, 550 and 450 nm unless the file or
+//! `-D wavelengths_nm=…` sets others. One-sided BSDFs become `two_sided` with a black back.
 
 use super::document::Document;
 use super::files::{Contents, WriteError, write_one};
@@ -25,24 +25,22 @@ use syntax::values::{TimeBins, TimeFile};
 use transport::geometry::ray::Ray;
 use transport::scene::Scene;
 
-/// A scene in our language.
 #[derive(Clone, Debug)]
 pub struct Import {
-    /// The scene, which has been built once, so it is right; what the XML says stands at its place there.
+    /// The scene, which has been built once as a check. Its values are located in the XML.
     pub scene: SceneFile,
-    /// The text of its file.
     pub toml: String,
-    /// Files that it needs beside it, made of shapes that scene files do not have, by name.
+    /// Files required next to the scene file, for shapes that scene files do not have, by name.
     pub files: BTreeMap<String, Vec<u8>>,
-    /// What changes its meaning on the way.
+    /// Notes about differences from the original.
     pub notes: Vec<String>,
 }
 
-/// Everything that keeps a scene from being imported.
+/// All errors that prevent an import.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
 pub struct ImportError(
-    /// At least one, file by file, from top to bottom.
+    /// At least one, sorted by file and location.
     pub Vec<InputError>,
 );
 
@@ -53,11 +51,11 @@ impl From<InputError> for ImportError {
 }
 
 impl Import {
-    /// Reads and translates Mitsuba's file `xml` to a scene file that is to lie at `toml`; `parameters` are the values of
-    /// `$name` (as Mitsuba's `-D`).
+    /// Reads Mitsuba's file `xml` and converts it to a scene file to be written at `toml`. `parameters` are
+    /// the values of `$name` (Mitsuba's `-D`).
     ///
     /// # Errors
-    /// [`ImportError`]: everything that is not understood, with file, line, column and fix.
+    /// [`ImportError`]: everything that is not supported, with file, line, column and fix.
     pub fn load(xml: &Path, toml: &Path, parameters: &BTreeMap<String, String>) -> Result<Self, ImportError> {
         let text = read_text(xml).map_err(|e| InputError {
             file: xml.to_owned(),
@@ -69,10 +67,10 @@ impl Import {
         Self::from_text(xml, &text, toml, parameters)
     }
 
-    /// As [`Self::load`], of a text; `xml` names it in messages and anchors the files it refers to.
+    /// [`Self::load`] for a text. `xml` names it in messages and is the base of relative paths.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::load`].
     pub fn from_text(
         xml: &Path,
         text: &str,
@@ -82,10 +80,10 @@ impl Import {
         Self::with_files(xml, text, toml, parameters, &BTreeMap::new())
     }
 
-    /// As [`Self::from_text`], where some files are only in memory, by the names that the text and the scene file have of them.
+    /// [`Self::from_text`] with some files in memory, under the names that the text and the scene file use.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::load`].
     pub fn with_files(
         xml: &Path,
         text: &str,
@@ -106,10 +104,10 @@ impl Import {
         }
     }
 
-    /// Writes the scene file, and before it the files that it needs, each at once or not at all.
+    /// Writes the files that the scene needs and then the scene file, each atomically.
     ///
     /// # Errors
-    /// [`WriteError`] if a file is there already and `force` is not given, or the file system refuses.
+    /// [`WriteError`] if a file exists and `force` is not set, or if the file system reports an error.
     pub fn write(&self, toml: &Path, force: bool) -> Result<(), WriteError> {
         let paths = self.files.keys().map(|name| toml.with_file_name(name));
         if let Some(there) = paths
@@ -125,7 +123,7 @@ impl Import {
     }
 }
 
-/// The scene, `None` if problems were reported.
+/// Converts the scene; returns `None` if errors were reported.
 fn run(
     mut importer: Importer,
     toml: &Path,
@@ -147,7 +145,7 @@ fn run(
             source.report(e);
         }
     }
-    // How rays find surfaces.
+    // Acceleration structures.
     let search = |name: &str| name.starts_with("kd_") || name.starts_with("embree_");
     let names = scene.properties.iter().map(|p| p.name.as_str());
     let mut ignored: Vec<&str> = names.filter(|name| search(name)).collect();
@@ -223,7 +221,7 @@ fn run(
     file.emitters = emitters.emitters;
     file.projector = emitters.projector;
     if source.any_problem() {
-        // What was left out would make others.
+        // Omitted parts would cause further errors.
         return Ok(None);
     }
     let (mut volumetric, mut thin) = (false, false);
@@ -267,7 +265,7 @@ fn run(
     }))
 }
 
-/// The slices: the image, and light over time if the film has bins.
+/// Returns the slices: the image and, if the film has time bins, transient light.
 fn slices(time: Option<TimeBins>) -> Vec<Located<SliceFile>> {
     let image = SliceFile::new("mueller").mueller();
     let mut slices = vec![image.clone().into()];
@@ -282,7 +280,7 @@ fn slices(time: Option<TimeBins>) -> Vec<Located<SliceFile>> {
     slices
 }
 
-/// Notes what has an id at the top of the scene and nothing refers to.
+/// Adds notes about top-level elements with an id that nothing refers to.
 fn unused(importer: &mut Importer) {
     let document = importer.document;
     let mut named: Vec<&str> = document.aliases.iter().map(|a| a.id.as_str()).collect();
@@ -314,7 +312,7 @@ fn unused(importer: &mut Importer) {
     }
 }
 
-/// What the scene file says of itself.
+/// Returns the comment at the start of the scene file.
 fn heading(xml: &Path) -> String {
     let name = xml.file_name().unwrap_or_default().to_string_lossy();
     format!(
@@ -324,8 +322,8 @@ fn heading(xml: &Path) -> String {
     )
 }
 
-/// Builds the scene, whose places are those of the XML file, and whose files are named from where it is to lie. Its notes, and
-/// the gap in which light is lost.
+/// Builds the scene with locations in the XML file and file names relative to the scene file. Returns its
+/// notes and the gap in which light is lost.
 fn check(
     importer: &Importer,
     file: &SceneFile,
@@ -359,9 +357,9 @@ fn check(
     })
 }
 
-/// A surface that the camera sees and that Mitsuba cuts off, before its near or behind its far clipping plane.
+/// Returns a message if the camera sees a surface that Mitsuba's near or far clipping plane cuts off.
 fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
-    /// Rays in each direction, the edges of the image included.
+    /// Rays per dimension, including the edges of the image.
     const RAYS: u32 = 65;
     let [width, height] = scene.camera.resolution.map(f64::from);
     for k in 0..RAYS * RAYS {
@@ -391,10 +389,10 @@ fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
     None
 }
 
-/// Emitters that shine from a shape.
+/// Emitters attached to a shape.
 const SURFACE_EMITTERS: [&str; 3] = ["area", "directionalarea", "projectorarea"];
 
-/// What a scene holds, by kind.
+/// The parts of a scene by category.
 #[derive(Default)]
 struct Parts<'a> {
     sensor: Option<&'a Node>,
@@ -416,10 +414,10 @@ impl<'a> Parts<'a> {
             "integrator" => return Err(source.error(&node.span, "a second integrator", "keep one")),
             "bsdf" => self.bsdfs.push(node),
             "shape" => self.shapes.push(node),
-            // Emitters of surfaces are read with the shape that refers to them.
+            // Surface emitters are read with the shape that refers to them.
             "emitter" if SURFACE_EMITTERS.contains(&node.kind.as_str()) => {}
             "emitter" => self.emitters.push(node),
-            // Read where something refers to them.
+            // Read where another element refers to them.
             "texture" | "spectrum" | "medium" | "phase" | "volume" | "film" | "sampler" | "rfilter" => {}
             other => {
                 let message = format!("sunstone cannot express a {other}");
@@ -442,7 +440,7 @@ mod tests {
         bytes.into_inner()
     }
 
-    /// Files in memory are found by their names; whether colours are encoded is the reader's to know.
+    /// Files in memory are found by name, and the image reader decides whether colours are encoded.
     #[test]
     fn images_in_memory_are_found() {
         let files: BTreeMap<String, Vec<u8>> = [

@@ -1,4 +1,4 @@
-//! Mitsuba's sensor, integrator and emitters → camera, settings, projector and emitters of a scene file.
+//! Converts Mitsuba's sensor and integrator to camera and settings of a scene file.
 
 use super::importer::Importer;
 use super::tree::{Node, number};
@@ -8,29 +8,27 @@ use glam::{DAffine3, DMat3, DVec3};
 use syntax::device::{ApertureFile, PinholeFile, PoseFile};
 use syntax::values::TimeBins;
 
-/// Mitsuba's clipping planes if nothing is said, metres. Lenses focus on the far one.
+/// Mitsuba's default clipping planes in metres. Lenses focus on the far one.
 const NEAR: f64 = 1e-2;
 const FAR: f64 = 1e4;
 
-/// Metres that light travels in a picosecond.
+/// Distance in metres that light travels in a picosecond.
 const METRES_PER_PS: f64 = 299_792_458e-12;
 
-/// What is not the same of pixels.
+/// Note about the difference between pixel filters.
 const FILTERED: &str = "pixels are means over their area (box filter): Mitsuba's reconstruction filter here reaches over \
     neighbouring pixels";
 
-/// What a sensor says.
 pub(super) struct Sensor {
     pub camera: PinholeFile,
-    /// Samples per pixel.
     pub spp: Located<u32>,
-    /// Bins of travel time, of a film of mitransient.
+    /// Bins of travel time, from a film of mitransient.
     pub time: Option<TimeBins>,
-    /// Distances along the axis between which Mitsuba's rays run, metres.
+    /// Near and far clipping distances along the axis in metres.
     pub clip: [f64; 2],
 }
 
-/// What a film says: its size, the window of it that is rendered (x, y, width, height), and its bins of path length.
+/// A film: its size, the rendered window (x, y, width, height), and its bins of path length.
 struct Film {
     size: [u32; 2],
     window: [u32; 4],
@@ -47,7 +45,7 @@ impl Film {
     }
 }
 
-/// The camera, the samples per pixel and the bins of travel time.
+/// Returns the camera, the samples per pixel and the bins of travel time.
 pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Sensor, InputError> {
     let source = importer.source;
     let orthographic = node.kind == "orthographic";
@@ -66,7 +64,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
                 if let Some(count) = inner.integer(source, "sample_count")? {
                     spp = importer.whole(&inner.span, count, "sample_count")?;
                 }
-                // Sunstone has samples of its own: what orders Mitsuba's changes noise alone.
+                // Sunstone has its own sampler; these affect noise only.
                 inner.finish(source, &["seed", "jitter", "pass_index", "dimension"]);
             }
             "film" if given.is_some() => {
@@ -138,7 +136,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
         camera.aperture = Some(Located::at(node.span.clone(), aperture));
     }
     let far = node.float(source, "far_clip")?.unwrap_or(FAR);
-    // The rays of an orthographic camera begin at the near plane, here too.
+    // The rays of an orthographic camera start at the near plane in both programs.
     let clip = if orthographic {
         [0.0, far - near]
     } else {
@@ -164,8 +162,8 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
     })
 }
 
-/// Pose, with which rays begin at the near clipping plane, and width of an orthographic camera: Mitsuba's image reaches from -1 to 1
-/// across.
+/// Returns pose and width of an orthographic camera. Its rays start at the near plane, and Mitsuba's image
+/// spans -1 to 1 horizontally.
 fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile, f64), InputError> {
     let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
     let m = place.matrix3;
@@ -187,7 +185,7 @@ fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile
     Ok((pose, 2.0 * lengths[0]))
 }
 
-/// The pose of a camera, whose image may be mirrored: then left and right are exchanged, and it is noted.
+/// Returns the pose of a camera. If its image is mirrored, left and right are exchanged and a note is added.
 fn camera_pose(importer: &mut Importer, node: &Node) -> Result<PoseFile, InputError> {
     let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
     unmirrored(importer, node, place)
@@ -207,7 +205,7 @@ fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<P
     posed(importer, node, place)
 }
 
-/// A device, all of which stands where its plugin does.
+/// Creates a device whose values are located at its plugin.
 pub(super) fn device(node: &Node, pose: PoseFile, [w, h]: [u32; 2], fov_x_deg: f64) -> PinholeFile {
     let mut device = PinholeFile::new(pose).resolution(w, h);
     device.fov_x_deg = Some(Located::at(node.span.clone(), fov_x_deg));
@@ -281,14 +279,14 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         if filter.replace(inner.kind.as_str()).is_some() {
             return importer.error(child.span(), "the film has a second rfilter", "keep one");
         }
-        // Shapes of filters that are not used.
+        // Parameters of filters that are not used.
         inner.finish(source, &["radius", "stddev", "lobes", "B", "C"]);
     }
     if filter != Some("box") {
         importer.note(FILTERED);
     }
     let own: &[&str] = match node.kind.as_str() {
-        // How an image file holds the light.
+        // Encoding of the image file.
         "ldrfilm" => &[
             "gamma",
             "exposure",
@@ -311,7 +309,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
                 "sample_border",
                 "compensate",
             ],
-            // Of Mitsuba 0.x.
+            // From Mitsuba 0.x.
             &["banner", "attach_log", "high_quality_edges"][..],
             own,
         ]
@@ -320,7 +318,6 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     Ok(Film { size, window, time })
 }
 
-/// How deep paths go.
 pub(super) struct Depth {
     pub max_depth: Located<u32>,
     pub rr_depth: u32,
@@ -348,7 +345,7 @@ pub(super) fn integrator<'a>(
             );
         }
         seen.push(node);
-        // Those of Mitsuba's Python package have another default.
+        // The integrators of Mitsuba's Python package have a different default.
         let differentiable = node.kind.starts_with("prb") || node.kind.starts_with("transient_");
         match node.kind.as_str() {
             "stokes" | "aov" | "moment" => {
@@ -402,7 +399,7 @@ pub(super) fn integrator<'a>(
                 }
             }
             "direct_projective" => max_depth = 2,
-            // Of Mitsuba 0.x, all of which compute the same light.
+            // From Mitsuba 0.x; all of them compute the same light.
             "volpath_simple" | "bdpt" | "mlt" | "pssmlt" | "erpt" | "adjoint" => {
                 max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
                 rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
@@ -429,7 +426,7 @@ pub(super) fn integrator<'a>(
         if node.boolean(source, "strict_normals")?.unwrap_or(false) {
             importer.note("strict_normals is not used");
         }
-        // How the work is divided and how light is sampled.
+        // Affect only scheduling and sampling.
         let work = ["samples_per_pass", "block_size", "timeout", "use_spectral_mis"];
         let derivatives = [
             "sppc",
@@ -453,7 +450,6 @@ pub(super) fn integrator<'a>(
     })
 }
 
-/// What mitransient's integrators say of time.
 fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     let source = importer.source;
     if node.boolean(source, "camera_unwarp")?.unwrap_or(false) {
@@ -476,7 +472,8 @@ fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Horizontal field of view in degrees from `fov` and `fov_axis`, or from a focal length on 35 mm film.
+/// Returns the horizontal field of view in degrees from `fov` and `fov_axis`, or from a focal length on 35 mm
+/// film.
 pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Result<f64, InputError> {
     let source = importer.source;
     let axis = node.text(source, "fov_axis")?.unwrap_or("x").to_lowercase();
@@ -524,7 +521,7 @@ pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Re
     })
 }
 
-/// The pose: Mitsuba's devices have +x left and +y up.
+/// Returns the pose. Mitsuba's devices have +x left and +y up.
 pub(super) fn pose(importer: &Importer, node: &Node) -> Result<PoseFile, InputError> {
     let place = node.transform(importer.source, "to_world")?.unwrap_or_default();
     posed(importer, node, place)

@@ -1,4 +1,4 @@
-//! Mitsuba's emitters → the projector and the emitters of a scene file.
+//! Converts Mitsuba's emitters to the projector and the emitters of a scene file.
 
 use super::import_devices::{device, field_of_view, pose};
 use super::import_surfaces::{Coordinates, image_of};
@@ -15,7 +15,6 @@ use syntax::emitter::{DirectionalFile, EmissionFile, EnvironmentFile, Rows, Spot
 use syntax::texture::ImageAlbedo;
 use syntax::values::SpectrumFile;
 
-/// The emitters of a scene.
 #[derive(Default)]
 pub(super) struct Emitters {
     pub emitters: Vec<Located<EmitterFile>>,
@@ -29,7 +28,6 @@ impl Emitters {
     }
 }
 
-/// Adds an emitter or the projector.
 pub(super) fn add<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -63,7 +61,7 @@ pub(super) fn add<'a>(
                 environment.radiance = radiance;
             }
             sampling_weight(importer, node)?;
-            // It is the same from everywhere.
+            // Rotation has no effect.
             node.finish(source, &["to_world"]);
             environment
         }
@@ -89,7 +87,7 @@ pub(super) fn add<'a>(
     Ok(())
 }
 
-/// Looks along its +z.
+/// Converts a spot, which points along its +z axis.
 fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
     let image = projected(importer, node, "texture")?;
@@ -101,7 +99,7 @@ fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, 
             "use lookat, rotate and translate alone",
         );
     }
-    // Mitsuba's image rises with +y of the spot and runs to the right with its +x, as one that is turned over.
+    // Mitsuba's image has its up along the spot's +y and its right along +x, as if mirrored.
     let up = image.as_ref().map(|_| (-place.matrix3.y_axis).to_array());
     let cutoff = node.float(source, "cutoff_angle")?.unwrap_or(20.0);
     let beam = node.float(source, "beam_width")?.unwrap_or(0.75 * cutoff);
@@ -120,7 +118,7 @@ fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, 
     Ok(EmitterFile::Spot(spot))
 }
 
-/// Travels along `direction`, or along +z of `to_world`.
+/// Converts a directional emitter, which points along `direction` or along +z of `to_world`.
 fn directional<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, InputError> {
     let source = importer.source;
     one_of(importer, node, "direction", "to_world")?;
@@ -151,7 +149,7 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     let scale = node.float(source, "scale")?.unwrap_or(1.0);
     let place = node.transform(source, "to_world")?;
     sampling_weight(importer, node)?;
-    // It changes noise alone.
+    // It affects noise only.
     node.finish(source, &["mis_compensation"]);
     let mut environment = EnvironmentFile::new(scale);
     environment.rows = Rows::Poles;
@@ -172,19 +170,19 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
     Ok(EmitterFile::Environment(Box::new(environment)))
 }
 
-/// Returns a linear map if it rotates and mirrors only, freed of rounding errors in the lengths of its columns.
+/// Returns a linear map orthonormalized if it only rotates and mirrors, otherwise `None`.
 fn directions(map: DMat3) -> Option<DMat3> {
     let off = map.transpose() * map - DMat3::IDENTITY;
     let rigid = off.to_cols_array().iter().all(|v| v.abs() < 1e-3);
     rigid.then(|| {
-        // Gram and Schmidt; the third column keeps its side.
+        // Gram–Schmidt; the third column keeps its orientation.
         let x = map.x_axis.normalize();
         let y = map.y_axis.reject_from_normalized(x).normalize();
         DMat3::from_cols(x, y, x.cross(y) * map.determinant().signum())
     })
 }
 
-/// How a shape with an `area` emitter shines.
+/// Converts the `area` emitter of a shape.
 pub(super) fn area<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -211,7 +209,7 @@ pub(super) fn area<'a>(
     Ok((Located::at(node.span.clone(), emission), uv.images))
 }
 
-/// Notes an emitter that Mitsuba never samples. Other weights change noise alone.
+/// Adds a note if Mitsuba never samples the emitter. Other weights affect noise only.
 fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     if node.float(importer.source, "sampling_weight")? == Some(0.0) {
         importer.note(format!(
@@ -222,7 +220,7 @@ fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputErro
     Ok(())
 }
 
-/// Refuses two properties that say the same.
+/// Refuses two properties with the same meaning.
 fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), InputError> {
     if node.get(a).is_some() && node.get(b).is_some() {
         return importer.error(
@@ -234,7 +232,7 @@ fn one_of(importer: &Importer, node: &Node, a: &str, b: &str) -> Result<(), Inpu
     Ok(())
 }
 
-/// The image that an emitter projects, if there is one; Mitsuba's coordinates of it run down.
+/// Returns the image that an emitter projects, if any. Mitsuba's v coordinate of it points down.
 fn projected<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -248,15 +246,15 @@ fn projected<'a>(
     Ok(image.map(|image| Located::at(node.span.clone(), image)))
 }
 
-/// What a projector of Mitsuba becomes.
+/// Result of converting a Mitsuba projector.
 enum Projected {
-    /// The device whose pixels T resolves.
+    /// The projector, whose pixels T resolves.
     Patterns(Box<ProjectorFile>),
-    /// Light of the scene, with an image.
+    /// An emitter that projects an image.
     Slide(Box<SlideFile>),
 }
 
-/// Mitsuba's projector gives π times its `scale` × `irradiance` on the plane at 1 m.
+/// Converts a projector. Mitsuba's irradiance on the plane at 1 m is π times its `scale` × `irradiance`.
 fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projected, InputError> {
     let factor = PI * node.float(importer.source, "scale")?.unwrap_or(1.0);
     let given = importer.document.parameters.get(PROJECTOR_RESOLUTION);
@@ -287,7 +285,7 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
         (size, one())
     } else {
         let [w, h] = given.unwrap_or([256.0; 2]);
-        // The film's largest size is the projector's too.
+        // The limit is that of a projector's resolution.
         if w != h || w.fract() != 0.0 || !(1.0..=32768.0).contains(&w) {
             return importer.error(
                 &node.span,
@@ -305,9 +303,8 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
     Ok(Projected::Patterns(Box::new(projector)))
 }
 
-/// A spectrum, each value multiplied.
 fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
-    // Irradiances are f32 in the end: rounding there takes the factor's own rounding away.
+    // Irradiances are f32 in the scene; rounding here removes the rounding error of the factor.
     let times = |v: &f64| f64::from((v * factor) as f32);
     let mut out = spectrum.clone();
     match &mut out {
@@ -318,7 +315,7 @@ fn scaled(spectrum: &SpectrumFile, factor: f64) -> SpectrumFile {
     out
 }
 
-/// Size of a projector's image, and whether it is white all over.
+/// Returns the size of a projector's image, and whether it is uniformly white.
 fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([u32; 2], bool), InputError> {
     let file = node
         .named(name)

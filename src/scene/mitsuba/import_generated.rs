@@ -1,4 +1,4 @@
-//! Mitsuba's shapes that become meshes of our own making, in PLY files beside the scene file.
+//! Converts Mitsuba's shapes without a Sunstone equivalent to meshes, in PLY files next to the scene file.
 
 use super::importer::Importer;
 use super::tree::Node;
@@ -11,10 +11,9 @@ use import::write_ply;
 use syntax::shape::MeshFile;
 use transport::geometry::mesh::Mesh;
 
-/// The shapes.
 pub(super) const KINDS: [&str; 3] = ["bsplinecurve", "linearcurve", "sdfgrid"];
 
-/// Name and bytes of the file of a shape, which neither shines nor is turned inside out.
+/// Returns name and bytes of a shape's file. The shape must not emit light or have `flip_normals`.
 fn file<'a>(importer: &Importer, node: &'a Node) -> Result<(&'a str, Vec<u8>), InputError> {
     let source = importer.source;
     if node.boolean(source, "flip_normals")?.unwrap_or(false) {
@@ -42,7 +41,7 @@ fn file<'a>(importer: &Importer, node: &'a Node) -> Result<(&'a str, Vec<u8>), I
     }
 }
 
-/// The object's shape, of a mesh that becomes a file.
+/// Writes a mesh to a file and returns the object's shape.
 fn made(importer: &mut Importer, node: &Node, mesh: &Mesh) -> MeshFile {
     let wanted = node.id.as_deref().unwrap_or(&node.kind);
     let name = importer.make(wanted, "ply", write_ply::write(mesh));
@@ -55,7 +54,8 @@ fn made(importer: &mut Importer, node: &Node, mesh: &Mesh) -> MeshFile {
     }
 }
 
-/// `bsplinecurve` and `linearcurve`: the tubes' surface in the shape's parent's coordinates, as `place` moves points and not radii.
+/// `bsplinecurve` and `linearcurve`: the surface of the tubes in the parent's coordinates; `place` moves
+/// points but not radii.
 pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> Result<MeshFile, InputError> {
     let (name, bytes) = file(importer, node)?;
     let kind = if node.kind == "linearcurve" {
@@ -81,7 +81,7 @@ pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> R
     Ok(made(importer, node, &tubes.mesh))
 }
 
-/// `sdfgrid`: the surface where its distances are zero.
+/// `sdfgrid`: the surface of zero distance.
 pub(super) fn sdf_grid(importer: &mut Importer, node: &Node) -> Result<MeshFile, InputError> {
     let (name, bytes) = file(importer, node)?;
     let normals = match node.text(importer.source, "normals")? {

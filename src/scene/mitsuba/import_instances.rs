@@ -1,4 +1,4 @@
-//! Mitsuba's `shapegroup` and `instance` → groups and instances of a scene file.
+//! Converts Mitsuba's `shapegroup` and `instance` to groups and instances of a scene file.
 
 use super::import_shapes::{self, Readers};
 use super::importer::Importer;
@@ -10,7 +10,6 @@ use glam::DAffine3;
 use std::collections::BTreeMap;
 use syntax::instance::{GroupFile, InstanceFile};
 
-/// The groups and instances so far.
 #[derive(Default)]
 pub(super) struct Groups<'a> {
     pub groups: BTreeMap<String, Located<GroupFile>>,
@@ -20,7 +19,7 @@ pub(super) struct Groups<'a> {
 }
 
 impl<'a> Groups<'a> {
-    /// Adds the group that a `shapegroup` is, unless it is there; returns its name.
+    /// Adds the group of a `shapegroup`, unless it exists already, and returns its name.
     pub fn group(&mut self, importer: &mut Importer<'a>, reader: &mut Readers, node: &'a Node) -> String {
         if let Some((_, name)) = self.read.iter().find(|(n, _)| std::ptr::eq(*n, node)) {
             return name.clone();
@@ -32,7 +31,7 @@ impl<'a> Groups<'a> {
             .find(|n| !self.groups.contains_key(n));
         let name = free.unwrap_or(wanted);
         self.read.push((node, name.clone()));
-        // The name is taken from now on, whatever is wrong in the group.
+        // Reserve the name even if the group has errors.
         let mut group = GroupFile::default();
         self.groups
             .insert(name.clone(), Located::at(node.span.clone(), group.clone()));
@@ -73,7 +72,6 @@ impl<'a> Groups<'a> {
         name
     }
 
-    /// Adds an `instance`.
     pub fn instance(
         &mut self,
         importer: &mut Importer<'a>,

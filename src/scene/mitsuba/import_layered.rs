@@ -1,4 +1,5 @@
-//! Mitsuba's layered BSDFs without polarization (`plastic`, `roughplastic`, `principled`) → the nearest polarized models.
+//! Converts Mitsuba's unpolarized layered BSDFs (`plastic`, `roughplastic`, `principled`) to the closest
+//! polarized models.
 
 use super::import_surfaces::{Coordinates, SMOOTH, albedo, facets, indices, scalar};
 use super::import_table::Table;
@@ -18,7 +19,8 @@ fn at<T>(node: &Node, value: T) -> Located<T> {
     Located::at(node.span.clone(), value)
 }
 
-/// `plastic` and `roughplastic`: a dielectric coat over a Lambertian base with interreflection below the coat.
+/// `plastic` and `roughplastic`: a dielectric coat over a Lambertian base with interreflection below the
+/// coat.
 pub(super) fn plastic<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -63,8 +65,8 @@ pub(super) fn plastic<'a>(
     })
 }
 
-/// `principled`: plastic, mixed with metal by `metallic` and with rough glass by `spec_trans`. True of what light does not
-/// pass through.
+/// `principled`: plastic, blended with metal by `metallic` and with rough glass by `spec_trans`. Also returns
+/// whether the material is opaque.
 pub(super) fn principled<'a>(
     importer: &mut Importer<'a>,
     table: &mut Table,
@@ -75,7 +77,7 @@ pub(super) fn principled<'a>(
     let source = importer.source;
     let base = albedo(importer, node, "base_color", 0.5, uv)?;
     let roughness = scalar(importer, node, "roughness", Some(0.5), uv)?;
-    // Of an image: the middle of its range, for the body's share alone.
+    // Default for images, used for the body's albedo only: the middle of the range.
     let mut middle = 0.5;
     let alpha = if let ScalarFile::Number(v) = &*roughness {
         middle = v.clamp(0.0, 1.0);
@@ -169,7 +171,7 @@ pub(super) fn principled<'a>(
     Ok((body, opaque))
 }
 
-/// The body's albedo, which is a factor times the base colour, at most 1.
+/// Returns the albedo of the body: a factor times the base colour, at most 1.
 fn body_of(
     importer: &mut Importer,
     node: &Node,
@@ -220,8 +222,8 @@ fn body_of(
     Located::at(base.span(), scaled)
 }
 
-/// A metal that reflects the base colour at normal incidence, and more toward grazing incidence, nearly as Schlick's
-/// approximation has it.
+/// Returns a metal that reflects the base colour at normal incidence. Its increase toward grazing incidence
+/// is close to Schlick's approximation.
 fn metal(
     importer: &mut Importer,
     node: &Node,

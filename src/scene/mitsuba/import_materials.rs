@@ -1,7 +1,7 @@
-//! Mitsuba's BSDFs → materials of a scene file.
+//! Converts Mitsuba's BSDFs to materials of a scene file.
 //!
-//! Opaque BSDFs are black from behind unless `twosided` stands round them; what is bare becomes `two_sided` with a front
-//! alone.
+//! Mitsuba's opaque BSDFs are black from behind unless they are in `twosided`. Others become `two_sided` with
+//! a front material only.
 
 use super::import_layered;
 use super::import_surfaces::{
@@ -23,7 +23,6 @@ use syntax::texture::{AlbedoFile, ImageAlbedo};
 use syntax::values::IndexFile;
 use transport::material::polarizer::Passes;
 
-/// All BSDFs that are read.
 pub(super) const KNOWN: [&str; 19] = [
     "diffuse",
     "conductor",
@@ -46,7 +45,7 @@ pub(super) const KNOWN: [&str; 19] = [
     "null",
 ];
 
-/// Those that are black from behind.
+/// BSDFs that are black from behind.
 const OPAQUE: [&str; 7] = [
     "diffuse",
     "conductor",
@@ -57,37 +56,35 @@ const OPAQUE: [&str; 7] = [
     "measured_polarized",
 ];
 
-/// Reads BSDFs, each once.
+/// Converts BSDFs, each of them once.
 #[derive(Default)]
 pub(super) struct MaterialReader {
-    /// The materials so far.
     pub table: Table,
     /// Name of the material of a BSDF.
     done: BTreeMap<Key, String>,
-    /// Bytes at which the BSDFs begin that are being read, outermost first.
+    /// Start bytes of the BSDFs that are being read, outermost first.
     open: Vec<usize>,
 }
 
-/// What one material is made for.
+/// Identifies a material made from a BSDF.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Key {
     /// Byte at which the BSDF begins.
     start: usize,
-    /// Inside of `twosided`, where what is opaque shows from both sides.
+    /// Whether it is inside of `twosided`, where opaque BSDFs are visible from both sides.
     both: bool,
-    /// For shapes whose v Mitsuba turns over.
+    /// Whether it is for shapes whose v coordinate Mitsuba flips.
     turned: bool,
 }
 
-/// A material by name.
 pub(super) struct Made {
     pub name: String,
-    /// Some image is on it.
     pub images: bool,
 }
 
 impl MaterialReader {
-    /// The material of a BSDF on shapes whose v Mitsuba turns over or not. What is wrong is reported.
+    /// Returns the material of a BSDF; `turned` for shapes whose v coordinate Mitsuba flips. Errors are
+    /// reported, not returned.
     pub fn named<'a>(&mut self, importer: &mut Importer<'a>, node: &'a Node, turned: bool) -> Made {
         let open = self.open.len();
         if node.broken {
@@ -103,7 +100,7 @@ impl MaterialReader {
         }
     }
 
-    /// Stands for a BSDF that is wrong, so that the rest can be read.
+    /// Returns a substitute for an invalid BSDF, so that the rest can be read.
     fn missing(&mut self) -> Made {
         Made {
             name: self.table.of_bare_shapes(),
@@ -111,8 +108,8 @@ impl MaterialReader {
         }
     }
 
-    /// The material of a BSDF; `both` inside of `twosided`, where what is opaque shows from both sides. It gets the name of
-    /// the `outer` element, if it stands for that.
+    /// Returns the material of a BSDF. `both` is set inside of `twosided`, where opaque BSDFs are visible
+    /// from both sides. The material is named after the `outer` element if there is one.
     fn material<'a>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -163,7 +160,6 @@ impl MaterialReader {
         Ok(made)
     }
 
-    /// The material of a BSDF that is not yet there.
     fn own<'a>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -191,7 +187,7 @@ impl MaterialReader {
         })
     }
 
-    /// What stands behind the name, and whether it is black from behind.
+    /// Converts a BSDF and returns whether it is black from behind.
     fn body<'a>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -269,7 +265,7 @@ impl MaterialReader {
                         "take `polarizing` away, or the polarizer",
                     );
                 }
-                // Mitsuba turns the axis clockwise.
+                // Mitsuba measures the angle clockwise.
                 let angle = -angle(importer, node)? + 0.0;
                 MaterialFile::Polarizer(PolarizerFile {
                     angle_deg: Some(at(node, angle)),
@@ -280,7 +276,7 @@ impl MaterialReader {
                 })
             }
             "circular" => {
-                // Turning it changes nothing.
+                // Rotation has no effect.
                 angle(importer, node)?;
                 let left = node.boolean(source, "left_handed")?.unwrap_or(false);
                 MaterialFile::Polarizer(PolarizerFile {
@@ -393,7 +389,7 @@ impl MaterialReader {
         Ok((body, OPAQUE.contains(&node.kind.as_str())))
     }
 
-    /// The material under turned normals.
+    /// Returns the material to which a normal or bump map applies.
     fn turned<'a>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -401,7 +397,7 @@ impl MaterialReader {
         both: bool,
         uv: &mut Coordinates,
     ) -> Result<Located<String>, InputError> {
-        // Measured with Mitsuba's own scene of a ball of tiles, `test_bumpmap_path.xml`.
+        // Differences measured with Mitsuba's scene of a tiled ball, `test_bumpmap_path.xml`.
         for (name, difference) in [
             ("flip_invalid_normals", "1.3 % brighter"),
             ("use_shadowing_function", "0.8 % darker"),
@@ -416,7 +412,7 @@ impl MaterialReader {
         Ok(material)
     }
 
-    /// The materials of the BSDFs inside, which must be so many.
+    /// Returns the materials of the `N` nested BSDFs.
     fn nested<'a, const N: usize>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -447,7 +443,7 @@ impl MaterialReader {
     }
 }
 
-/// The texture of a bump map, which may have any name.
+/// Returns the texture of a bump map, which can have any name.
 fn heights<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, InputError> {
     for child in node.children() {
         let inner = importer.resolve(child)?;
@@ -458,7 +454,7 @@ fn heights<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Nod
     Ok(None)
 }
 
-/// An image of one texel, in a file beside the scene file.
+/// Writes an image of one texel to a file next to the scene file.
 fn constant(importer: &mut Importer, node: &Node) -> Result<ImageAlbedo, InputError> {
     let Some(value) = node.vector(importer.source, "value")? else {
         return importer.error(
@@ -479,7 +475,7 @@ fn constant(importer: &mut Importer, node: &Node) -> Result<ImageAlbedo, InputEr
     Ok(file)
 }
 
-/// What is alone inside of a `twosided`, and so shows on both sides.
+/// Returns the only BSDF inside of a `twosided`, which is then visible from both sides.
 fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&'a Node>, InputError> {
     if node.kind != "twosided" || node.children().len() != 1 {
         return Ok(None);
@@ -490,7 +486,7 @@ fn single_inside<'a>(importer: &Importer<'a>, node: &'a Node) -> Result<Option<&
     Ok(Some(inner))
 }
 
-/// That a `twosided` holds nothing that light passes through.
+/// Refuses a `twosided` that transmits light.
 fn one_way(importer: &Importer, node: &Node) -> Result<(), InputError> {
     if node.boolean(importer.source, "allow_transmission")? == Some(true) {
         return importer.error(
@@ -502,7 +498,6 @@ fn one_way(importer: &Importer, node: &Node) -> Result<(), InputError> {
     Ok(())
 }
 
-/// What a plugin says.
 fn at<T>(node: &Node, value: T) -> Located<T> {
     Located::at(node.span.clone(), value)
 }

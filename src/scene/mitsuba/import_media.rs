@@ -1,4 +1,4 @@
-//! Mitsuba's participating media → media of a scene file.
+//! Converts Mitsuba's participating media to media of a scene file.
 
 use super::importer::Importer;
 use super::names::plain;
@@ -13,17 +13,16 @@ use syntax::medium::{
 };
 use syntax::values::SpectrumFile;
 
-/// Reads media, each once.
+/// Converts media, each of them once.
 #[derive(Default)]
 pub(super) struct MediumReader {
     /// The media so far, by name.
     pub media: BTreeMap<String, Located<MediumFile>>,
-    /// Name of the medium that begins at a byte.
+    /// Names of media by their start byte.
     done: BTreeMap<usize, String>,
 }
 
 impl MediumReader {
-    /// The name of a medium.
     pub fn named<'a>(
         &mut self,
         importer: &mut Importer<'a>,
@@ -82,7 +81,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
     };
     let (scattering, absorption) = (each(&|t, a| t * a), each(&|t, a| t * (1.0 - a)));
     let mut phase = None;
-    // Coefficients have been read by name; what else is inside is reported by `finish`.
+    // Coefficients are read by name; `finish` reports other children.
     for child in node.children() {
         let inner = importer.peek(child)?;
         if inner.tag != "phase" {
@@ -99,7 +98,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
         importer
             .note("sample_emitters = false of a medium: sunstone looks for emitters in media as elsewhere");
     }
-    // How distances are sampled.
+    // Affects only how distances are sampled.
     node.finish(importer.source, &["has_spectral_extinction"]);
     let index = Located::at(node.span.clone(), 1.0.into());
     let albedo = match albedo {
@@ -116,7 +115,8 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
     }
     let density = match extinction {
         Coefficient::Grid(grid) => *grid,
-        // Mitsuba's heterogeneous media end with the box of their extinction, which is the unit cube if nothing is said.
+        // Mitsuba's heterogeneous media end at the box of their extinction, which is the unit cube by
+        // default.
         Coefficient::Everywhere(_, place) if heterogeneous => one(importer, node, place),
         Coefficient::Everywhere(..) => {
             return importer.error(
@@ -138,12 +138,12 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
 
 /// Extinction or albedo.
 enum Coefficient {
-    /// The same everywhere, and the place of the volume that says so.
+    /// A constant, and the transform of its volume.
     Everywhere(Located<SpectrumFile>, DAffine3),
     Grid(Box<Located<GridFile>>),
 }
 
-/// A coefficient, as a number, a spectrum or a volume.
+/// Returns a coefficient given as a number, a spectrum or a volume.
 fn coefficient(
     importer: &Importer,
     node: &Node,
@@ -193,7 +193,7 @@ fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<Gri
         return importer.error(&node.span, what, "use clamp, which is the default");
     }
     let own = node.boolean(source, "use_grid_bbox")?.unwrap_or(false);
-    // Whether it is turned into spectra, and how it is looked up.
+    // Conversion to spectra and look-up acceleration.
     node.finish(source, &["raw", "accel"]);
     Ok(Located::at(
         node.span.clone(),
@@ -206,10 +206,10 @@ fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<Gri
     ))
 }
 
-/// The box of a volume without one of its own.
+/// Default box of a volume.
 const UNIT: [[f64; 3]; 2] = [[0.0; 3], [1.0; 3]];
 
-/// A grid of one point, 1, in a file beside the scene file.
+/// Writes a grid with a single value of 1 to a file next to the scene file.
 fn one(importer: &mut Importer, node: &Node, place: DAffine3) -> Located<GridFile> {
     let words = [1_i32, 1, 1, 1, 1].map(i32::to_le_bytes);
     let numbers = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes);

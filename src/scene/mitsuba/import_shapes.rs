@@ -1,4 +1,4 @@
-//! Mitsuba's shapes → objects of a scene file.
+//! Converts Mitsuba's shapes to objects of a scene file.
 
 use super::import_emitters;
 use super::import_generated;
@@ -14,14 +14,14 @@ use syntax::shape::{
     CubeFile, CylinderFile, DiskFile, MeshFile, ObjectFile, RectangleFile, ShapeFile, SphereFile,
 };
 
-/// What shapes refer to.
+/// Readers of the elements that shapes refer to.
 #[derive(Default)]
 pub(super) struct Readers {
     pub materials: MaterialReader,
     pub media: MediumReader,
 }
 
-/// The objects that one shape becomes, or those that a `merge` holds.
+/// Returns the objects of a shape, or of the shapes in a `merge`.
 pub(super) fn all<'a>(
     importer: &mut Importer<'a>,
     reader: &mut Readers,
@@ -46,7 +46,7 @@ pub(super) fn all<'a>(
     Ok(all)
 }
 
-/// The objects that one shape becomes; of a mesh without area none.
+/// Returns the objects of a shape; none for a mesh without area.
 fn objects<'a>(
     importer: &mut Importer<'a>,
     reader: &mut Readers,
@@ -68,9 +68,10 @@ fn objects<'a>(
     };
     let generated = import_generated::KINDS.contains(&node.kind.as_str());
     let mirrors = place.matrix3.determinant() < 0.0 && !generated;
-    // What Mitsuba's surface and its shading normal face, against ours.
+    // Whether Mitsuba's surface orientation (`inward`) and shading normal (`swapped`) are opposite to
+    // Sunstone's.
     let (mut inward, mut swapped) = (flip, flip);
-    // Whether Mitsuba's v runs against ours.
+    // Whether Mitsuba's v is opposite to Sunstone's.
     let mut turned = node.kind == "cube";
     let shape = match node.kind.as_str() {
         "sphere" => {
@@ -103,7 +104,7 @@ fn objects<'a>(
                 turned = node.boolean(source, "flip_tex_coords")?.unwrap_or(kind == "obj");
             }
             let index = shape_index(importer, node)?;
-            // Mitsuba computes the other normals from the faces, which a mirror turns round.
+            // Without file normals, Mitsuba computes them from the faces, which a reflection reverses.
             let given = !flat && mirrors && has_normals(importer, node)?;
             (inward, swapped) = (flip != mirrors, if given { flip } else { flip != mirrors });
             let mesh = MeshFile {
@@ -195,7 +196,7 @@ fn objects<'a>(
             images = made.images;
             made.name
         }
-        // A shape that bounds a medium and has no BSDF is not seen.
+        // A shape that bounds a medium and has no BSDF is invisible.
         None if interior.is_some() => reader.materials.table.unseen(),
         None if light.is_some() => reader.materials.table.of_bare_lights(),
         None => reader.materials.table.of_bare_shapes(),
@@ -209,7 +210,7 @@ fn objects<'a>(
     object.name.clone_from(&node.id);
     object.material = Located::at(at(), material);
     object.interior = interior;
-    // The interior tells inside from outside.
+    // The interior defines inside and outside.
     object.flip_normals = swapped && object.interior.is_none();
     object.emission = emission.map(|(e, _)| e);
     if place != DAffine3::IDENTITY {
@@ -225,7 +226,7 @@ fn objects<'a>(
     Ok(vec![object])
 }
 
-/// True if a map scales all directions alike.
+/// Returns whether a map scales all directions equally.
 fn is_similarity(map: &DAffine3) -> bool {
     let m = map.matrix3;
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
@@ -235,7 +236,8 @@ fn is_similarity(map: &DAffine3) -> bool {
     even(y) && even(z) && square(x, y) && square(y, z) && square(z, x)
 }
 
-/// What Mitsuba makes of a sphere's map that scales unevenly: the same centre and handedness, and the scale along x.
+/// Returns Mitsuba's map of a sphere with non-uniform scale: same centre and handedness, and the scale along
+/// x.
 fn round(map: &DAffine3, center: DVec3) -> DAffine3 {
     let scale = map.matrix3.x_axis.length();
     let sign = map.matrix3.determinant().signum();
@@ -243,13 +245,13 @@ fn round(map: &DAffine3, center: DVec3) -> DAffine3 {
     DAffine3::from_mat3_translation(even, map.transform_point3(center) - even * center)
 }
 
-/// True if a mesh file has vertex normals.
 fn has_normals(importer: &Importer, node: &Node) -> Result<bool, InputError> {
     let model = model(importer, node)?.and_then(Result::ok);
     Ok(model.is_some_and(|model| model.parts.iter().any(|p| !p.mesh.normals.is_empty())))
 }
 
-/// What a shape's mesh file holds; `None` of other shapes, and where it cannot be read: building the scene reports that.
+/// Returns the contents of a shape's mesh file. `None` for other shapes and unreadable files, which are
+/// reported when the scene is built.
 fn model(importer: &Importer, node: &Node) -> Result<Option<Result<Model, ImportError>>, InputError> {
     if !["obj", "ply", "serialized"].contains(&node.kind.as_str()) {
         return Ok(None);
@@ -270,7 +272,7 @@ fn model(importer: &Importer, node: &Node) -> Result<Option<Result<Model, Import
     }))
 }
 
-/// The number of a mesh in a `serialized` file.
+/// Returns the index of a mesh in a `serialized` file.
 fn shape_index(importer: &Importer, node: &Node) -> Result<u32, InputError> {
     if node.kind != "serialized" {
         return Ok(0);
@@ -286,7 +288,7 @@ fn shape_index(importer: &Importer, node: &Node) -> Result<u32, InputError> {
     u32::try_from(index).map_err(|_| wrong())
 }
 
-/// Faces of Mitsuba's cube, with its texture coordinates: corner, u and v, where v is 1 minus Mitsuba's.
+/// Face of Mitsuba's cube with its texture coordinates: corner, u and v, where v is 1 minus Mitsuba's.
 type Face = ([f64; 3], [f64; 3], [f64; 3]);
 const FACES: [Face; 6] = [
     ([1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [-2.0, 0.0, 0.0]),

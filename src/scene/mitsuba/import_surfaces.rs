@@ -1,4 +1,4 @@
-//! What Mitsuba's BSDFs have in common: metals, refractive indices, facets, and values that may be images.
+//! Common parts of Mitsuba's BSDFs: metals, refractive indices, facets, and values that can be images.
 
 use super::importer::{Importer, is_spectrum};
 use super::tree::{Node, Value};
@@ -9,19 +9,18 @@ use syntax::values::{IndexFile, SpectrumFile};
 use transport::material::constants;
 use transport::material::texture::{Filter, Wrap};
 
-/// Least roughness of rough surfaces, which stands for a smooth coat.
+/// Minimum roughness of rough surfaces, used for smooth coats.
 pub(super) const SMOOTH: f64 = 0.001;
 
-/// How a shape counts texture coordinates, and whether the material that is being read cares.
+/// Texture coordinate convention of a shape, and whether the current material uses it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coordinates {
-    /// Mitsuba's v is 1 minus ours: it turns that of OBJ files over as it reads them.
+    /// Whether Mitsuba's v is 1 minus Sunstone's. It flips v of OBJ files when it reads them.
     pub turned: bool,
-    /// Some image was met.
     pub images: bool,
 }
 
-/// Refractive indices that Mitsuba knows by name (its documentation of `dielectric`).
+/// Refractive indices that Mitsuba knows by name (documentation of `dielectric`).
 const INDICES: [(&str, f64); 20] = [
     ("vacuum", 1.0),
     ("helium", 1.000_036),
@@ -45,20 +44,17 @@ const INDICES: [(&str, f64); 20] = [
     ("diamond", 2.419),
 ];
 
-/// What a conductor is made of.
+/// The metal of a conductor: a name, or n and k.
 pub(super) struct Metal {
-    /// Its name in the optical constants, or
+    /// Name in the optical constants.
     pub metal: Option<Located<String>>,
-    /// its n
     pub n: Option<Located<SpectrumFile>>,
-    /// and k.
     pub k: Option<Located<SpectrumFile>>,
-    /// Factor of what it reflects.
     pub reflectance: Located<AlbedoFile>,
 }
 
-/// What a conductor is made of. Without a material, or with `none`, Mitsuba's reflects all light: η is 0 and k is 1 unless
-/// they are given.
+/// Returns the metal of a conductor. Mitsuba's conductor without a material, or with `none`, reflects all
+/// light: η is 0 and k is 1 unless they are given.
 pub(super) fn metal<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -100,7 +96,7 @@ pub(super) fn metal<'a>(
     }
 }
 
-/// A factor that must be 1, since sunstone's materials have none.
+/// Refuses a factor other than 1, which Sunstone's materials do not have.
 pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), InputError> {
     match importer.spectrum(node, name)?.as_deref() {
         None => Ok(()),
@@ -113,7 +109,7 @@ pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), In
     }
 }
 
-/// A refractive index, by number or by Mitsuba's names.
+/// Returns a refractive index from a number or from Mitsuba's names.
 fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f64, InputError> {
     let Some(p) = node.get(name) else {
         return Ok(missing);
@@ -147,7 +143,7 @@ fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f
     }
 }
 
-/// Refractive indices inside, if nothing is said the given one, and outside, if nothing is said that of air.
+/// Returns the refractive indices inside, with the given default, and outside, with that of air as default.
 pub(super) fn indices(
     importer: &Importer,
     node: &Node,
@@ -160,7 +156,7 @@ pub(super) fn indices(
     ])
 }
 
-/// The angle of a sheet in degrees, Mitsuba's way round.
+/// Returns the angle of a sheet in degrees, in Mitsuba's sense of rotation.
 pub(super) fn angle(importer: &Importer, node: &Node) -> Result<f64, InputError> {
     let Some(p) = node.get("theta") else {
         return Ok(0.0);
@@ -172,14 +168,13 @@ pub(super) fn angle(importer: &Importer, node: &Node) -> Result<f64, InputError>
     }
 }
 
-/// Roughness, distribution and masking.
 pub(super) struct Facets {
     pub alpha: Located<ScalarFile>,
     pub distribution: Distribution,
     pub masking: Masking,
 }
 
-/// The facets of something rough; Mitsuba masks them separably.
+/// Returns the facets of a rough surface. Mitsuba's masking is separable.
 pub(super) fn facets<'a>(
     importer: &mut Importer<'a>,
     node: &'a Node,
@@ -232,7 +227,7 @@ pub(super) fn facets<'a>(
     })
 }
 
-/// The numbers of something that is not an image.
+/// Returns the numbers of a value that is not an image.
 fn numbers(s: &mut ScalarFile) -> Vec<&mut f64> {
     match s {
         ScalarFile::Number(v) => vec![v],
@@ -247,7 +242,7 @@ fn numbers(s: &mut ScalarFile) -> Vec<&mut f64> {
     }
 }
 
-/// The roughness of facets without a direction that is nearest to two along texture coordinates u and v.
+/// Returns the isotropic roughness closest to two roughnesses along texture coordinates u and v.
 fn round(
     importer: &mut Importer,
     node: &Node,
@@ -279,14 +274,14 @@ fn round(
     Ok(u)
 }
 
-/// What changes from place to place on a surface.
+/// A value that varies over a surface.
 enum Pattern {
     Image(ImageAlbedo),
     Checkerboard(CheckerboardFile),
     Attribute(AttributeFile),
 }
 
-/// The texture that a property is, if it is one.
+/// Returns the texture of a property, if it has one.
 fn pattern<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -308,7 +303,7 @@ fn pattern<'a>(
     }))
 }
 
-/// An image of colours, if the property is one.
+/// Returns the colour image of a property, if it has one.
 pub(super) fn image_of<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -326,7 +321,7 @@ pub(super) fn image_of<'a>(
     }
 }
 
-/// From the surface's coordinates to those at which Mitsuba reads a texture.
+/// Returns the map from the surface's texture coordinates to those at which Mitsuba evaluates a texture.
 fn to_uv(importer: &Importer, node: &Node, uv: &mut Coordinates) -> Result<UvRows, InputError> {
     uv.images = true;
     let map = node.transform(importer.source, "to_uv")?.unwrap_or_default();
@@ -339,7 +334,7 @@ fn to_uv(importer: &Importer, node: &Node, uv: &mut Coordinates) -> Result<UvRow
     })
 }
 
-/// Rows as short as they can be of a texture that repeats.
+/// Simplifies a texture coordinate map; a repeating texture allows integer offsets to be dropped.
 fn shortest(rows: UvRows, repeats: bool) -> Option<UvRows> {
     let rows = rows.map(|[a, b, c]| {
         let c = if repeats { c.rem_euclid(1.0) } else { c };
@@ -348,7 +343,7 @@ fn shortest(rows: UvRows, repeats: bool) -> Option<UvRows> {
     (rows != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(rows)
 }
 
-/// An attribute of the mesh that has the material.
+/// Returns an attribute of the mesh that has the material.
 fn attribute(importer: &Importer, node: &Node) -> Result<AttributeFile, InputError> {
     let name = node.text(importer.source, "name")?.unwrap_or_default();
     let scale = node.float(importer.source, "scale")?.unwrap_or(1.0);
@@ -374,7 +369,6 @@ fn checkerboard<'a>(
     })
 }
 
-/// A number or an image.
 pub(super) fn scalar<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -386,7 +380,7 @@ pub(super) fn scalar<'a>(
     match pattern(importer, node, name, true, uv)? {
         Some(Pattern::Image(image)) => return at(image.into()),
         Some(Pattern::Checkerboard(mut board)) => {
-            // Mitsuba 3.9 exchanges the colours where a number is asked for (`eval_1` of its checkerboard).
+            // Mitsuba 3.9 exchanges the colours if a number is requested (`eval_1` of its checkerboard).
             board.checkerboard.reverse();
             return at(ScalarFile::Checkerboard(board));
         }
@@ -406,7 +400,6 @@ pub(super) fn scalar<'a>(
     }
 }
 
-/// A spectrum, or an image of colours.
 pub(super) fn albedo<'a>(
     importer: &Importer<'a>,
     node: &'a Node,
@@ -426,7 +419,7 @@ pub(super) fn albedo<'a>(
     Ok(Located::at(spectrum.span(), (*spectrum).clone().into()))
 }
 
-/// An image; `number`: of numbers, which Mitsuba takes from the luminance of its colours.
+/// Returns an image. With `number` it is an image of numbers: the luminance of its colours in Mitsuba.
 pub(super) fn bitmap(
     importer: &Importer,
     node: &Node,
@@ -469,7 +462,7 @@ pub(super) fn bitmap(
         other => return unknown("wrap_mode", other, "repeat, mirror or clamp"),
     };
     let [across, [d, e, f]] = to_uv(importer, node, uv)?;
-    // Mitsuba counts an image's rows from the top.
+    // Mitsuba's image rows start at the top.
     let rows = [across, [-d, -e, 1.0 - f]];
     node.finish(source, &["format", "accel"]);
     Ok(ImageAlbedo {

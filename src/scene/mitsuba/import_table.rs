@@ -1,4 +1,4 @@
-//! The materials that an import has made so far, by names that are free.
+//! Materials created by an import, under unique names.
 
 use super::names::plain;
 use super::tree::Node;
@@ -6,7 +6,6 @@ use base::locate::Located;
 use std::collections::{BTreeMap, BTreeSet};
 use syntax::material::{MaterialFile, NullFile, TwoSidedFile};
 
-/// Materials by name.
 #[derive(Default)]
 pub(super) struct Table {
     pub materials: BTreeMap<String, Located<MaterialFile>>,
@@ -14,7 +13,7 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// A name that is free, like the wanted one; it is no longer.
+    /// Reserves and returns an unused name similar to `wanted`.
     fn free(&mut self, wanted: &str) -> String {
         let base = plain(wanted);
         let mut name = base.clone();
@@ -26,7 +25,7 @@ impl Table {
         name
     }
 
-    /// Adds what a plugin stands for, under a name like the wanted one; the name.
+    /// Adds a plugin's material under a name similar to `wanted` and returns the name.
     pub fn add(&mut self, node: &Node, wanted: &str, material: MaterialFile) -> Located<String> {
         let name = self.free(wanted);
         let at = |material| Located::at(node.span.clone(), material);
@@ -34,7 +33,7 @@ impl Table {
         Located::at(node.span.clone(), name)
     }
 
-    /// As [`Self::add`], black from behind.
+    /// [`Self::add`] for a material that is black from behind.
     pub fn add_front(&mut self, node: &Node, wanted: &str, material: MaterialFile) -> Located<String> {
         let name = self.free(wanted);
         let front = self.add(node, &format!("{name}_front"), material);
@@ -44,7 +43,7 @@ impl Table {
         Located::at(node.span.clone(), name)
     }
 
-    /// What bounds a medium and is not seen.
+    /// Returns the invisible boundary of a medium.
     pub fn unseen(&mut self) -> String {
         let name = "mitsuba_unseen".to_owned();
         if self.taken.insert(name.clone()) {
@@ -54,7 +53,7 @@ impl Table {
         name
     }
 
-    /// What Mitsuba gives to shapes without a BSDF that shine: they reflect nothing.
+    /// Returns the material of emissive shapes without a BSDF: in Mitsuba they reflect no light.
     pub fn of_bare_lights(&mut self) -> String {
         let name = "mitsuba_light".to_owned();
         if self.taken.insert(name.clone()) {
@@ -64,7 +63,7 @@ impl Table {
         name
     }
 
-    /// What Mitsuba gives to other shapes without a BSDF.
+    /// Returns Mitsuba's material for other shapes without a BSDF.
     pub fn of_bare_shapes(&mut self) -> String {
         let name = "mitsuba_default".to_owned();
         if self.taken.insert(name.clone()) {

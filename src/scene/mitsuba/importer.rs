@@ -1,4 +1,4 @@
-//! What all parts of the translation from Mitsuba share: the file, where it leads to, and spectra.
+//! State and helpers shared by all parts of the Mitsuba import: source, files and spectra.
 
 use super::document::Document;
 use super::names::{WAVELENGTHS, plain};
@@ -12,22 +12,20 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use syntax::values::{SpectrumFile, SpectrumTable};
 
-/// What all parts of the translation share.
 pub(super) struct Importer<'a> {
     pub source: &'a Source,
     pub document: &'a Document,
     pub ids: BTreeMap<&'a str, &'a Node>,
     pub wavelengths: Vec<f64>,
     pub notes: Vec<String>,
-    /// A spectrum was read that Mitsuba's RGB variants convert to colours.
+    /// Whether a spectrum was read, which Mitsuba's RGB variants would convert to colours.
     pub spectral: Cell<bool>,
-    /// Files that are only in memory.
+    /// Files that exist in memory only.
     pub files: &'a BTreeMap<String, Vec<u8>>,
-    /// Files that the import makes, by their names in the scene file.
+    /// Files that the import creates, by their names in the scene file.
     pub made: BTreeMap<String, Vec<u8>>,
-    /// Folder of the scene file.
     to: PathBuf,
-    /// Its name without the extension.
+    /// Name of the scene file without its extension.
     stem: String,
 }
 
@@ -91,7 +89,6 @@ impl<'a> Importer<'a> {
         })
     }
 
-    /// Says something once.
     pub fn note(&mut self, text: impl Into<String>) {
         let text = text.into();
         if !self.notes.contains(&text) {
@@ -108,19 +105,18 @@ impl<'a> Importer<'a> {
         Err(self.source.error(span, message, help))
     }
 
-    /// Path of a file that the XML names.
+    /// Returns the path of a file that the XML names.
     pub fn path(&self, name: &str) -> PathBuf {
         self.document.folders.find(name)
     }
 
-    /// The same as the scene file names it.
+    /// Returns the name of that file relative to the scene file.
     pub fn file(&self, name: &str) -> String {
         relative(&self.to, &self.path(name))
             .to_string_lossy()
             .into_owned()
     }
 
-    /// Bytes of the file that a node names.
     pub fn read(&self, node: &Node, name: &str) -> Result<Vec<u8>, InputError> {
         let from_disk = || base::input::read(&self.path(name));
         let bytes = self
@@ -138,7 +134,7 @@ impl<'a> Importer<'a> {
         })
     }
 
-    /// Makes a file beside the scene file, or finds an equal one that was made before; its name.
+    /// Adds a file next to the scene file, unless one with equal content exists, and returns its name.
     pub fn make(&mut self, wanted: &str, extension: &str, bytes: Vec<u8>) -> String {
         if let Some((name, _)) = self.made.iter().find(|(_, b)| **b == bytes) {
             return name.clone();
@@ -151,7 +147,7 @@ impl<'a> Importer<'a> {
         name
     }
 
-    /// A whole number that a scene file can hold.
+    /// Checks that an integer is in the range of scene files.
     pub fn whole(&self, span: &Range<usize>, value: i64, what: &str) -> Result<Located<u32>, InputError> {
         match u32::try_from(value) {
             Ok(value) => Ok(Located::at(span.clone(), value)),
@@ -163,7 +159,7 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// A spectrum, or `None` if it is not given: a number, one per wavelength, or a table.
+    /// Returns a spectrum (a number, one per wavelength, or a table), or `None` if the property is absent.
     pub fn spectrum(&self, node: &Node, name: &str) -> Result<Option<Located<SpectrumFile>>, InputError> {
         if let Some(child) = node.named(name) {
             return match self.resolve(child)? {
@@ -201,7 +197,7 @@ impl<'a> Importer<'a> {
         Ok(Some(Located::at(p.span.clone(), spectrum)))
     }
 
-    /// [`Self::spectrum`], or a number if it is not given.
+    /// [`Self::spectrum`] with a default.
     pub fn spectrum_or(
         &self,
         node: &Node,
@@ -212,7 +208,7 @@ impl<'a> Importer<'a> {
         Ok(self.spectrum(node, name)?.unwrap_or_else(otherwise))
     }
 
-    /// The number that a property's plugin says everywhere, if it is such a plugin.
+    /// Returns the constant value of a property's plugin, or `None` if it is another kind of plugin.
     pub fn uniform(&self, node: &Node, name: &str) -> Result<Option<f64>, InputError> {
         let Some(child) = node.named(name) else {
             return Ok(None);
@@ -226,7 +222,7 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// Mitsuba's spectra are zero beyond their last pair, ours go on as they are.
+    /// Converts pairs to a table. Mitsuba's spectra are zero outside their pairs, Sunstone's are constant.
     fn table(&self, pairs: &[[f64; 2]], span: &Range<usize>) -> Result<SpectrumFile, InputError> {
         self.spectral.set(true);
         let covers =
@@ -247,7 +243,7 @@ impl<'a> Importer<'a> {
         })
     }
 
-    /// The values alone, if the pairs say nothing but those at the scene's wavelengths, and go on level beyond.
+    /// Returns the values only, if the pairs are at the scene's wavelengths and constant beyond them.
     fn as_listed(&self, pairs: &[[f64; 2]]) -> Option<Vec<f64>> {
         let (&first, &last) = (self.wavelengths.first()?, self.wavelengths.last()?);
         let inner: Vec<[f64; 2]> = pairs
@@ -263,7 +259,7 @@ impl<'a> Importer<'a> {
         (level && same).then(|| inner.iter().map(|p| p[1]).collect())
     }
 
-    /// The values of a colour at the wavelengths.
+    /// Returns the values of a colour at the wavelengths.
     fn colour(&self, [r, g, b]: [f64; 3]) -> SpectrumFile {
         let values = self.wavelengths.iter().map(|nm| match nm {
             nm if *nm < 500.0 => b,
@@ -349,7 +345,7 @@ impl<'a> Importer<'a> {
         Ok(spectrum)
     }
 
-    /// Refuses a spectrum that Mitsuba takes for zero at one of the wavelengths.
+    /// Refuses a spectrum that is zero in Mitsuba at one of the wavelengths.
     fn in_range(&self, node: &Node) -> Result<(), InputError> {
         let first = node
             .float(self.source, "wavelength_min")?
@@ -367,13 +363,13 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// The plugin that a child is, or refers to.
+    /// Returns the plugin that a child contains or refers to.
     pub fn resolve(&self, child: &'a Child) -> Result<&'a Node, InputError> {
         child.take();
         self.peek(child)
     }
 
-    /// As [`Self::resolve`], without counting it as used.
+    /// [`Self::resolve`] without marking the child as used.
     pub fn peek(&self, child: &'a Child) -> Result<&'a Node, InputError> {
         match &child.what {
             Inside::Node(node) => Ok(node),
@@ -388,15 +384,15 @@ impl<'a> Importer<'a> {
     }
 }
 
-/// True of plugins that say the same everywhere.
+/// Returns whether a plugin has the same value everywhere.
 pub(super) fn is_spectrum(node: &Node) -> bool {
     node.tag == "spectrum"
         || node.tag == "texture" && ["uniform", "srgb", "d65"].contains(&node.kind.as_str())
 }
 
-/// Spectral radiance of a black body, W/(m² sr nm): Planck's law.
+/// Returns the spectral radiance of a black body, W/(m² sr nm): Planck's law.
 fn planck(nm: f64, kelvin: f64) -> f64 {
-    // h, c and k of the SI.
+    // SI values of h, c and k.
     let (h, c, k) = (6.626_070_15e-34, 299_792_458.0, 1.380_649e-23);
     let metres = nm * 1e-9;
     2.0 * h * c * c / metres.powi(5) / (h * c / (metres * k * kelvin)).exp_m1() * 1e-9

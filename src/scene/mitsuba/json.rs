@@ -1,7 +1,8 @@
-//! A Python dictionary of Mitsuba (`mi.load_dict`), written as JSON, as a tree of plugins.
+//! Reads a Python dictionary of Mitsuba (`mi.load_dict`), written as JSON, to a tree of plugins.
 //!
-//! A dictionary with a `type` is a plugin; `rgb`, `spectrum` and `ref` are values as in XML. Three numbers are a vector,
-//! four rows of four (three of three in `to_uv`) a transform: `T.matrix.numpy().tolist()`.
+//! A dictionary with a `type` is a plugin; `rgb`, `spectrum` and `ref` are values as in XML. Three numbers
+//! are a vector. Four rows of four numbers (three of three in `to_uv`) are a transform:
+//! `T.matrix.numpy().tolist()`.
 
 use super::plugins;
 use super::source::Source;
@@ -12,13 +13,12 @@ use jsonc_parser::ast::{self, Value as Json};
 use jsonc_parser::common::Ranged;
 use std::ops::Range;
 
-/// Deepest nesting that is followed.
 const DEEPEST: usize = 32;
 
-/// The plugin `scene` that a text holds.
+/// Returns the `scene` plugin of a text.
 ///
 /// # Errors
-/// [`InputError`] with the place, if there is none. What is wrong inside is reported.
+/// [`InputError`] with its location if there is none. Errors inside the scene are recorded in `source`.
 pub(super) fn scene(source: &Source, text: &str) -> Result<Node, InputError> {
     let strict = jsonc_parser::ParseOptions {
         allow_comments: true,

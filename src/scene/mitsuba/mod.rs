@@ -1,6 +1,7 @@
-//! Scenes to Mitsuba 3's XML (Jakob et al. 2022, <https://mitsuba.readthedocs.io>) and back.
+//! Export of scenes to Mitsuba 3's XML (Jakob et al. 2022, <https://mitsuba.readthedocs.io>) and import from
+//! it.
 //!
-//! What differs between the two programs and is translated here:
+//! Differences between the two programs that are converted:
 //!
 //! | | Sunstone | Mitsuba 3 |
 //! |---|---|---|
@@ -15,7 +16,7 @@
 //! | copies | `[groups]` and `[[instances]]` | `shapegroup` and `instance` |
 //! | light | any Stokes vector in | unpolarized: column 0 of T |
 //!
-//! [`export`] writes, [`import`] reads the same subset; `xml` and `reader` hold the two directions' syntax.
+//! [`export`] writes and [`import`] reads the same subset; `xml` and `reader` implement its syntax.
 
 mod document;
 pub mod export;

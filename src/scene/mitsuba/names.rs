@@ -1,12 +1,12 @@
-//! Names that both directions of the translation use.
+//! Names used by both import and export.
 
-/// Name of the `<default>` that holds the wavelengths of a scene, which Mitsuba itself has no use for.
+/// Name of the `<default>` with the wavelengths of a scene; Mitsuba does not use it.
 pub(super) const WAVELENGTHS: &str = "wavelengths_nm";
 
-/// Name of the `<default>` that holds the projector's resolution, likewise.
+/// Name of the `<default>` with the projector's resolution; Mitsuba does not use it.
 pub(super) const PROJECTOR_RESOLUTION: &str = "projector_resolution";
 
-/// A name of letters, digits, `_` and `-`, which XML and TOML leave alone.
+/// Replaces characters other than letters, digits, `_` and `-`, so that XML and TOML need no quoting.
 pub(super) fn plain(name: &str) -> String {
     if name.is_empty() {
         return "material".into();

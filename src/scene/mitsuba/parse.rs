@@ -1,12 +1,11 @@
-//! XML text → elements.
+//! Parses XML text to elements.
 
 use super::source::Source;
 use base::locate::InputError;
 
-/// The most elements, attributes and texts of a file.
 const MOST_NODES: u32 = 4_000_000;
 
-/// The elements of a file whose first byte stands at `start`.
+/// Parses the elements of a file whose first byte has the offset `start`.
 pub(super) fn parse<'t>(
     source: &Source,
     start: usize,
@@ -28,7 +27,7 @@ pub(super) fn parse<'t>(
     })
 }
 
-/// Byte of a line and a column (from 1, in characters).
+/// Returns the byte offset of a line and a column (from 1, in characters).
 fn offset(text: &str, pos: roxmltree::TextPos) -> usize {
     let mut line_start = 0;
     for _ in 1..pos.row {

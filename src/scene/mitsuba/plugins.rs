@@ -1,12 +1,11 @@
-//! Which kind of thing each of Mitsuba's plugins is: Python dictionaries leave it out.
+//! Categories of Mitsuba's plugins, which Python dictionaries omit.
 
-/// The tag that stands for a plugin in XML.
 pub(super) fn tag(plugin: &str) -> Option<&'static str> {
     let found = PLUGINS.iter().find(|(_, names)| names.contains(&plugin));
     found.map(|(tag, _)| *tag)
 }
 
-/// Tags, and the plugins of Mitsuba 3.9 that they stand for.
+/// XML tags and their plugins in Mitsuba 3.9.
 const PLUGINS: [(&str, &[&str]); 14] = [
     (
         "shape",

@@ -1,7 +1,7 @@
-//! Mitsuba 3's XML as a tree of plugins with typed properties, each with its place in the file.
+//! Parses Mitsuba 3's XML to a tree of plugins with typed properties, each with its location.
 //!
-//! Follows Mitsuba's parser: `<default>` and `$name`, `<include>`, nested transforms (each operation acts after those before
-//! it), values separated by spaces or commas. What cannot be read is reported, and the rest is read.
+//! Follows Mitsuba's parser: `<default>` and `$name`, `<include>`, nested transforms (each operation applies
+//! after the previous ones), values separated by spaces or commas. Errors are recorded and reading continues.
 
 use super::folders::{Alias, Folders, read_text};
 use super::parse::parse;
@@ -13,13 +13,12 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Deepest nesting of elements that is followed.
 const DEEPEST: usize = 32;
 
-/// Deepest nesting of files that include each other, as in Mitsuba.
+/// Maximum nesting depth of included files, as in Mitsuba.
 const MOST_INCLUDES: usize = 15;
 
-/// `#rrggbb` as older versions of Mitsuba read it: bytes of 255, linear.
+/// Parses `#rrggbb` as older versions of Mitsuba do: bytes divided by 255, linear.
 fn hexadecimal(text: &str) -> Option<[f64; 3]> {
     let digits = text
         .trim()
@@ -29,7 +28,7 @@ fn hexadecimal(text: &str) -> Option<[f64; 3]> {
     Some([byte(0)?, byte(2)?, byte(4)?].map(|b| f64::from(b) / 255.0))
 }
 
-/// A name as Mitsuba 2 and 3 spell it: `toWorld` is `to_world`, `intIOR` is `int_ior`.
+/// Converts a name to the spelling of Mitsuba 2 and 3: `toWorld` to `to_world`, `intIOR` to `int_ior`.
 fn snake(name: &str) -> String {
     let mut out = String::new();
     let mut after_lower = false;
@@ -90,7 +89,8 @@ fn upgrade(node: &mut Node) {
     ));
 }
 
-/// Mitsuba's rotation, which takes the axis as it is: a rotation only if its length is 1.
+/// Returns Mitsuba's rotation matrix. The axis is not normalized, so it is a rotation only if its length is
+/// 1.
 fn rotation(axis: DVec3, radians: f64) -> DMat3 {
     let (sin, cos) = radians.sin_cos();
     let cross = DMat3::from_cols(
@@ -102,37 +102,35 @@ fn rotation(axis: DVec3, radians: f64) -> DMat3 {
     DMat3::IDENTITY * cos + cross * sin + outer * (1.0 - cos)
 }
 
-/// The up direction that Mitsuba takes if none is given (Duff et al. 2017, "Building an orthonormal basis, revisited").
+/// Returns Mitsuba's default up direction (Duff et al. 2017, "Building an orthonormal basis, revisited").
 fn any_up(z: DVec3) -> DVec3 {
     let sign = 1f64.copysign(z.z);
     let a = -1.0 / (sign + z.z);
     DVec3::new(1.0 + sign * z.x * z.x * a, sign * z.x * z.y * a, -sign * z.x)
 }
 
-/// What is read of an XML file and of those that it includes.
+/// State while an XML file and its included files are read.
 pub(super) struct Reader<'s> {
     source: &'s Source,
-    /// Place of the file's first byte.
+    /// Offset of the file's first byte.
     start: usize,
-    /// Files that include this one.
+    /// Number of files that include this one.
     depth: usize,
     pub parameters: BTreeMap<String, String>,
-    /// Parameters that some attribute used.
+    /// Parameters that an attribute used.
     pub used: Vec<String>,
-    /// Other names of ids.
+    /// Additional names of ids.
     pub aliases: Vec<Alias>,
-    /// Where files are looked for.
     pub folders: Folders,
-    /// What is read in a way that its author may not expect.
+    /// Notes about contents that are read in an unexpected way.
     pub notes: Vec<String>,
-    /// Folder of the file being read.
     folder: PathBuf,
-    /// The file being read is of Mitsuba 0.x, and is upgraded.
+    /// Whether the current file is of Mitsuba 0.x and is upgraded.
     old: bool,
 }
 
 impl<'s> Reader<'s> {
-    /// Of the file whose first byte stands at `start`; `given` are the parameters of the command line.
+    /// Creates a reader; `given` are the command-line parameters.
     pub fn new(source: &'s Source, given: &BTreeMap<String, String>, folders: Folders) -> Self {
         Self {
             source,
@@ -148,7 +146,6 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Adds a note, once.
     fn note(&mut self, text: &str) {
         if !self.notes.iter().any(|n| n == text) {
             self.notes.push(text.to_owned());
@@ -183,7 +180,7 @@ impl<'s> Reader<'s> {
         self.start + range.start..self.start + range.end
     }
 
-    /// Where an element begins, as far as the first `>`.
+    /// Returns the location of an element's start tag, up to the first `>`.
     pub fn start_tag(&self, node: &roxmltree::Node) -> Range<usize> {
         let range = node.range();
         let text = node.document().input_text();
@@ -193,7 +190,6 @@ impl<'s> Reader<'s> {
         self.moved(range.start..end)
     }
 
-    /// A plugin and what is inside.
     pub fn plugin(&mut self, xml: &roxmltree::Node, depth: usize) -> Result<Node, InputError> {
         let span = self.start_tag(xml);
         if depth > DEEPEST {
@@ -204,7 +200,7 @@ impl<'s> Reader<'s> {
             ));
         }
         let root = depth == 0;
-        // An included file has a root of its own.
+        // An included file has its own root.
         let of_file = xml.parent().is_none_or(|parent| parent.is_root());
         self.only(
             xml,
@@ -235,7 +231,7 @@ impl<'s> Reader<'s> {
         Ok(node)
     }
 
-    /// What is inside of an element; what cannot be read is reported, and left out.
+    /// Reads the contents of an element. Invalid children are reported and omitted.
     fn contents(&mut self, xml: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
         for child in xml.children() {
             if child.is_text() && !child.text().unwrap_or_default().trim().is_empty() {
@@ -255,7 +251,7 @@ impl<'s> Reader<'s> {
         Ok(())
     }
 
-    /// The elements of another file, as if they stood here.
+    /// Reads the elements of another file in place of `<include>`.
     fn include(&mut self, xml: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
         let span = self.start_tag(xml);
         let name = self.needed(xml, "filename")?;
@@ -266,7 +262,7 @@ impl<'s> Reader<'s> {
                 "take the <include> away that closes the circle",
             ));
         }
-        // As in Mitsuba, what an included file says of folders holds within it.
+        // As in Mitsuba, search folders set in an included file apply to that file only.
         let mut folders = self.folders.clone();
         folders.prepend(self.folder.clone());
         let path = folders.find(&name);
@@ -305,7 +301,7 @@ impl<'s> Reader<'s> {
         Ok(())
     }
 
-    /// What the root of an included file says, read as its own version has it.
+    /// Reads the root of an included file according to the file's version.
     fn included(&mut self, root: &roxmltree::Node, node: &mut Node, depth: usize) -> Result<(), InputError> {
         if root.attribute("version").is_some() {
             self.version(root)?;
@@ -451,7 +447,7 @@ impl<'s> Reader<'s> {
         })
     }
 
-    /// Pairs of a wavelength and a value, a line each; `#` begins a comment.
+    /// Reads pairs of wavelength and value, one per line; `#` starts a comment.
     fn spectrum_file(&self, xml: &roxmltree::Node, name: &str) -> Result<Vec<[f64; 2]>, InputError> {
         let path = self.folders.find(name);
         let wrong = |what: String| {
@@ -473,7 +469,7 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// The product of the operations inside; later ones act after earlier ones.
+    /// Returns the product of the nested operations; later ones apply after earlier ones.
     fn transform(&mut self, xml: &roxmltree::Node) -> Result<DAffine3, InputError> {
         let mut all = DAffine3::IDENTITY;
         for op in xml.children().filter(roxmltree::Node::is_element) {
@@ -579,7 +575,7 @@ impl<'s> Reader<'s> {
         })
     }
 
-    /// `x`, `y`, `z`, or one or three numbers in `value`.
+    /// Reads `x`, `y`, `z`, or one or three numbers in `value`.
     fn xyz(&mut self, xml: &roxmltree::Node, missing: Option<f64>) -> Result<DVec3, InputError> {
         if xml.attribute("value").is_some() {
             return self.triple(xml, "value");
@@ -614,7 +610,8 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// An attribute with `$name` replaced; longer names are tried first, a backslash keeps the dollar sign.
+    /// Returns an attribute with `$name` replaced. Longer names have precedence; a backslash escapes the
+    /// dollar sign.
     fn attribute(&mut self, xml: &roxmltree::Node, key: &str) -> Result<Option<String>, InputError> {
         let Some(text) = xml.attribute(key) else {
             return Ok(None);

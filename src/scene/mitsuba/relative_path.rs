@@ -1,8 +1,8 @@
-//! How one path is reached from another.
+//! Relative paths.
 
 use std::path::{Component, Path, PathBuf};
 
-/// How to reach `path` from `folder`, both absolute.
+/// Returns the path from `folder` to `path`, both absolute.
 pub(super) fn relative(folder: &Path, path: &Path) -> PathBuf {
     let path = normal(path);
     let folder = normal(folder);
@@ -16,7 +16,7 @@ pub(super) fn relative(folder: &Path, path: &Path) -> PathBuf {
     up.chain(b[shared..].iter().copied()).collect()
 }
 
-/// A path without `.` and, where that cannot go wrong, without `..`.
+/// Removes `.` and, where that is safe, `..` from a path.
 fn normal(path: &Path) -> PathBuf {
     let mut out = PathBuf::new();
     for part in path.components() {

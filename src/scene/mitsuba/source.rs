@@ -1,6 +1,7 @@
-//! The text of a Mitsuba scene: its file and those that it includes, and what is wrong in them.
+//! The text of a Mitsuba scene, with included files, and the errors found in it.
 //!
-//! Places are bytes of all texts in a row, in the order in which they were read, so that one number says file and place.
+//! Locations are byte offsets into the concatenation of all texts in reading order, so one number identifies
+//! file and offset.
 
 use base::locate::InputError;
 use std::cell::RefCell;
@@ -8,17 +9,16 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Most problems that are told at once.
+/// Maximum number of errors that are reported.
 const MOST_PROBLEMS: usize = 50;
 
-/// One file.
 struct Text {
     start: usize,
     file: PathBuf,
     text: Arc<str>,
 }
 
-/// All files, the first one first, and all problems so far.
+/// All files, the main file first, and all errors so far.
 #[derive(Default)]
 pub(super) struct Source {
     texts: RefCell<Vec<Text>>,
@@ -26,14 +26,13 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// Of one file so far.
     pub fn new(file: &Path, text: &str) -> Self {
         let source = Self::default();
         source.add(file, text);
         source
     }
 
-    /// Adds a file; the place of its first byte.
+    /// Adds a file and returns the offset of its first byte.
     pub fn add(&self, file: &Path, text: &str) -> usize {
         let mut texts = self.texts.borrow_mut();
         let start = texts.last().map_or(0, |t| t.start + t.text.len() + 1);
@@ -45,7 +44,7 @@ impl Source {
         start
     }
 
-    /// The first file and its text.
+    /// Returns the main file and its text.
     pub fn main(&self) -> (PathBuf, Arc<str>) {
         self.texts.borrow().first().map_or_else(
             || (PathBuf::new(), "".into()),
@@ -53,7 +52,6 @@ impl Source {
         )
     }
 
-    /// An error at a place.
     pub fn error(&self, span: &Range<usize>, message: impl Into<String>, help: &str) -> InputError {
         let (file, text) = self.main();
         self.placed(InputError {
@@ -65,7 +63,7 @@ impl Source {
         })
     }
 
-    /// An error whose place is in all texts, with file and place in that one.
+    /// Converts an error's location from the concatenation to a file and its offset.
     pub fn placed(&self, e: InputError) -> InputError {
         let texts = self.texts.borrow();
         let Some(span) = e.span.clone() else {
@@ -83,7 +81,7 @@ impl Source {
         }
     }
 
-    /// Keeps a problem, to go on and look for others.
+    /// Records an error, so that reading can continue.
     pub fn report(&self, e: InputError) {
         let mut problems = self.problems.borrow_mut();
         let told = |p: &InputError| p.file == e.file && p.span == e.span && p.message == e.message;
@@ -92,12 +90,11 @@ impl Source {
         }
     }
 
-    /// True if something was reported.
     pub fn any_problem(&self) -> bool {
         !self.problems.borrow().is_empty()
     }
 
-    /// All problems so far, file by file, from top to bottom; none are left.
+    /// Removes and returns all errors, sorted by file and offset.
     pub fn problems(&self) -> Vec<InputError> {
         let mut problems = self.problems.take();
         let texts = self.texts.borrow();

@@ -1,7 +1,7 @@
-//! What a scene of Mitsuba holds: plugins with typed properties, each with its place in the file.
+//! The contents of a Mitsuba scene: plugins with typed properties, each with its location.
 //!
-//! Whoever understands a property asks for it by name. What nobody asked for is an error ([`Node::finish`]), so that nothing
-//! is silently ignored.
+//! Properties are requested by name. A property that is never requested is an error ([`Node::finish`]), so
+//! nothing is ignored silently.
 
 use super::source::Source;
 use base::locate::InputError;
@@ -9,7 +9,6 @@ use glam::{DAffine3, DVec3};
 use std::cell::Cell;
 use std::ops::Range;
 
-/// A value of a property.
 #[derive(Clone, Debug)]
 pub(super) enum Value {
     Float(f64),
@@ -18,12 +17,11 @@ pub(super) enum Value {
     Text(String),
     Vector(DVec3),
     Rgb([f64; 3]),
-    /// Wavelengths in nanometres, rising, and values.
+    /// Increasing wavelengths in nanometres, and values.
     Pairs(Vec<[f64; 2]>),
     Transform(DAffine3),
 }
 
-/// A property of a plugin.
 #[derive(Debug)]
 pub(super) struct Property {
     pub name: String,
@@ -35,20 +33,19 @@ pub(super) struct Property {
 /// A plugin: an element with a type.
 #[derive(Debug)]
 pub(super) struct Node {
-    /// `bsdf`, `shape`, …
+    /// XML tag: `bsdf`, `shape`, …
     pub tag: String,
-    /// The value of `type`; that of the scene is `scene`.
+    /// The value of `type`; `scene` for the root.
     pub kind: String,
     pub id: Option<String>,
     pub name: Option<String>,
     pub span: Range<usize>,
     pub(super) properties: Vec<Property>,
     pub(super) children: Vec<Child>,
-    /// Something in it could not be read, and has been reported.
+    /// Whether part of it could not be read. The error has been reported.
     pub broken: bool,
 }
 
-/// What is inside of a plugin.
 #[derive(Debug)]
 pub(super) struct Child {
     pub what: Inside,
@@ -65,12 +62,11 @@ pub(super) enum Inside {
     },
 }
 
-/// A finite number.
 pub(super) fn number(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|v: &f64| v.is_finite())
 }
 
-/// Numbers with spaces or commas between them.
+/// Parses numbers separated by spaces or commas.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     let tokens = text.split([' ', ',', '\t', '\n', '\r']).filter(|t| !t.is_empty());
     tokens.map(number).collect()
@@ -87,7 +83,6 @@ pub(super) fn pairs(text: &str) -> Option<Vec<[f64; 2]>> {
 }
 
 impl Property {
-    /// Not used yet.
     pub fn new(name: String, value: Value, span: Range<usize>) -> Self {
         Self {
             name,
@@ -99,7 +94,7 @@ impl Property {
 }
 
 impl Node {
-    /// A property by name, which counts as used from now on.
+    /// Returns a property by name and marks it as used.
     pub fn get(&self, name: &str) -> Option<&Property> {
         let found = self.properties.iter().find(|p| p.name == name)?;
         found.used.set(true);
@@ -172,19 +167,19 @@ impl Node {
         }
     }
 
-    /// What is inside under a name.
+    /// Returns a child by name and marks it as used.
     pub fn named(&self, name: &str) -> Option<&Child> {
         let found = self.children.iter().find(|c| c.name() == Some(name))?;
         found.used.set(true);
         Some(found)
     }
 
-    /// All that is inside, in order; nothing counts as used yet.
+    /// Returns all children in order without marking them as used.
     pub fn children(&self) -> &[Child] {
         &self.children
     }
 
-    /// Reports what the element has and nobody asked for, apart from what is known not to matter.
+    /// Reports properties and children that were not used, except the `ignored` names, which have no effect.
     pub fn finish(&self, source: &Source, ignored: &[&str]) {
         let unknown = |name: &str, span: &Range<usize>| {
             source.report(source.error(
@@ -208,7 +203,7 @@ impl Node {
         }
     }
 
-    /// Gives every plugin with an id to `found`, this one first.
+    /// Calls `found` for this plugin and then for all plugins inside it.
     pub fn walk<'a>(&'a self, found: &mut impl FnMut(&'a Self)) {
         found(self);
         for child in &self.children {
@@ -220,7 +215,6 @@ impl Node {
 }
 
 impl Child {
-    /// Not used yet.
     pub fn new(what: Inside) -> Self {
         Self {
             what,
@@ -228,13 +222,11 @@ impl Child {
         }
     }
 
-    /// Counts as used from now on.
     pub fn take(&self) -> &Inside {
         self.used.set(true);
         &self.what
     }
 
-    /// The name under which it stands.
     pub fn name(&self) -> Option<&str> {
         match &self.what {
             Inside::Node(node) => node.name.as_deref(),
@@ -242,7 +234,7 @@ impl Child {
         }
     }
 
-    /// The tag of a plugin, or `ref`.
+    /// Returns the tag of a plugin, or `ref`.
     pub fn tag(&self) -> &str {
         match &self.what {
             Inside::Node(node) => &node.tag,

@@ -1,9 +1,9 @@
-//! XML elements as Mitsuba's scene files have them, and their text (W3C, Extensible Markup Language 1.0, 5th ed.).
+//! XML elements of Mitsuba scene files and their text (W3C, Extensible Markup Language 1.0, 5th ed.).
 
 use glam::DAffine3;
 use std::fmt::Write;
 
-/// An element with its attributes, in order, and what is inside.
+/// An element with its attributes, in order, and its contents.
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     tag: &'static str,
@@ -26,12 +26,11 @@ impl Element {
         }
     }
 
-    /// An object made by a plugin.
+    /// Creates an element with a plugin type.
     pub fn plugin(tag: &'static str, kind: &str) -> Self {
         Self::new(tag).with("type", kind)
     }
 
-    /// With an attribute, which replaces one of that name.
     pub fn with(mut self, key: &'static str, value: impl Into<String>) -> Self {
         let value = value.into();
         match self.attributes.iter_mut().find(|(known, _)| *known == key) {
@@ -54,7 +53,7 @@ impl Element {
         self.inside.push(Node::Comment(text.into()));
     }
 
-    /// A child `<tag name="…" value="…"/>`.
+    /// Adds a child `<tag name="…" value="…"/>`.
     pub fn property(self, tag: &'static str, name: &str, value: impl ToString) -> Self {
         self.child(Self::new(tag).with("name", name).with("value", value.to_string()))
     }
@@ -75,7 +74,7 @@ impl Element {
         self.property("string", name, value)
     }
 
-    /// A child `<transform>` with the map's matrix, row by row.
+    /// Adds a child `<transform>` with the map's matrix, row by row.
     pub fn transform(self, name: &str, map: &DAffine3) -> Self {
         let m = map.matrix3;
         let mut value = String::new();
@@ -90,7 +89,6 @@ impl Element {
         self.child(Self::new("transform").with("name", name).child(matrix))
     }
 
-    /// The text of a whole document.
     pub fn document(&self) -> String {
         let mut out = String::from("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
         self.write(0, &mut out);
@@ -121,18 +119,18 @@ impl Element {
     }
 }
 
-/// The shortest digits that give the number back.
+/// Returns the shortest decimal representation that round-trips.
 pub(super) fn number(value: f64) -> String {
-    // Without the sign of -0, which only confuses readers.
+    // Print -0 as 0 for readability.
     format!("{:?}", value + 0.0).trim_end_matches(".0").to_owned()
 }
 
-/// The shortest digits that give an f32 back.
+/// Returns the shortest decimal representation of an f32 that round-trips.
 pub(super) fn single(value: f32) -> String {
     format!("{:?}", value + 0.0).trim_end_matches(".0").to_owned()
 }
 
-/// Attribute values: markup is escaped, characters that XML cannot hold give way.
+/// Escapes markup in an attribute value and replaces characters that XML does not allow.
 fn escape(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
@@ -149,7 +147,8 @@ fn escape(text: &str) -> String {
     out
 }
 
-/// Comments must not hold two hyphens in a row, nor end with one; a space behind it follows every comment's text.
+/// Makes a comment valid: it must not contain two adjacent hyphens or end with one. The caller adds a space
+/// after it.
 fn comment(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {

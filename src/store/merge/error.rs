@@ -1,96 +1,60 @@
-//! Why stores could not be merged.
+//! Errors of a merge.
 
 use super::join::JoinError;
 use crate::denoised::Denoised;
 use crate::zarr::{AccessError, CreateError, OpenError};
 use std::path::PathBuf;
 
-/// Stores could not be merged.
 #[derive(Debug, thiserror::Error)]
 pub enum MergeError {
-    /// There is nothing to merge.
     #[error("nothing to merge: name at least two stores")]
     TooFew,
-    /// A store lacks an attribute that merging needs.
+    /// A store lacks an attribute that merging requires.
     #[error("{path} has no usable attribute `{key}`, so it cannot be merged: render it with this program")]
-    Attribute {
-        /// The store or slice.
-        path: PathBuf,
-        /// The attribute.
-        key: &'static str,
-    },
-    /// The stores are of different scenes.
+    Attribute { path: PathBuf, key: &'static str },
     #[error(
         "{first} and {second} are of different scenes (`scene_sha256` differs): merge renders of one scene"
     )]
-    Scenes {
-        /// One store.
-        first: PathBuf,
-        /// The store that disagrees with it.
-        second: PathBuf,
-    },
-    /// The stores hold different paths of one scene: some may miss light that others found.
+    Scenes { first: PathBuf, second: PathBuf },
+    /// The stores were rendered with different integrators, so some may lack light that others contain.
     #[error(
         "{first} and {second} were rendered with different `integrator`s: merge renders by one (`sunstone render --integrator`)"
     )]
-    Integrators {
-        /// One store.
-        first: PathBuf,
-        /// The store that disagrees with it.
-        second: PathBuf,
-    },
-    /// A camera axis of a slice does not say which pixels its elements are.
+    Integrators { first: PathBuf, second: PathBuf },
+    /// The coordinates of a camera axis do not identify its pixels.
     #[error(
         "{path}: coordinate {coordinate} of axis `{axis}` is not that of whole pixels, so its samples cannot be told: \
          render it again, or restore it from a copy"
     )]
     Pixels {
-        /// The slice.
         path: PathBuf,
-        /// Name of the axis.
         axis: &'static str,
-        /// The coordinate.
         coordinate: f64,
     },
-    /// A seed occurs twice.
     #[error(
         "seed {seed} of {path} occurs twice, its samples would count double: render with another `--seed`"
     )]
-    Seed {
-        /// The store with the second occurrence.
-        path: PathBuf,
-        /// The seed.
-        seed: i128,
-    },
-    /// The output is an input.
+    Seed { path: PathBuf, seed: i128 },
+    /// The output is also an input.
     #[error("{path} is to be merged and written at once: choose another `-o`")]
-    Itself {
-        /// The store.
-        path: PathBuf,
-    },
-    /// The stores keep different slices.
+    Itself { path: PathBuf },
+    /// The stores have different slices.
     #[error("{first} and {second} differ in slice `{slice}`: merge renders that keep the same slices")]
     Layout {
-        /// One store.
         first: PathBuf,
-        /// The store that disagrees with it.
         second: PathBuf,
-        /// The slice.
         slice: String,
     },
-    /// An input was denoised: it has no samples of its own.
+    /// An input is denoised.
     #[error(transparent)]
     Denoised(#[from] Denoised),
-    /// Parts of a render do not make a whole.
+    /// Parts of a render do not form a complete render.
     #[error(transparent)]
     Join(Box<JoinError>),
-    /// An input cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The output cannot be created.
     #[error(transparent)]
     Create(#[from] CreateError),
-    /// Values cannot be read or written.
     #[error(transparent)]
     Access(#[from] AccessError),
 }
@@ -102,7 +66,7 @@ impl From<JoinError> for MergeError {
 }
 
 impl MergeError {
-    /// Whether the system refused to write, not the stores to be merged.
+    /// Returns whether a system error is the cause, rather than the inputs.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {

@@ -1,7 +1,8 @@
-//! Joining the parts of one render, tile by tile, to the bytes of the whole.
+//! Joins the parts of one render tile by tile; the result equals the whole render byte for byte.
 //!
-//! Parts share no tile, so nothing is added up: a chunk that one part has is copied as it is, and one that several have (of a
-//! block of pixels that no tile begins with) is put together from elements each of which one part has.
+//! Each tile belongs to one part, so nothing is summed. A chunk of one part is copied. A chunk of several
+//! parts (a block of pixels that is not aligned with tiles) is assembled from elements, each of which belongs
+//! to one part.
 
 mod error;
 mod set;
@@ -17,12 +18,12 @@ use tensor::field::Field;
 use tensor::part;
 use tensor::region;
 
-/// Whether a store says that it is a part of a render, finished or not.
+/// Returns whether a store is a part of a render, finished or not.
 pub(super) fn is_part(path: &Path) -> bool {
     TensorStore::open(path).is_ok_and(|store| store.part().is_some())
 }
 
-/// Joins parts into a new store `out` (an existing one is overwritten only with `replace`).
+/// Joins parts into a new store `out`; an existing store is replaced only with `replace`.
 pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), JoinError> {
     let set = Set::open(inputs)?;
     let parts = set.stores();
@@ -60,18 +61,18 @@ pub(super) fn join(inputs: &[PathBuf], out: &Path, replace: bool) -> Result<(), 
     .map(drop)
 }
 
-/// The attributes of a slice without those that its layout makes.
+/// Returns the attributes of a slice without those that its layout generates.
 fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
     without(slice.attributes(), &["time_start_ps", "time_bin_ps"])
 }
 
-/// Attributes but for some, in their order, which is that of the file.
+/// Returns the attributes without `keys`, in the order of the file.
 fn without(attributes: &Map<String, Value>, keys: &[&str]) -> Map<String, Value> {
     let kept = attributes.iter().filter(|(key, _)| !keys.contains(&key.as_str()));
     kept.map(|(key, value)| (key.clone(), value.clone())).collect()
 }
 
-/// All that the joined values depend on.
+/// Returns a text that identifies everything that the joined values depend on.
 fn origin(parts: &[&TensorStore]) -> String {
     let mut origin = format!("join by {}\n", env!("CARGO_PKG_VERSION"));
     for store in parts {
@@ -80,7 +81,7 @@ fn origin(parts: &[&TensorStore]) -> String {
     origin
 }
 
-/// Those of the whole render: what all parts say, and sums over them.
+/// Returns the attributes of the whole render: the common ones, and sums over the parts.
 fn attributes(parts: &[&TensorStore]) -> Map<String, Value> {
     let all: Vec<_> = parts.iter().map(|store| store.attributes()).collect();
     let mut whole = without(&all[0], &[part::ATTRIBUTE]);
@@ -103,7 +104,7 @@ fn join_slice(parts: &[StoredSlice], whole: &StoredSlice) -> Result<(), JoinErro
         chunks
             .par_iter()
             .try_for_each(|(start, shape)| -> Result<(), JoinError> {
-                // A merge that was killed goes on: what has its file is whole.
+                // A chunk with a file is complete: an interrupted merge resumes here.
                 if whole.is_stored(field, start)? {
                     return Ok(());
                 }
@@ -123,7 +124,7 @@ fn join_slice(parts: &[StoredSlice], whole: &StoredSlice) -> Result<(), JoinErro
     Ok(())
 }
 
-/// Writes a chunk whose elements several parts have, each a different one.
+/// Writes a chunk to which several parts contribute different elements.
 fn put_together(
     parts: &[&StoredSlice],
     whole: &StoredSlice,
@@ -148,7 +149,6 @@ fn put_together(
     Ok(whole.write(field, start, shape, &values)?)
 }
 
-/// Copies the sample counts, whose chunks are tiles.
 fn join_samples(parts: &[&TensorStore], whole: &TensorStore) -> Result<(), JoinError> {
     let Some((shape, chunk)) = whole.samples_shape() else {
         return Ok(());

@@ -1,13 +1,13 @@
-//! The samples of one element, pooled (the equations are those of [`crate::merge`]).
+//! Pools the samples of one element with the equations of [`crate::merge`].
 
-/// Samples of one element, joined input by input.
+/// The pooled samples of one element.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pool {
     pub n: f64,
     pub mean: f64,
-    /// Alike samples: sum of squared deviations from the mean. Otherwise: Σ N²e².
+    /// Identically distributed samples: sum of squared deviations from the mean. Otherwise: Σ N²e².
     spread: f64,
-    /// Standard error as stored, kept for an element that only one input has sampled.
+    /// Stored standard error of an element that only one input has sampled.
     only: Option<f64>,
 }
 

@@ -1,8 +1,8 @@
-//! Rounds of one render, each a store of its own with samples of its own and other numbers of them in each tile: what they tell of a
-//! slice so far, and all of them together ([`tensor::target`]).
+//! Pools the rounds of one render. Each round is a separate store with independent samples, and their number
+//! differs between tiles ([`tensor::target`]).
 //!
-//! Means are those of all samples, m = Σ Nᵢmᵢ / ΣNᵢ, and their errors e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)²: rounds are independent, and each knows its
-//! own error.
+//! Means are those of all samples, m = Σ Nᵢmᵢ / ΣNᵢ, with errors e² = Σ Nᵢ²eᵢ² / (ΣNᵢ)²: rounds are
+//! independent, and each has its own error.
 
 use super::{
     Input, MergeError, Parts, Pooled, common_grid, element_counts, merged_attributes, parts, pool_into,
@@ -16,14 +16,14 @@ use std::path::{Path, PathBuf};
 use tensor::field::Field;
 use tensor::target::{Lit, ROUND, Survey, TILE_SAMPLES, Tile};
 
-/// A pixel is lit that has at least this share of what one in a hundred exceeds.
+/// Minimum total of a lit pixel, relative to the 99th percentile of all totals.
 const LIT: f64 = 0.01;
 
 fn open(rounds: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
     let open = |path: &PathBuf| -> Result<Input, MergeError> {
         let store = TensorStore::open(path)?;
         denoised::refuse(&store)?;
-        // Weights are numbers of samples.
+        // Weights are sample counts.
         Ok(Input {
             group: 1.0,
             ..Input::of(store)
@@ -32,7 +32,7 @@ fn open(rounds: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
     rounds.iter().map(open).collect()
 }
 
-/// A slice in all rounds, whose samples are alike within a round alone.
+/// Opens a slice in all rounds; samples are identically distributed only within a round.
 fn slice_of<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
     Ok(Parts {
         alike: false,
@@ -40,7 +40,7 @@ fn slice_of<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError
     })
 }
 
-/// Samples of each tile's pixels, of all rounds.
+/// Returns the samples of each tile's pixels, summed over rounds.
 fn tile_samples(inputs: &[Input]) -> Result<Vec<u32>, MergeError> {
     let mut all: Vec<u32> = vec![];
     for input in inputs {
@@ -64,13 +64,13 @@ fn tile_samples(inputs: &[Input]) -> Result<Vec<u32>, MergeError> {
     Ok(all)
 }
 
-/// What rounds tell of a slice.
+/// Returns the errors and variances of a slice, estimated from all rounds.
 ///
-/// A pixel is lit if its total (M00 summed over all that the slice keeps of it, the mean over wavelengths) is at least 1 % of the 99th
-/// percentile; its error is the standard error of that total over the total.
+/// A pixel is lit if its total (M00 summed over all entries of the slice, averaged over wavelengths) is at
+/// least 1 % of the 99th percentile. Its error is the standard error of that total divided by the total.
 ///
 /// # Errors
-/// If the stores are no rounds of one render, have no such slice or cannot be read.
+/// If the stores are not rounds of one render, lack the slice or cannot be read.
 pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
     let inputs = open(rounds)?;
     let Some(first) = inputs.first() else {
@@ -140,11 +140,11 @@ pub fn survey(rounds: &[PathBuf], slice: &str) -> Result<Survey, MergeError> {
     Ok(Survey { lit, tiles, across })
 }
 
-/// Pools all rounds into a new store `out` with these root attributes beside theirs (an existing one is overwritten only with
-/// `replace`).
+/// Pools all rounds into a new store `out` with additional root attributes `extra`; an existing store is
+/// replaced only with `replace`.
 ///
 /// # Errors
-/// If they are no rounds of one render, or anything cannot be read or written.
+/// If the stores are not rounds of one render, or if reading or writing fails.
 pub fn pool(
     rounds: &[PathBuf],
     out: &Path,

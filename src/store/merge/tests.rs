@@ -1,4 +1,4 @@
-//! Tests of pooling against all samples at once.
+//! Compares pooled values with those of all samples together.
 
 use super::*;
 use tensor::axes::Extents;
@@ -50,7 +50,7 @@ fn statistics(values: &[f64]) -> (f32, f32) {
     )
 }
 
-/// A store whose elements hold the samples `from..from + n` of every element.
+/// Writes a store whose elements contain the samples `from..from + n`.
 fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool) {
     let attributes = json!({"scene_sha256": sha, "seeds": [seed], "samples_per_pixel": n,
         "discarded_samples": 1, "wall_time_s": 0.5, "version": "x"});
@@ -77,7 +77,7 @@ fn part(path: &Path, seed: u64, from: usize, n: usize, sha: &str, counted: bool)
         slice.write(mean, &zero, &shape, &m).unwrap();
         slice.write(error, &zero, &shape, &e).unwrap();
     }
-    // 15 elements of 3 bins and 2 wavelengths, and as many of the overflow.
+    // 15 elements of 3 bins and 2 wavelengths, with their overflow.
     let totals: Vec<f32> = (0..15)
         .map(|element| {
             let of = |s| {
@@ -120,7 +120,7 @@ fn parts_merge_to_the_whole() {
                 let tolerance = if matches!(field, Field::Mean | Field::Overflow) {
                     2e-7
                 } else if field == Field::TotalStdError {
-                    // Means of totals are sums of rounded ones.
+                    // Means of totals are sums of rounded values.
                     1e-5
                 } else {
                     1e-6
@@ -140,7 +140,7 @@ fn parts_merge_to_the_whole() {
     }
 }
 
-/// Stores of earlier versions have no errors of totals, and neither have what they are merged to.
+/// Stores of earlier versions have no errors of totals, and neither has a merge with one.
 #[test]
 fn what_one_input_lacks_is_dropped() {
     let dir = tempfile::tempdir().unwrap();
@@ -223,7 +223,7 @@ fn strangers_and_twins_are_refused() {
     assert!(!at("out").exists());
 }
 
-/// A store whose rows were edited not to rise: refused when its slice is opened, by name.
+/// A store whose rows are not increasing is refused when its slice is opened, with its name.
 #[test]
 fn rows_that_do_not_rise_are_refused() {
     let dir = tempfile::tempdir().unwrap();
@@ -244,7 +244,8 @@ fn rows_that_do_not_rise_are_refused() {
     assert!(!at("out").exists());
 }
 
-/// A merge that is cut off at any chunk leaves no store; the next one goes on and gives the same bytes.
+/// A merge that is interrupted at any chunk leaves no store; the next merge resumes it and gives the same
+/// bytes.
 #[test]
 fn a_merge_that_was_cut_off_goes_on() {
     let dir = tempfile::tempdir().unwrap();
@@ -254,7 +255,7 @@ fn a_merge_that_was_cut_off_goes_on() {
     }
     let inputs = [at("a"), at("b")];
     merge(&inputs, &at("whole"), Options::default()).unwrap();
-    // What a process that was killed leaves: the part, with some of its files and without a manifest.
+    // A killed process leaves the temporary folder with some of its files and without a manifest.
     let rest = at(".out.part");
     let left = |from: &Path| {
         let _ = std::fs::remove_dir_all(&rest);
@@ -279,7 +280,7 @@ fn a_merge_that_was_cut_off_goes_on() {
         assert_eq!(contents(&at("out")), contents(&at("whole")));
         assert!(crate::zarr::verify(&at("out")).unwrap().faults.is_empty());
     }
-    // Of another origin it is made anew: damage in it does not matter.
+    // With another origin, the merge starts again, so damaged files do not matter.
     left(&at("a"));
     std::fs::write(rest.join(".sunstone-origin"), "another").unwrap();
     merge(
@@ -292,7 +293,7 @@ fn a_merge_that_was_cut_off_goes_on() {
     )
     .unwrap();
     assert_eq!(contents(&at("out")), contents(&at("whole")));
-    // An output that is an input, under whatever name.
+    // The output is an input, also through a link.
     std::os::unix::fs::symlink(at("a"), at("link")).unwrap();
     for out in ["a", "link"] {
         let error = merge(
@@ -322,7 +323,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Files below a store with their bytes.
+/// Returns the files of a store with their bytes.
 fn contents(root: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
     let mut all = std::collections::BTreeMap::new();
     let mut folders = vec![root.to_owned()];

@@ -1,11 +1,12 @@
-//! Means of camera elements' totals, which are not stored: sums of those that are.
+//! Computes the means of camera elements' totals, which are not stored, as sums of stored means.
 
 use crate::zarr::{AccessError, StoredSlice};
 use rayon::prelude::*;
 use tensor::axes::AxisKind;
 use tensor::field::Field;
 
-/// Totals of all camera elements, row by row: M00 summed over all other axes, the mean over wavelengths.
+/// Returns the totals of all camera elements, row by row: M00 summed over all other axes, averaged over
+/// wavelengths.
 pub(super) fn means(slice: &StoredSlice) -> Result<Vec<f64>, AccessError> {
     let shape = slice.field_layout(Field::TotalStdError)?.shape();
     let mut totals = vec![0.0; shape.iter().product::<u64>() as usize];
@@ -35,7 +36,7 @@ pub(super) fn means(slice: &StoredSlice) -> Result<Vec<f64>, AccessError> {
                 .collect();
             Ok((start, size, sums))
         });
-        // Added up in the order of the chunks, whichever thread has read them.
+        // Summed in the order of the chunks, independent of threads.
         for (start, size, sums) in sums.collect::<Result<Vec<_>, AccessError>>()? {
             for (row, sums) in (start[0]..).zip(sums.chunks_exact(size[1] as usize)) {
                 let first = (row * shape[1] + start[1]) as usize;

@@ -1,19 +1,18 @@
-//! The bytes of an array's elements: in its file, or put in row-major order in memory.
+//! The bytes of an array's elements: in its file, or reordered to row-major order in memory.
 
 use base::positioned;
 use std::fs::File;
 use std::io;
 
-/// Where the numbers are.
 #[derive(Debug)]
 pub(super) enum Bytes {
     File(File),
-    /// In row-major order where the file has them in column-major order.
+    /// Reordered to row-major order, because the file is in column-major order.
     Memory(Vec<u8>),
 }
 
 impl Bytes {
-    /// Fills `out` from place `at` on.
+    /// Fills `out` from offset `at`.
     pub(super) fn read_at(&self, at: u64, out: &mut [u8]) -> io::Result<()> {
         match self {
             Self::File(file) => positioned::read_exact_at(file, out, at),
@@ -28,7 +27,7 @@ impl Bytes {
     }
 }
 
-/// Elements of `size` bytes in row-major order that stand in column-major order in `bytes`; `None` without the memory.
+/// Reorders elements of `size` bytes from column-major to row-major order; `None` if memory is insufficient.
 pub(super) fn row_major(bytes: &[u8], shape: &[usize], size: usize) -> Option<Vec<u8>> {
     let mut out = vec![];
     out.try_reserve_exact(bytes.len()).ok()?;

@@ -1,4 +1,4 @@
-//! Files that numpy writes and reads, and damaged ones.
+//! Tests with NumPy's files and damaged files.
 
 use super::*;
 use proptest::prelude::*;
@@ -22,7 +22,7 @@ fn example() -> NumpyArray {
     }
 }
 
-/// As numpy.save writes a transpose: the first index is fastest in the file.
+/// Like numpy.save for a transpose: the first index varies fastest in the file.
 #[test]
 fn column_major_arrays_are_read_by_their_indices() {
     let value = |i: usize, j: usize, k: usize| (100 * i + 10 * j + k) as f64;
@@ -56,7 +56,7 @@ fn what_is_written_is_read() {
     }
 }
 
-/// Other kinds of numbers are taken, and those that are none refused with a fix.
+/// Other number types are read, and other types refused with a fix.
 #[test]
 fn kinds_of_numbers() {
     let of = |kind: &str, order: &str, data: &[u8]| {
@@ -88,7 +88,7 @@ fn kinds_of_numbers() {
     );
     let message = |got: Result<NumpyArray, NumpyError>| got.expect_err("an error").to_string();
     assert!(message(of("<c8", "False", &[0; 32])).contains("real numbers"));
-    // Column after column.
+    // Column by column.
     let columns: Vec<u8> = [1.0_f32, 3.0, 2.0, 4.0]
         .iter()
         .flat_map(|v| v.to_le_bytes())
@@ -101,7 +101,6 @@ fn kinds_of_numbers() {
     assert!(message(NumpyArray::read(file(b"PK").path())).contains("numpy.save"));
 }
 
-/// An archive holds the arrays under their names.
 #[test]
 fn archives_hold_arrays() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -119,7 +118,7 @@ fn archives_hold_arrays() {
 }
 
 proptest! {
-    /// Damaged files are refused or read, never a panic nor memory for what they only claim.
+    /// Damaged files are refused or read, without panics and without allocating claimed sizes.
     #[test]
     fn damage_is_survived(cut in 0_usize..200, at in 0_usize..128, value in any::<u8>()) {
         let mut all = bytes(&example());

@@ -1,5 +1,5 @@
-//! Object stores in memory, for tests: `memory://NAME/..` works, `flaky://NAME/..` loses answers of conditional puts, and
-//! `mortal://NAME/..` makes a number of changes and then refuses, like a process that is killed.
+//! Object stores in memory, for tests: `memory://NAME/..` works, `flaky://NAME/..` loses responses to
+//! conditional puts, and `mortal://NAME/..` makes a number of changes and then fails, like a killed process.
 
 use super::{Ask, Condition, ObjectClient, Put, Version};
 use crate::refusal::Refusal;
@@ -124,7 +124,7 @@ impl Fake {
         format!("{}{key}", self.below)
     }
 
-    /// Counts a request, and refuses it after a death.
+    /// Counts a request, and refuses it after the last allowed change.
     fn request(&self, changes: i64) -> Result<(), Refusal> {
         self.bucket.requests.fetch_add(1, Ordering::Relaxed);
         if matches!(self.kind, Kind::Mortal) && self.bucket.life.fetch_sub(changes, Ordering::Relaxed) <= 0 {

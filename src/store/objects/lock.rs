@@ -1,9 +1,10 @@
-//! The lock of a store below an address: an object that one alone can make, and that its holder renews while it lives.
+//! The lock of a store at an address: an object that only one process can create, and that its holder renews.
 //!
-//! It is made by a put that hangs on there being none (`If-None-Match: *`). Its holder writes it anew every third of the lease; who
-//! finds one watches it for a lease's length, and takes it over, by a put that hangs on the version that was watched (`If-Match`),
-//! where it has not been renewed: its holder is dead. No two clocks are compared. A holder whose last renewal began longer ago than
-//! a lease writes no more.
+//! The lock is created with a conditional put (`If-None-Match: *`). Its holder rewrites it every third of the
+//! lease. A process that finds a lock watches it for one lease. If it is not renewed, its holder has ended,
+//! and the process takes it over with a put that is conditional on the watched version (`If-Match`). Clocks
+//! of different machines are never compared. A holder whose last renewal began more than a lease ago does not
+//! write.
 
 use super::{Objects, Put, Version};
 use crate::refusal::Refusal;
@@ -15,17 +16,18 @@ use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
-/// The object.
+/// Key of the lock's object.
 pub(crate) const FILE: &str = ".sunstone-lock";
-/// How long a lock is believed that is not renewed, and the variable of the environment that says otherwise, in seconds.
+/// Default lease, after which a lock without renewal expires, and the environment variable that overrides it,
+/// in seconds.
 const LEASE: Duration = Duration::from_secs(30);
 const VARIABLE: &str = "SUNSTONE_LEASE_S";
-/// Leases that are believed, seconds.
+/// Range of valid leases, seconds.
 const LEASES: [f64; 2] = [1.0, 3600.0];
-/// How often a lock is looked at while it is watched.
+/// Number of reads of a lock during one lease while it is watched.
 const LOOKS: u32 = 10;
 
-/// The lease of locks that this process takes.
+/// Returns the lease of locks that this process takes.
 pub(crate) fn lease() -> Duration {
     let given = std::env::var(VARIABLE).ok().and_then(|text| text.parse().ok());
     given.map_or(LEASE, believed)
@@ -39,10 +41,10 @@ fn believed(seconds: f64) -> Duration {
     }
 }
 
-/// Why there is no lock.
+/// The reason why a lock was not taken.
 #[derive(Debug)]
 pub(crate) enum NoLock {
-    /// Another holds it.
+    /// Another process holds it.
     Held(String),
     /// The object store refuses.
     Refused(Refusal),
@@ -54,12 +56,12 @@ impl From<Refusal> for NoLock {
     }
 }
 
-/// Until when a lock is held for sure; `None` once it is lost.
+/// The time until which a lock is certainly held; `None` after it is lost.
 #[derive(Debug)]
 pub(crate) struct Hold(Mutex<Option<Instant>>);
 
 impl Hold {
-    /// How long the lock is held for sure from now on.
+    /// Returns how long the lock is certainly held from now.
     fn left(&self) -> Duration {
         let until = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         until.map_or(Duration::ZERO, |until| {
@@ -67,7 +69,7 @@ impl Hold {
         })
     }
 
-    /// Whether the lock is held for sure.
+    /// Returns whether the lock is certainly held.
     pub(crate) fn is_sure(&self) -> bool {
         !self.left().is_zero()
     }
@@ -87,7 +89,7 @@ pub(crate) struct ObjectLock {
     renewal: Option<JoinHandle<()>>,
 }
 
-/// What stands in a lock's object.
+/// The content of a lock's object.
 struct Owner {
     name: String,
     key: String,
@@ -117,7 +119,8 @@ impl Owner {
             .into()
     }
 
-    /// Whether a lock's object is this one's: a put whose answer was lost is made again, and finds itself.
+    /// Returns whether a lock's object is from this owner. A repeated put whose first answer was lost finds
+    /// its own object.
     fn wrote(&self, bytes: &[u8]) -> bool {
         parse(bytes)["key"] == self.key.as_str()
     }
@@ -128,11 +131,11 @@ fn parse(bytes: &[u8]) -> Value {
 }
 
 impl ObjectLock {
-    /// Takes the lock of what lies below an address.
+    /// Takes the lock of a store at an address.
     pub(crate) fn take(objects: &Objects, lease: Duration) -> Result<Self, NoLock> {
         let owner = Owner::new(lease);
         let (version, held) = acquire(objects, &owner)?;
-        // Some servers take a condition for nothing.
+        // Some servers ignore the condition of a put.
         if let Put::Done(_) = objects.put_new(FILE, owner.text())? {
             let _ = objects.delete(vec![FILE.into()]);
             return Err(NoLock::Refused(Refusal::new(
@@ -155,12 +158,12 @@ impl ObjectLock {
         })
     }
 
-    /// Tells whether the lock is held still.
+    /// Returns the state of the lock.
     pub(crate) fn hold(&self) -> Arc<Hold> {
         self.hold.clone()
     }
 
-    /// Ends as a process that is killed does.
+    /// Ends the renewal without removing the lock, like a killed process.
     #[cfg(test)]
     pub(crate) fn abandon(mut self) {
         self.stop.take();
@@ -177,7 +180,7 @@ impl Drop for ObjectLock {
         if let Some(renewal) = self.renewal.take() {
             let _ = renewal.join();
         }
-        // One that could be another's by the time that the request arrives is left to its lease.
+        // A lock that could expire before the request arrives is left to its lease.
         if self.hold.left() > self.lease / 3 {
             let _ = self.objects.delete(vec![FILE.into()]);
         }
@@ -185,7 +188,7 @@ impl Drop for ObjectLock {
     }
 }
 
-/// Gets the lock's object, in its version, and says since when it is held.
+/// Creates or takes over the lock's object, and returns its version and the start time of the lock.
 fn acquire(objects: &Objects, owner: &Owner) -> Result<(Version, Instant), NoLock> {
     'free: loop {
         let begun = Instant::now();
@@ -243,7 +246,7 @@ fn renew(
             Ok(Put::Done(now)) => Some(now),
             Ok(Put::Other) => match objects.get_version(FILE) {
                 Ok(Some((bytes, now))) if owner.wrote(&bytes) => Some(now),
-                // Another's, or gone: who writes is told at once.
+                // The lock is lost, so the writer must stop immediately.
                 Ok(_) => return hold.set(None),
                 Err(_) => None,
             },

@@ -1,4 +1,4 @@
-//! Locks of stores below addresses, and addresses without a client.
+//! Tests of locks of stores at addresses, and of addresses without a client.
 
 use super::fake::{life, memory, put};
 use super::lock::{NoLock, ObjectLock};
@@ -11,7 +11,7 @@ fn below(address: &str) -> Objects {
     Objects::open(scheme, Path::new(address)).expect("an address")
 }
 
-/// Long enough for a busy machine to renew it.
+/// Long enough for a busy machine to renew the lock.
 const LEASE: Duration = Duration::from_secs(3);
 
 #[test]
@@ -30,7 +30,7 @@ fn a_lock_has_one_holder_and_ends_with_it() {
     let third = ObjectLock::take(&objects, LEASE).expect("its holder is dead");
     assert!(begun.elapsed() >= LEASE, "the lock of a living process was taken");
     assert!(third.hold().is_sure());
-    // Another process's lock in its place: the lock is lost, and not removed.
+    // With another process's lock in its place, the lock is lost and is not removed.
     put(&memory("locks"), "s.zarr/.sunstone-lock", b"{}".to_vec());
     let hold = third.hold();
     let begun = Instant::now();

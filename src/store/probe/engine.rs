@@ -1,4 +1,4 @@
-//! Carries a plan out: reads chunks, weighs and adds them up in f64, folds camera pixels in a fixed order.
+//! Executes a plan: reads chunks, computes weighted sums in f64, and combines camera pixels in a fixed order.
 
 use rayon::prelude::*;
 
@@ -10,23 +10,23 @@ use tensor::axes::{Axis, AxisKind};
 use tensor::field::Field;
 use tensor::region;
 
-/// Room for more sums than this is tried first.
+/// Allocations of more sums than this are tested first.
 const LARGE: usize = 1 << 25;
 
-/// Boxes that are fetched ahead at once, at most.
+/// Maximum number of boxes that are fetched ahead.
 const AHEAD: usize = 64;
 
 /// Half-open ranges of entries, one per axis.
 type Ranges = Vec<(usize, usize)>;
 
-/// Sums over everything but the camera pixels of one block.
+/// Sums over all axes for the camera pixels of one block.
 struct Partial {
     mean: Vec<f64>,
     /// Σ|w|·se.
     bound: Vec<f64>,
 }
 
-/// Mean, standard error, and light moved out of the stored bins (where a pulse convolves).
+/// Returns mean, standard error, and (with a pulse) the light that was moved out of the stored bins.
 pub(super) fn run(
     plan: &Plan,
     slice: &StoredSlice,
@@ -82,7 +82,7 @@ pub(super) fn run(
     Ok((mean, finish(plan, slice.name(), &std_error).0, shifted))
 }
 
-/// Room for `pixels` times `rest` sums. Too much of it is an error, where it would end the process.
+/// Allocates `pixels` times `rest` sums. Returns an error instead of aborting if they do not fit into memory.
 fn zeros(pixels: usize, rest: usize) -> Result<Vec<f64>, ProbeError> {
     let refused = || ProbeError::TooLarge {
         elements: pixels as u128 * rest as u128,
@@ -94,7 +94,7 @@ fn zeros(pixels: usize, rest: usize) -> Result<Vec<f64>, ProbeError> {
     Ok(vec![0.0; elements])
 }
 
-/// The range of an axis cut at the boundaries of chunks.
+/// Splits the range of an axis at chunk boundaries.
 fn split(axis: &AxisPlan, chunk: usize) -> Vec<(usize, usize)> {
     let mut pieces = Vec::new();
     let mut at = axis.first;
@@ -106,7 +106,7 @@ fn split(axis: &AxisPlan, chunk: usize) -> Vec<(usize, usize)> {
     pieces
 }
 
-/// All boxes of one piece an axis, the last axis fastest.
+/// Iterates over all boxes with one piece per axis, the last axis fastest.
 fn boxes(segments: &[Vec<(usize, usize)>]) -> impl Iterator<Item = Ranges> + '_ {
     let counts: Vec<u64> = segments.iter().map(|s| s.len() as u64).collect();
     region::indices(&vec![0; counts.len()], &counts)
@@ -155,8 +155,8 @@ fn gather(
     Ok(partial)
 }
 
-/// The first of the trailing axes that are kept as they are and lie wholly in the box, and their common length:
-/// they are added as one run.
+/// Returns the first of the trailing axes that are kept unchanged and lie completely in the box, and the
+/// product of their lengths. Their entries are added as one run.
 fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
     let (mut tail, mut run) = (ranges.len(), 1);
     while tail > camera {
@@ -173,7 +173,7 @@ fn tail(plan: &Plan, camera: usize, ranges: &Ranges) -> (usize, usize) {
     (tail, run)
 }
 
-/// For every axis and entry of a box, offsets into the partial sums and weights.
+/// Returns offsets into the partial sums and weights for every axis and entry of a box.
 fn targets(plan: &Plan, block: &Ranges, ranges: &Ranges, rest: usize) -> Vec<Vec<Vec<Share>>> {
     let mut stride = 1;
     let mut all = Vec::with_capacity(ranges.len());
@@ -196,7 +196,7 @@ fn targets(plan: &Plan, block: &Ranges, ranges: &Ranges, rest: usize) -> Vec<Vec
     all
 }
 
-/// Position of the axis v, and the weights of the box's entries (v, u).
+/// Returns the position of the axis v, and the weights of the box's entries (v, u).
 fn joint(plan: &Plan, ranges: &Ranges) -> Option<(usize, Vec<f64>)> {
     let weights = plan.joint.as_ref()?;
     let v = plan.axes.iter().position(|a| a.kind == AxisKind::V)?;
@@ -205,9 +205,9 @@ fn joint(plan: &Plan, ranges: &Ranges) -> Option<(usize, Vec<f64>)> {
     Some((v, (ranges[v].0..ranges[v].1).flat_map(row).copied().collect()))
 }
 
-/// One box of values with where they go.
+/// One box of values with its targets.
 struct Walk {
-    /// Targets of all axes but the trailing ones that form a run.
+    /// Targets of all axes except the trailing ones that form a run.
     targets: Vec<Vec<Vec<Share>>>,
     /// Values per run.
     run: usize,
@@ -217,7 +217,7 @@ struct Walk {
 }
 
 impl Walk {
-    /// Adds everything below an index prefix: `source` is its flat index, `to` its offset in the sums.
+    /// Adds all values below an index prefix: `source` is its flat index, `to` its offset in the sums.
     fn go(&self, axis: usize, source: usize, to: usize, weight: f64, into: &mut Partial) {
         if axis == self.targets.len() {
             let values = &self.mean[source * self.run..(source + 1) * self.run];
@@ -246,7 +246,7 @@ impl Walk {
     }
 }
 
-/// Cuts the extra slot off the time axis and rounds to f32.
+/// Removes the extra slot from the time axis and rounds to f32.
 fn finish(plan: &Plan, name: &str, sums: &[f64]) -> (Tensor, Option<Tensor>) {
     let tensor = |axes: Vec<Axis>, data: Vec<f32>| Tensor {
         name: name.to_owned(),

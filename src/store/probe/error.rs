@@ -1,81 +1,54 @@
-//! Why a probe has no answer.
+//! Errors of a probe.
 
 use crate::zarr::{AccessError, CreateError};
 use std::path::PathBuf;
 
-/// A probe does not fit the slice, or the slice cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ProbeError {
-    /// An axis is selected that the slice does not have.
+    /// The slice lacks a selected axis.
     #[error("slice `{slice}` has no axis `{axis}`; it has: {available}")]
     NoAxis {
-        /// Name of the slice.
         slice: String,
-        /// The axis asked for.
         axis: &'static str,
-        /// The axes it has.
         available: String,
     },
-    /// A selection is empty or ambiguous.
     #[error("selection on axis `{axis}`: {reason}")]
     Selection {
-        /// The axis.
         axis: &'static str,
-        /// What is wrong and how to fix it.
+        /// The fault and the fix.
         reason: String,
     },
-    /// A pattern does not fit the projector axes.
     #[error("pattern of {width} × {height} pixels for slice `{slice}`: {reason}")]
     Pattern {
-        /// Name of the slice.
         slice: String,
-        /// Width of the pattern in pixels.
         width: u32,
-        /// Height of the pattern in pixels.
         height: u32,
-        /// What is wrong and how to fix it.
+        /// The fault and the fix.
         reason: String,
     },
-    /// A Stokes state is given, but the slice was stored for unpolarized light alone.
+    /// A Stokes state is given, but the slice was stored for unpolarized light only.
     #[error(
         "slice `{slice}` keeps intensity alone: give the Stokes state 1,0,0,0 or render polarization `mueller`"
     )]
-    Stokes {
-        /// Name of the slice.
-        slice: String,
-    },
-    /// A pulse cannot be applied.
+    Stokes { slice: String },
     #[error("pulse for slice `{slice}`: {reason}")]
     Pulse {
-        /// Name of the slice.
         slice: String,
-        /// What is wrong and how to fix it.
+        /// The fault and the fix.
         reason: String,
     },
-    /// The result does not fit in memory.
     #[error("the result would hold {elements} elements: select less, or sum over an axis")]
-    TooLarge {
-        /// Number of elements.
-        elements: u128,
-    },
-    /// The slice cannot be read.
+    TooLarge { elements: u128 },
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// A store for the result cannot be created.
     #[error(transparent)]
     Create(#[from] CreateError),
-    /// A file cannot be written.
     #[error("cannot write {path}: {cause}; check that the directory is writable and the disk has room")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The refusal.
-        cause: String,
-    },
+    Write { path: PathBuf, cause: String },
 }
 
 impl ProbeError {
-    /// Whether the system refused to write, not the probe to be taken.
+    /// Returns whether a system error is the cause, rather than the probe.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {

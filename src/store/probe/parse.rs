@@ -1,17 +1,16 @@
-//! The probe's words on the command line: `y=128`, `t=1000:2000`, `stokes_in=s1`, `gaussian:50`, `t,bounces`.
+//! Parses a probe's arguments: `y=128`, `t=1000:2000`, `stokes_in=s1`, `gaussian:50`, `t,bounces`.
 
 use std::str::FromStr;
 
 use super::request::{CoordRange, Pulse, Selection};
 use tensor::axes::AxisKind;
 
-/// A word that cannot be understood.
+/// An argument that cannot be parsed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}`: {reason}")]
 pub struct ParseError {
-    /// The word.
     pub text: String,
-    /// What is wrong and what would be right.
+    /// The fault and the fix.
     pub reason: String,
 }
 
@@ -35,7 +34,7 @@ fn axis(text: &str, name: &str) -> Result<AxisKind, ParseError> {
     )
 }
 
-/// A finite coordinate, or a label of a Stokes element, component or set.
+/// Parses a finite coordinate, or a label of a Stokes element, component or set.
 fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError> {
     let word = word.trim();
     let labels: &[&str] = match axis {
@@ -60,7 +59,8 @@ fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError>
 impl FromStr for Selection {
     type Err = ParseError;
 
-    /// `AXIS=VALUE` (nearest entry), `AXIS=FROM:TO`, `AXIS=FROM:`, `AXIS=:TO`, in the unit of the axis.
+    /// Parses `AXIS=VALUE` (nearest entry), `AXIS=FROM:TO`, `AXIS=FROM:`, `AXIS=:TO`, in the unit of the
+    /// axis.
     fn from_str(text: &str) -> Result<Self, ParseError> {
         let Some((name, value)) = text.split_once('=') else {
             return fault(
@@ -92,7 +92,7 @@ impl FromStr for Selection {
 impl FromStr for Pulse {
     type Err = ParseError;
 
-    /// `gaussian:FWHM` in picoseconds or `samples:A,B,C` at the bin spacing.
+    /// Parses `gaussian:FWHM` in picoseconds or `samples:A,B,C` at the bin spacing.
     fn from_str(text: &str) -> Result<Self, ParseError> {
         let expected = "a pulse is `gaussian:FWHM_PS` or `samples:A,B,C`";
         match text.split_once(':') {
@@ -112,7 +112,7 @@ impl FromStr for Pulse {
     }
 }
 
-/// Axes separated by commas, such as `t,bounces`.
+/// Parses axes separated by commas, such as `t,bounces`.
 ///
 /// # Errors
 /// If a name is not that of an axis.
@@ -120,11 +120,11 @@ pub fn parse_axes(text: &str) -> Result<Vec<AxisKind>, ParseError> {
     text.split(',').map(|name| axis(text, name)).collect()
 }
 
-/// A Stokes vector: four numbers `s0,s1,s2,s3`, or one of `unpolarized`, `horizontal`, `vertical`, `plus45`,
-/// `minus45`, `right`, `left` (unit power).
+/// Parses a Stokes vector: four numbers `s0,s1,s2,s3`, or one of `unpolarized`, `horizontal`, `vertical`,
+/// `plus45`, `minus45`, `right`, `left` (unit power).
 ///
 /// # Errors
-/// If it is neither.
+/// If the text is neither.
 pub fn parse_stokes(text: &str) -> Result<[f32; 4], ParseError> {
     let named = match text.trim() {
         "unpolarized" => Some([1.0, 0.0, 0.0, 0.0]),
@@ -152,11 +152,11 @@ pub fn parse_stokes(text: &str) -> Result<[f32; 4], ParseError> {
     }
 }
 
-/// A Stokes vector that light can have: intensity above zero, and no more polarized than wholly.
+/// Checks that a Stokes vector is physical: positive intensity, and a degree of polarization of at most 1.
 fn physical(text: &str, stokes: [f32; 4]) -> Result<[f32; 4], ParseError> {
     let [s0, s1, s2, s3] = stokes.map(f64::from);
     let polarized = (s1 * s1 + s2 * s2 + s3 * s3).sqrt();
-    // Rounding of the numbers as they are written.
+    // The tolerance is for rounding in the text.
     if s0 > 0.0 && polarized <= s0 * (1.0 + 1e-4) {
         return Ok(stokes);
     }

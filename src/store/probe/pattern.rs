@@ -1,20 +1,18 @@
-//! Drive images for the projector, and which projector pixels an entry of the axes v and u stands for.
+//! Drive images for the projector, and the projector pixels of an entry of the axes v and u.
 
 use tensor::axes::boxes;
 
 /// Drive of every projector pixel, 0..1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pattern {
-    /// Projector columns.
     pub width: u32,
-    /// Projector rows.
     pub height: u32,
-    /// Drives, row-major, `width * height` of them.
+    /// Drives, row-major, `width * height` values.
     pub values: Vec<f32>,
 }
 
 impl Pattern {
-    /// The same drive everywhere.
+    /// Returns a pattern with the same drive everywhere.
     #[must_use]
     pub fn uniform(width: u32, height: u32, drive: f32) -> Self {
         Self {
@@ -24,13 +22,13 @@ impl Pattern {
         }
     }
 
-    /// True if every pixel is driven fully.
+    /// Returns whether the drive of every pixel is 1.
     #[must_use]
     pub fn is_full_on(&self) -> bool {
         self.values.iter().all(|v| *v == 1.0)
     }
 
-    /// Mean drive of a box of pixels given as (first, last) column and row.
+    /// Returns the mean drive of a box of pixels, given as (first, last) column and row.
     pub(super) fn mean(&self, columns: (u32, u32), rows: (u32, u32)) -> f64 {
         let mut sum = 0.0;
         for y in rows.0..=rows.1 {
@@ -42,11 +40,12 @@ impl Pattern {
     }
 }
 
-/// The pixels (first, last) that each entry of a projector axis stands for, given the entries' centres, the number
-/// of pixels per bin if it is known (attribute `projector_bin`), and the number of pixels along the axis.
+/// Returns the pixels (first, last) of each entry of a projector axis, given the centres of the entries, the
+/// number of pixels per bin if it is known (attribute `projector_bin`), and the number of pixels along the
+/// axis.
 ///
-/// Without that number, consecutive whole coordinates are single pixels and fractional ones are bins that tile the
-/// axis from pixel 0. Whole coordinates with gaps could be either, so they are refused.
+/// Without that number, consecutive integer coordinates are single pixels, and fractional ones are bins that
+/// tile the axis from pixel 0. Integer coordinates with gaps are ambiguous and refused.
 pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec<(u32, u32)>, String> {
     let whole = coords.iter().all(|c| c.fract() == 0.0);
     let consecutive = coords.windows(2).all(|w| w[1] - w[0] == 1.0);

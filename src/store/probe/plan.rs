@@ -1,4 +1,4 @@
-//! Turns a probe and a slice into one weighted sum: for every entry of every axis, where it goes and how it counts.
+//! Converts a probe and a slice to one weighted sum: the target and the weight of every entry of every axis.
 
 use super::error::ProbeError;
 use super::pattern;
@@ -8,45 +8,45 @@ use base::spectral_table::BEYOND_NM;
 use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
 
-/// A result may not hold more elements than this.
+/// Maximum number of elements of a result.
 const MAX_ELEMENTS: u128 = 1 << 30;
-/// A pulse may not span more bins than this.
+/// Maximum number of bins of a pulse.
 const MAX_KERNEL: f64 = 1e6;
 
-/// Where an entry goes along the axis of the result (slot), and with which weight.
+/// Target slot of an entry along the axis of the result, and its weight.
 pub(super) type Share = (usize, f64);
 
-/// What happens to one axis.
+/// The plan for one axis.
 pub(super) struct AxisPlan {
     pub(super) kind: AxisKind,
-    /// First entry read.
+    /// First entry to read.
     pub(super) first: usize,
-    /// One past the last entry read.
+    /// One past the last entry to read.
     pub(super) end: usize,
     /// Targets of the entries `first..end`.
     pub(super) targets: Vec<Vec<Share>>,
-    /// Slots along this axis in the result; 1 where the axis disappears. A convolved axis has one slot more, the
-    /// last, for light that leaves the stored bins.
+    /// Number of slots along this axis in the result; 1 if the axis is removed. A convolved axis has one more
+    /// slot, the last, for light that leaves the stored bins.
     pub(super) slots: usize,
 }
 
 /// One weighted sum.
 pub(super) struct Plan {
-    /// One entry per axis of the slice.
+    /// One plan per axis of the slice.
     pub(super) axes: Vec<AxisPlan>,
-    /// Weights of all entries (v, u), row-major, where a pattern contracts them.
+    /// Weights of all entries (v, u), row-major, if a pattern contracts them.
     pub(super) joint: Option<Vec<f64>>,
     /// Axes of the result.
     pub(super) kept: Vec<Axis>,
-    /// True if the axis t has the extra slot.
+    /// Whether the axis t has the extra slot.
     pub(super) convolved: bool,
     pub(super) time: Option<(f64, f64)>,
     pub(super) notes: Vec<String>,
 }
 
-/// What the steps before the sum make of an axis.
+/// The effect of the steps before the sum on an axis.
 enum Step {
-    /// Keep entries `first..end`; the axis disappears if `drop`.
+    /// Keep entries `first..end`; remove the axis if `drop`.
     Range { first: usize, end: usize, drop: bool },
     /// Contract with one weight per entry.
     Weights(Vec<f64>),
@@ -139,8 +139,8 @@ fn reduced(kind: AxisKind, first: usize, targets: Vec<Vec<Share>>) -> AxisPlan {
     }
 }
 
-/// Every bin spreads over the kernel; what falls outside the stored bins goes to the last slot, what falls outside
-/// the selected ones is not asked for.
+/// Spreads every bin over the kernel. Light outside the stored bins goes to the last slot; light outside the
+/// selected bins is ignored.
 fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, keep: bool) -> AxisPlan {
     let slots = if keep { range.len() + 1 } else { 2 };
     let targets = (0..bins)
@@ -173,7 +173,7 @@ fn convolved(kernel: &[(i64, f64)], bins: usize, range: std::ops::Range<usize>, 
     }
 }
 
-/// The pulse as weights (bins later, weight) whose sum is 1.
+/// Returns the pulse as (delay in bins, weight), with weights that sum to 1.
 fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeError> {
     let fault = |reason: &str| {
         Err(ProbeError::Pulse {
@@ -229,7 +229,7 @@ fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
                 "it is contracted, so nothing of it is left to select: drop one of the two",
             ));
         }
-        // Intensity slices are M00, so selecting element 0 of them asks for nothing new.
+        // Intensity slices contain M00, so selecting element 0 has no effect.
         let is_m00 = matches!(axis, AxisKind::StokesOut | AxisKind::StokesIn)
             && *range == CoordRange::Nearest(0.0)
             && layout.find(AxisKind::StokesIn).is_none();
@@ -251,7 +251,7 @@ fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
     Ok(())
 }
 
-/// Which entries of an axis are selected.
+/// Returns the selected entries of an axis.
 fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
     let n = axis.coords.len();
     let Some(selection) = probe.select.iter().find(|s| s.axis == axis.kind) else {
@@ -262,7 +262,8 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
         });
     };
     let distance = |i: usize, value: f64| (axis.coords[i] - value).abs();
-    // Of two equally near entries a range begins with the later one, so that ranges may be given by bin edges.
+    // For a coordinate between two entries, a range begins with the later one, so ranges may be given by bin
+    // edges.
     let nearest_from = |value: f64| {
         let i = axis.nearest(value);
         if i + 1 < n && distance(i + 1, value) <= distance(i, value) {
@@ -271,7 +272,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             i
         }
     };
-    // A coordinate counts as inside up to half a spacing beyond the ends, a wavelength up to a few nanometres.
+    // A coordinate is valid up to half a spacing beyond the ends; a wavelength up to a few nanometres.
     let spacing = axis
         .coords
         .windows(2)
@@ -332,7 +333,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
     }
 }
 
-/// The pattern averaged over the pixels of every entry (v, u); `None` if nothing is to be contracted.
+/// Returns the pattern averaged over the pixels of every entry (v, u); `None` if nothing is contracted.
 fn joint_weights(
     probe: &Probe,
     slice: &StoredSlice,

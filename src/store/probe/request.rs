@@ -1,19 +1,18 @@
-//! What can be asked of a stored slice.
+//! Requests to a stored slice.
 
 use super::pattern::Pattern;
 use tensor::axes::AxisKind;
 
-/// What to keep of one axis.
+/// The part of one axis to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Selection {
-    /// The axis.
     pub axis: AxisKind,
-    /// The coordinates to keep, in the unit of the axis.
+    /// Coordinates to keep, in the unit of the axis.
     pub range: CoordRange,
 }
 
 impl Selection {
-    /// The entry nearest to a coordinate; the axis disappears.
+    /// Selects the entry nearest to a coordinate; the axis is removed.
     #[must_use]
     pub fn nearest(axis: AxisKind, coordinate: f64) -> Self {
         Self {
@@ -26,15 +25,15 @@ impl Selection {
 /// Coordinates along an axis, in its unit (pixel, ps, nm or index).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CoordRange {
-    /// The entry nearest to the coordinate; the axis disappears.
+    /// The entry nearest to the coordinate; the axis is removed.
     Nearest(f64),
-    /// From the entry nearest to the first to the entry nearest to the second, both included; the axis stays.
-    /// Bin edges work too: halfway between two entries, a range begins with the later and ends with the earlier.
-    /// Infinite ends mean "from the start" and "to the end".
+    /// From the entry nearest to the first to the entry nearest to the second, both included; the axis is
+    /// kept. Bin edges are valid too: halfway between two entries, a range begins with the later and ends
+    /// with the earlier one. Infinite values select the start and the end of the axis.
     Between(f64, f64),
 }
 
-/// A light pulse, to convolve the time axis with. Its sum is made 1, so that it moves light and makes none.
+/// A light pulse for convolution along the time axis. It is normalized to sum 1, so that it preserves energy.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pulse {
     /// A Gaussian centred on the emission time, sampled at the bin spacing.
@@ -46,37 +45,39 @@ pub enum Pulse {
     Samples(Vec<f64>),
 }
 
-/// What to do with a stored slice. Steps apply in this order: contraction with pattern and Stokes state, convolution
-/// with the pulse, selection, sum. The default probe returns the slice as it is.
+/// A probe of a stored slice. Steps apply in this order: contraction with pattern and Stokes state,
+/// convolution with the pulse, selection, sum. The default probe returns the slice unchanged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Probe {
-    /// Parts of axes to keep; at most one selection an axis.
+    /// Parts of axes to keep; at most one selection per axis.
     pub select: Vec<Selection>,
-    /// Axes to sum over what is selected of them. Axes that the slice does not resolve are summed already.
+    /// Axes to sum over, within their selections. Axes that the slice does not resolve are already summed.
     pub sum: Vec<AxisKind>,
     /// Drive of every projector pixel, P(s'): contracts v and u.
     pub pattern: Option<Pattern>,
-    /// Stokes state that leaves every projector pixel, p' (projector frame): contracts `stokes_in`.
+    /// Stokes state of the light from every projector pixel, p' (projector frame): contracts `stokes_in`.
     pub stokes: Option<[f32; 4]>,
     /// Pulse shape along t.
     pub pulse: Option<Pulse>,
 }
 
 impl Probe {
-    /// T_s = Σ_t T(:,:,0,0,t): spatial light transport. Bounces, components and labels are summed, wavelengths kept.
+    /// Returns T_s = Σ_t T(:,:,0,0,t): spatial light transport. Bounces, components and labels are summed,
+    /// wavelengths kept.
     #[must_use]
     pub fn spatial() -> Self {
         Self::unpolarized(&[AxisKind::T])
     }
 
-    /// T_t = Σ_{s,s'} T(s,s',0,0,:): temporal light transport. Bounces, components and labels are summed, wavelengths kept.
+    /// Returns T_t = Σ_{s,s'} T(s,s',0,0,:): temporal light transport. Bounces, components and labels are
+    /// summed, wavelengths kept.
     #[must_use]
     pub fn temporal() -> Self {
         Self::unpolarized(&[AxisKind::Y, AxisKind::X, AxisKind::V, AxisKind::U])
     }
 
-    /// T_p = Σ_{s,s',t} T(s,s',:,:,t): polarimetric light transport, a Mueller matrix. Bounces, components and labels
-    /// are summed, wavelengths kept.
+    /// Returns T_p = Σ_{s,s',t} T(s,s',:,:,t): polarimetric light transport, a Mueller matrix. Bounces,
+    /// components and labels are summed, wavelengths kept.
     #[must_use]
     pub fn polarimetric() -> Self {
         use AxisKind::{Bounces, Component, Label, T, U, V, X, Y};
@@ -100,7 +101,7 @@ impl Probe {
         probe
     }
 
-    /// The same probe for arrays without a time axis.
+    /// Returns the same probe for arrays without a time axis.
     pub(super) fn without_time(&self) -> Self {
         let mut probe = self.clone();
         probe.select.retain(|s| s.axis != AxisKind::T);

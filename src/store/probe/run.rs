@@ -1,4 +1,4 @@
-//! From a question to its answer: a plan for every field, carried out.
+//! Runs a probe: plans and executes it for every field.
 
 use super::error::ProbeError;
 use super::request::Probe;
@@ -14,7 +14,7 @@ impl Probe {
     /// Probes a slice.
     ///
     /// # Errors
-    /// If the probe does not fit the slice, the result does not fit in memory, or a chunk is damaged.
+    /// If the probe does not fit the slice, the result does not fit into memory, or a chunk is damaged.
     pub fn run(&self, slice: &StoredSlice) -> Result<ProbeResult, ProbeError> {
         let mut plan = plan::Plan::new(self, slice, Field::Mean)?;
         let of_overflow = if slice.has(Field::Overflow) {
@@ -40,7 +40,7 @@ impl Probe {
     }
 }
 
-/// Fetches what is read first of all fields, beside each other where it takes time to come.
+/// Fetches the first regions of all fields concurrently, if the store is remote.
 fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlice) -> Result<(), ProbeError> {
     let mut regions = vec![];
     let overflow = of_overflow.map(|plan| (plan, [Field::Overflow, Field::OverflowStdError]));
@@ -61,7 +61,7 @@ fn fetch(plan: &plan::Plan, of_overflow: Option<&plan::Plan>, slice: &StoredSlic
     Ok(slice.fetch_together(&regions)?)
 }
 
-/// Rows and columns of the camera that are read; `None` of a slice without.
+/// Returns the camera rows and columns that are read; `None` for a slice without them.
 fn pixels(plan: &plan::Plan) -> Option<[Range<usize>; 2]> {
     let read = |kind| {
         let axis = plan.axes.iter().find(|a| a.kind == kind)?;
@@ -70,7 +70,7 @@ fn pixels(plan: &plan::Plan) -> Option<[Range<usize>; 2]> {
     read(AxisKind::Y).zip(read(AxisKind::X)).map(|(y, x)| [y, x])
 }
 
-/// What the person should know of the error bars of the camera pixels that are read.
+/// Returns a note if error estimates of the camera pixels are unreliable.
 fn in_doubt(plan: &plan::Plan, slice: &StoredSlice) -> Result<Option<String>, ProbeError> {
     let doubt = doubt::within(slice, pixels(plan))?.filter(|d| d.doubtful > 0);
     Ok(doubt.map(|d| {

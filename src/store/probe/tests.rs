@@ -1,4 +1,4 @@
-//! Tests of probing against brute-force loops.
+//! Compares probes with brute-force loops.
 
 use super::*;
 use crate::zarr::StoredSlice;
@@ -14,7 +14,7 @@ use tensor::slice::{CameraSelect, Polarization, ProjectorSelect, Slice, TimeSele
 
 const SIZE: [u32; 2] = [10, 7];
 
-/// A random stored tensor over all of y, x, v, u, t, p, p', wavelength, with chunks cut along every axis.
+/// Stores a random tensor over all of y, x, v, u, t, p, p', wavelength, with several chunks along every axis.
 fn stored(dir: &std::path::Path, projector: ProjectorSelect, polarization: Polarization) -> StoredSlice {
     let extents = Extents {
         camera: [5, 3],
@@ -93,7 +93,7 @@ fn close(a: f32, b: f64) {
     assert!((f64::from(a) - b).abs() <= 1e-6 * b.abs().max(1e-3), "{a} {b}");
 }
 
-/// All indices of a tensor as (kind, index) lists.
+/// Iterates over all indices of a tensor as (kind, index) lists.
 fn each(t: &Tensor) -> impl Iterator<Item = Vec<(AxisKind, usize)>> {
     let shape: Vec<u64> = t.shape().iter().map(|&n| n as u64).collect();
     let kinds: Vec<AxisKind> = t.axes.iter().map(|a| a.kind).collect();
@@ -248,7 +248,7 @@ fn convolution_moves_light_and_makes_none() {
                 close(result.mean.at(&index), 0.25 * back(0) + 0.75 * back(2));
             }
         }
-        // Selecting and summing after the pulse agrees with doing so on its result.
+        // Selecting and summing with the pulse equals selecting and summing its result.
         let select = vec!["t=1050:1200".parse().unwrap()];
         let part = Probe {
             pulse: Some(pulse),

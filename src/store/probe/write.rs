@@ -1,4 +1,4 @@
-//! Probe results as files: `.npy` (NumPy), `.csv` (one row per element), `.zarr` (a store like the one probed).
+//! Writes probe results: `.npy` (NumPy), `.csv` (one row per element), `.zarr` (a store).
 
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ fn failed(path: &Path, cause: impl ToString) -> ProbeError {
     }
 }
 
-/// The file beside `NAME.npy` that holds the standard errors: `NAME.std_error.npy`.
+/// Returns the path of the standard errors of `NAME.npy`: `NAME.std_error.npy`.
 #[must_use]
 pub fn std_error_path(path: &Path) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -29,10 +29,10 @@ pub fn std_error_path(path: &Path) -> PathBuf {
 }
 
 impl ProbeResult {
-    /// Writes to `path` in the format its extension names: `.npy`, `.csv` or `.zarr`.
+    /// Writes to `path` in the format of its extension: `.npy`, `.csv` or `.zarr`.
     ///
     /// # Errors
-    /// If the extension is another, the file system refuses, or a `.zarr` exists and `replace` is false.
+    /// If the extension is unknown, writing fails, or a `.zarr` exists and `replace` is false.
     pub fn write(
         &self,
         path: &Path,
@@ -47,10 +47,10 @@ impl ProbeResult {
         }
     }
 
-    /// Writes the values as f32 `.npy`, row-major, and the standard errors beside it ([`std_error_path`]).
+    /// Writes the values as f32 `.npy`, row-major, and the standard errors to [`std_error_path`].
     ///
     /// # Errors
-    /// If the file system refuses.
+    /// If a file cannot be written.
     pub fn write_npy(&self, path: &Path) -> Result<(), ProbeError> {
         write_npy(&self.mean, path)?;
         write_npy(&self.std_error, &std_error_path(path))
@@ -59,7 +59,7 @@ impl ProbeResult {
     /// Writes one row per element: its coordinates (in axis units), value and standard error.
     ///
     /// # Errors
-    /// If the file system refuses.
+    /// If the file cannot be written.
     pub fn write_csv(&self, path: &Path) -> Result<(), ProbeError> {
         whole_file::write_with(path, |file| self.csv(file)).map_err(|e| failed(path, e))
     }
@@ -86,7 +86,7 @@ impl ProbeResult {
         Ok(())
     }
 
-    /// The layout of the result as a slice of a store.
+    /// Returns the layout of the result as a slice of a store.
     #[must_use]
     pub fn layout(&self) -> SliceLayout {
         let time = self.time.filter(|_| self.mean.find(AxisKind::T).is_some());
@@ -98,9 +98,9 @@ impl ProbeResult {
         }
     }
 
-    /// Writes a store with one slice of the same name as the one probed, with the given attributes of its group and
-    /// of the root. Light outside the time bins goes into its overflow (without standard error) where time is
-    /// resolved.
+    /// Writes a store with one slice of the same name as the probed one, with the given attributes of its
+    /// group and of the root. Light outside the time bins becomes its overflow (without standard error) if
+    /// time is resolved.
     ///
     /// # Errors
     /// If the store cannot be created (see [`TensorStore::create`]) or written.
@@ -132,7 +132,7 @@ impl ProbeResult {
 /// Writes a tensor as f32 `.npy`, row-major.
 ///
 /// # Errors
-/// If the file system refuses.
+/// If the file cannot be written.
 pub fn write_npy(tensor: &Tensor, path: &Path) -> Result<(), ProbeError> {
     whole_file::write_with(path, |file| {
         numpy::write(file, &tensor.shape(), tensor.data.iter().copied())

@@ -1,11 +1,11 @@
-//! The description of an array, its `zarr.json` (Zarr v3 core specification, "Array metadata"), so far as stores of ours need it: a
-//! regular grid of chunks, zeros where nothing is stored, and the codecs of [`super::coding`]. Whatever else a description asks for is
-//! refused.
+//! The metadata of an array, its `zarr.json` (Zarr v3 core specification, "Array metadata"), limited to the
+//! features of Sunstone's stores: a regular grid of chunks, fill value zero, and the codecs of
+//! [`super::coding`]. Other features are refused.
 
 use super::coding::{self, Coding, name};
 use serde_json::{Map, Value, json};
 
-/// Keys of a description. Others may be there if they say that they need not be understood.
+/// Known keys of the metadata. Other keys are allowed if they are marked `must_understand: false`.
 const KEYS: [&str; 11] = [
     "zarr_format",
     "node_type",
@@ -20,25 +20,26 @@ const KEYS: [&str; 11] = [
     "dimension_names",
 ];
 
-/// What an array's description says.
+/// Parsed metadata of an array.
 #[derive(Clone, Debug)]
 pub(super) struct Array {
     pub(super) shape: Vec<u64>,
-    /// Lengths of what is a file: a chunk, or a shard.
+    /// Shape of a file's block: a chunk, or a shard.
     pub(super) stored: Vec<u64>,
     pub(super) coding: Coding,
-    /// Lengths of a chunk in a shard.
+    /// Shape of a chunk in a shard.
     pub(super) inner: Option<Vec<u64>>,
     pub(super) attributes: Map<String, Value>,
-    /// Of each dimension; "" of one without a name.
+    /// Name of each dimension; "" for one without a name.
     pub(super) names: Vec<String>,
-    /// What all keys of chunks begin with, and what stands between their numbers.
+    /// Prefix of all chunk keys, and the separator between their indices.
     prefix: String,
     separator: char,
 }
 
-/// The description of a new array whose files are chunks, or shards of chunks of lengths `inner`. All lie in one directory: one
-/// each per chunk would take longer to make than the chunks.
+/// Returns the metadata of a new array whose files are chunks, or shards of chunks of shape `inner`. All
+/// files are in one directory, because creating a directory per chunk would take longer than writing the
+/// chunks.
 pub(super) fn describe(
     [shape, stored]: [&[u64]; 2],
     inner: Option<&[u64]>,
@@ -61,7 +62,8 @@ pub(super) fn describe(
 }
 
 impl Array {
-    /// Reads the description of the array at `node`, such as `/steady/mean`; says what is wrong with it.
+    /// Parses the metadata of the array at `node`, such as `/steady/mean`. Returns the fault if it is
+    /// invalid.
     pub(super) fn of(node: &str, data_type: &str, json: &Value) -> Result<Self, String> {
         let lengths =
             |json: &Value| -> Option<Vec<u64>> { json.as_array()?.iter().map(Value::as_u64).collect() };
@@ -125,7 +127,7 @@ impl Array {
         })
     }
 
-    /// The path of a chunk's or shard's file below the root of the store.
+    /// Returns the path of a chunk's or shard's file relative to the root of the store.
     pub(super) fn chunk_key(&self, index: &[u64]) -> String {
         let mut key = self.prefix.clone();
         for number in index {
@@ -134,7 +136,7 @@ impl Array {
             }
             key.push_str(&number.to_string());
         }
-        // Of no dimensions there is one chunk.
+        // An array without dimensions has one chunk.
         if key.ends_with('/') {
             key.push('0');
         }
@@ -142,7 +144,7 @@ impl Array {
     }
 }
 
-/// Whether a fill value is that of numbers whose bits are all zero.
+/// Returns whether all bits of a fill value are zero.
 fn is_zero(value: &Value) -> bool {
     match value {
         Value::Number(number) => number.as_f64().is_some_and(|x| x.to_bits() == 0),
@@ -176,7 +178,8 @@ mod tests {
             json["chunk_key_encoding"] = encoding;
             Array::of("/a/mean", "float32", &json).map(|array| array.chunk_key(index))
         };
-        // Section "Chunk key encoding": `default` begins with "c" and has "/" where nothing else is said, `v2` begins with nothing and has ".".
+        // Section "Chunk key encoding": `default` has the prefix "c" and the separator "/" by default; `v2`
+        // has no prefix and the separator ".".
         for (encoding, expected) in [
             (json!("default"), "a/mean/c/1/20"),
             (

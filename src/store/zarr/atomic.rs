@@ -1,7 +1,7 @@
-//! A place as Zarr storage in which every file appears whole or not at all: a directory, or the objects below an address.
+//! Zarr storage with atomic writes of files: a directory, or the objects at an address.
 //!
-//! In a directory values are files written whole ([`base::whole_file`]). A killed process may leave temporary files behind, which readers
-//! never see and [`AtomicDirectory::remove_leftovers`] deletes.
+//! In a directory, files are written with [`base::whole_file`]. A killed process may leave temporary files,
+//! which readers ignore and [`AtomicDirectory::remove_leftovers`] deletes.
 
 use super::coordinates;
 use super::description;
@@ -20,31 +20,32 @@ use serde_json::Value;
 
 use bytes::Bytes;
 
-/// A shard below an address of no more bytes is fetched whole: what is read of it next takes no other request.
+/// Maximum size of a shard at an address that is fetched completely, so that later reads need no further
+/// request.
 const SMALL: u64 = if cfg!(test) { 512 } else { 64 << 10 };
 
-/// The last bytes of a shard, which tell of all others.
+/// The tail of a shard, from which the rest can be checked.
 #[derive(Debug)]
 pub(super) struct Tail {
     pub(super) bytes: Bytes,
-    /// Bytes of the shard.
+    /// Size of the shard in bytes.
     pub(super) size: u64,
-    /// All of it, where it is small and took a request.
+    /// The complete shard, if it is small and was fetched.
     pub(super) whole: Option<Bytes>,
 }
 
-/// Zarr storage in a directory with atomic replacement of files, or below an address.
+/// Zarr storage in a directory with atomic replacement of files, or at an address.
 #[derive(Debug)]
 pub(crate) struct AtomicDirectory {
     root: PathBuf,
-    /// None for a directory.
+    /// `None` for a directory.
     remote: Option<Remote>,
-    /// What the files of a finished store are; every file that is read must be as it says.
+    /// Manifest of a finished store; every file that is read must match it.
     manifest: Option<Manifest>,
 }
 
 impl AtomicDirectory {
-    /// Storage below `root`; touches nothing yet.
+    /// Returns the storage at `root`, without access to it.
     pub(super) fn new(root: &Path) -> Self {
         Self {
             root: root.to_owned(),
@@ -53,7 +54,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Storage at a place, and what files are there if it is that of a finished store.
+    /// Returns the storage at a place, with the manifest of a finished store.
     pub(super) fn at(root: &Path, place: Place, manifest: Option<Manifest>) -> Self {
         let remote = match place {
             Place::Folder(_) => None,
@@ -66,7 +67,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Storage of a finished store in a directory, whose files are to be those of its manifest.
+    /// Returns the storage of a finished store in a directory.
     pub(super) fn finished(root: &Path, manifest: Manifest) -> Self {
         Self {
             manifest: Some(manifest),
@@ -74,12 +75,12 @@ impl AtomicDirectory {
         }
     }
 
-    /// What is below an address; `None` of a directory.
+    /// Returns the objects at an address; `None` for a directory.
     pub(super) fn remote(&self) -> Option<&Remote> {
         self.remote.as_ref()
     }
 
-    /// Whether a group or an array is there.
+    /// Returns whether a group or an array exists.
     pub(super) fn has_node(&self, node: &str) -> bool {
         match &self.remote {
             None => self.root.join(node).is_dir(),
@@ -87,7 +88,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Whether the description of an array below an address tells its coordinates.
+    /// Returns whether the metadata of an array at an address contains its coordinates.
     pub(super) fn tells(&self, node: &str) -> bool {
         let description = |remote: &Remote| remote.description(&format!("{node}/zarr.json"));
         let json = self.remote.as_ref().and_then(description);
@@ -95,14 +96,14 @@ impl AtomicDirectory {
         json.is_some_and(|json| coordinates::tell(&json["attributes"]))
     }
 
-    /// Whether there is a description of a group or an array, such as `/steady/mean`.
+    /// Returns whether metadata of a group or an array, such as `/steady/mean`, exists.
     pub(super) fn has_description(&self, node: &str) -> Result<bool, OpenError> {
         let file = format!("{node}/zarr.json");
         let file = file.trim_start_matches('/');
         match &self.remote {
             None => Ok(self.root.join(file).is_file()),
             Some(remote) => {
-                // What the root's description does not have, and is asked for once.
+                // Metadata that is not consolidated in the root is requested once.
                 let found = self
                     .read(file)
                     .map_err(|e| OpenError::of_read(&self.root.join(file), &e))?;
@@ -115,7 +116,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Writes a file whole.
+    /// Writes a file atomically.
     pub(super) fn write(&self, key: &str, bytes: Bytes) -> io::Result<()> {
         match &self.remote {
             None => whole_file::write(&self.root.join(key), &bytes),
@@ -123,7 +124,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Writes a shard whole, whose checksum in the manifest is this.
+    /// Writes a shard with this checksum in the manifest atomically.
     pub(super) fn write_shard(&self, key: &str, bytes: Bytes, crc: u32) -> io::Result<()> {
         match &self.remote {
             None => whole_file::write(&self.root.join(key), &bytes),
@@ -134,7 +135,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Removes a file, if it is there.
+    /// Removes a file, if it exists.
     pub(super) fn remove(&self, key: &str) -> io::Result<()> {
         match &self.remote {
             None => remove_if_present(&self.root.join(key)),
@@ -142,7 +143,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Whether a file of a store that is being written is there.
+    /// Returns whether a file of a store that is being written exists.
     pub(super) fn is_stored(&self, key: &str) -> bool {
         match &self.remote {
             None => self.root.join(key).is_file(),
@@ -150,7 +151,7 @@ impl AtomicDirectory {
         }
     }
 
-    /// Reads a description below the root as JSON.
+    /// Reads a metadata file, relative to the root, as JSON.
     pub(super) fn json(&self, file: &str) -> Result<Value, OpenError> {
         let path = self.root.join(file);
         if self.remote.is_none() {
@@ -165,8 +166,8 @@ impl AtomicDirectory {
         }
     }
 
-    /// Gets files that are about to be read, beside each other, so far as they take time to come: of the first ones, as many as
-    /// should be held at once. Says how many these were.
+    /// Fetches files from an address concurrently before they are read: the first ones, up to a memory limit.
+    /// Returns their number.
     pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)]) -> io::Result<usize> {
         match &self.remote {
             None => Ok(asks.len()),
@@ -174,16 +175,16 @@ impl AtomicDirectory {
         }
     }
 
-    /// Reads a file and holds it against the manifest.
+    /// Reads a file and checks it against the manifest.
     pub(super) fn read(&self, key: &str) -> io::Result<Option<Bytes>> {
         let bytes = match &self.remote {
             None => Place::read_file(&self.root.join(key))?,
             Some(remote) => {
                 if let Some(description) = remote.description(key) {
-                    // A part of the root's description, which has been held against the manifest.
+                    // Part of the root's metadata, which is already checked against the manifest.
                     return Ok(Some(description));
                 }
-                // What is no part of a finished store is not asked for.
+                // Files that are not in the manifest are not requested.
                 let no_part = self.manifest.as_ref().is_some_and(|m| !m.0.contains_key(key));
                 if no_part || remote.lacks(key) {
                     return Ok(None);
@@ -195,8 +196,8 @@ impl AtomicDirectory {
         Ok(bytes)
     }
 
-    /// Reads the tails of shards of so many frames each, those below an address beside each other, and holds them against the
-    /// manifest. `None` where there is no shard.
+    /// Reads the tails of shards with these numbers of frames, concurrently at an address, and checks them
+    /// against the manifest. `None` for a shard that does not exist.
     pub(super) fn read_tails(&self, all: &[(String, usize)]) -> io::Result<Vec<io::Result<Option<Tail>>>> {
         let Some(remote) = &self.remote else {
             let read = |(key, frames): &(String, usize)| {
@@ -233,7 +234,7 @@ impl AtomicDirectory {
         Ok(answers.into_iter().zip(all).map(tail).collect())
     }
 
-    /// The last bytes of a file of a directory.
+    /// Reads the last bytes of a file of a directory.
     fn read_tail(&self, key: &str, length: u64) -> io::Result<Option<Tail>> {
         let Some((mut file, size)) = self.open(key)? else {
             return Ok(None);
@@ -248,7 +249,7 @@ impl AtomicDirectory {
         }))
     }
 
-    /// Opens a file of a directory, and says how long it is; `None` where there is none.
+    /// Opens a file of a directory and returns it with its size; `None` if it does not exist.
     fn open(&self, key: &str) -> io::Result<Option<(fs::File, u64)>> {
         match base::input::open(&self.root.join(key)) {
             Ok(file) => {
@@ -266,7 +267,7 @@ impl AtomicDirectory {
         Ok(tail)
     }
 
-    /// Reads bytes of a shard whose tail has been read. (Whether they are what was written, the tail tells.)
+    /// Reads bytes of a shard whose tail has been read. The caller checks them with the tail.
     pub(super) fn read_part(&self, key: &str, range: Range<u64>) -> io::Result<Option<Bytes>> {
         if let Some(remote) = &self.remote {
             return Ok(remote.get_part(key, Ask::Bytes(range))?);
@@ -280,12 +281,12 @@ impl AtomicDirectory {
         Ok(Some(bytes.into()))
     }
 
-    /// Bytes of a file, as the manifest says.
+    /// Returns the size of a file from the manifest.
     pub(super) fn size(&self, key: &str) -> Option<u64> {
         Some(self.manifest.as_ref()?.0.get(key)?.size)
     }
 
-    /// Refuses a file that is not what the manifest says, `None` being no file.
+    /// Refuses a file that does not match the manifest; `None` is a missing file.
     fn check(&self, path: &str, bytes: Option<&[u8]>) -> io::Result<()> {
         self.check_entry(path, bytes.map(|bytes| Entry::of(path, bytes)))
     }
@@ -304,12 +305,13 @@ impl AtomicDirectory {
         Err(io::Error::other(reason))
     }
 
-    /// Whether the manifest has a file; `None` without a manifest.
+    /// Returns whether the manifest lists a file; `None` without a manifest.
     pub(super) fn lists(&self, path: &str) -> Option<bool> {
         Some(self.manifest.as_ref()?.0.contains_key(path))
     }
 
-    /// The first file, by name, that this store and another do not have alike by their manifests, the root's description apart.
+    /// Returns the first file, by name, whose manifest entries differ between two stores, except the root's
+    /// metadata.
     pub(super) fn first_difference(&self, other: &Self) -> Option<String> {
         let none = Manifest::default();
         let [a, b] = [self, other].map(|s| &s.manifest.as_ref().unwrap_or(&none).0);
@@ -317,16 +319,15 @@ impl AtomicDirectory {
         a.keys().chain(b.keys()).filter(differs).min().cloned()
     }
 
-    /// The directory.
     pub(super) fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Deletes temporary files left below `root` by a process that was killed.
+    /// Deletes temporary files below `root` that a killed process left.
     pub(super) fn remove_leftovers(&self) -> io::Result<()> {
         match &self.remote {
             None => remove_leftovers(&self.root),
-            // Puts leave none.
+            // Puts leave no temporary files.
             Some(_) => Ok(()),
         }
     }

@@ -1,4 +1,4 @@
-//! New stores: their slices checked, and all descriptions written, before there are values.
+//! Creates new stores: checks the slices and writes all metadata before any values.
 
 use super::atomic::AtomicDirectory;
 use super::check;
@@ -11,16 +11,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tensor::axes::SliceLayout;
 
-/// The sample counts per camera pixel that a store keeps (array `samples`, u32 over y, x).
+/// The grid of the sample counts per camera pixel (array `samples`, u32 over y, x).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleGrid {
-    /// Camera width and height in pixels.
     pub camera: [u32; 2],
-    /// Edge of a tile of camera pixels: the chunk.
+    /// Edge of a tile of camera pixels, which is the chunk.
     pub tile: u32,
 }
 
-/// File in a store that is being made that says what of; it begins with a dot, so that it is no part of the store.
+/// File with the origin of a store that is being created. It begins with a dot, so it is not part of the
+/// store.
 pub(super) const ORIGIN: &str = ".sunstone-origin";
 
 pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Result<(), CreateError> {
@@ -50,7 +50,7 @@ pub(super) fn check_slices(slices: &[(SliceLayout, Map<String, Value>)]) -> Resu
     Ok(())
 }
 
-/// What a new store is.
+/// The content of a new store.
 #[derive(Clone, Copy)]
 pub(super) struct New<'a> {
     pub(super) slices: &'a [(SliceLayout, Map<String, Value>)],
@@ -77,8 +77,8 @@ pub(super) fn build(path: &Path, new: New) -> Result<(), CreateError> {
         let description = Description {
             shape: vec![u64::from(h), u64::from(w)],
             chunk: vec![chunk(h), chunk(w)],
-            // Dimensions of the root are those of all groups below it (`xarray.open_datatree`), whose `y` and `x` are parts
-            // of the camera.
+            // In `xarray.open_datatree`, the dimensions of the root apply to all groups, whose `y` and `x`
+            // cover only parts of the camera. Hence other names.
             names: vec!["camera_y", "camera_x"],
             attributes,
             sharding: shardings.get("samples").cloned(),

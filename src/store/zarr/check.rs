@@ -1,18 +1,18 @@
-//! What is checked of a store before anything relies on it: coordinates and attributes, each once, when it is opened or made.
+//! Checks of coordinates and attributes when a store is opened or created.
 //!
-//! Files may have been edited, or cut short. What passes here needs no doubt afterwards: coordinates are finite and rise, and
-//! attributes that programs read are of their type. Attributes that nobody reads may be anything.
+//! Files may have been edited or truncated. After these checks, coordinates are finite and increasing, and
+//! attributes that the program reads have the right type. Other attributes may have any value.
 
 use serde_json::{Map, Value};
 use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::part::{self, Part};
 
-/// Cameras have no more rows or columns.
+/// Maximum number of rows and of columns of a camera.
 const MAX_CAMERA: u64 = 1 << 15;
-/// Sample counts are not kept in more chunks: single pixels of a camera of 4096 by 4096.
+/// Maximum number of chunks of sample counts: single pixels of a 4096 by 4096 camera.
 const MAX_SAMPLE_CHUNKS: u64 = 1 << 24;
 
-/// Says what is wrong with the coordinates of an axis, if anything.
+/// Returns the fault of an axis' coordinates, if any.
 pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     let coords = &axis.coords;
     if let Some(bad) = coords.iter().find(|c| !c.is_finite()) {
@@ -32,7 +32,7 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
         AxisKind::StokesOut | AxisKind::StokesIn => (0.0, 3.0),
         AxisKind::Wavelength => (f64::MIN_POSITIVE, f64::MAX),
     };
-    // They rise, so the ends tell of all.
+    // Coordinates are increasing, so checking the ends is enough.
     let ends = [coords.first(), coords.last()].into_iter().flatten();
     let mut outside = ends.filter(|c| !(least..=most).contains(*c));
     outside
@@ -40,7 +40,7 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
         .map(|bad| format!("its coordinate {bad} lies outside {least} to {most}"))
 }
 
-/// Says what is wrong with the time bins of a layout, if anything: width, and centres of the axis t.
+/// Returns the fault of a layout's time bins, if any: width, and centres of the axis t.
 pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     let axis = layout.find(AxisKind::T).map(|i| &layout.axes[i]);
     let (axis, (start, bin)) = match (axis, layout.time) {
@@ -53,14 +53,14 @@ pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
             "its time bins of {bin} ps from {start} ps are no bins: `time_bin_ps` must be positive"
         ));
     }
-    // Bins of a part of a slice begin at a sum, which rounds.
+    // The start of the bins of a part of a slice is a sum with rounding error.
     let off = |(i, c): (usize, &f64)| (start + (i as f64 + 0.5) * bin - c).abs() > 1e-6 * (bin + c.abs());
     axis.coords.iter().enumerate().any(off).then(|| {
         format!("the coordinates of axis `t` are not the centres of bins of {bin} ps from {start} ps")
     })
 }
 
-/// Says what is wrong with the shape and chunk of the array of sample counts, if anything.
+/// Returns the fault in the shape and chunk of the sample counts, if any.
 pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     let [rows, columns] = shape else {
         return Some(format!("shape {shape:?} is not (rows, columns)"));
@@ -74,7 +74,7 @@ pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     None
 }
 
-/// Says what is wrong with the camera axes of a slice beside sample counts of (rows, columns), if anything.
+/// Returns the fault of a slice's camera axes for sample counts of (rows, columns), if any.
 pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<String> {
     let beyond = |kind, limit: u64| {
         let axis = &layout.axes[layout.find(kind)?];
@@ -87,19 +87,19 @@ pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<St
     beyond(AxisKind::Y, samples[0]).or_else(|| beyond(AxisKind::X, samples[1]))
 }
 
-/// What an attribute must be.
+/// The required type of an attribute.
 #[derive(Clone, Copy)]
 enum Form {
     Text,
-    /// A whole number, not negative.
+    /// A nonnegative integer.
     Count,
-    /// A whole number above zero.
+    /// A positive integer.
     Positive,
-    /// A finite number, not negative.
+    /// A finite nonnegative number.
     Duration,
-    /// A list of whole numbers.
+    /// A list of integers.
     Seeds,
-    /// Two whole numbers above zero.
+    /// Two positive integers.
     Pair,
 }
 
@@ -149,7 +149,7 @@ const OF_SLICES: [(&str, Form); 4] = [
     ("pixels_per_element", Form::Positive),
 ];
 
-/// Says what is wrong with the attributes of the root group, if anything.
+/// Returns the fault of the root group's attributes, if any.
 pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
     let part = attributes.get(part::ATTRIBUTE);
     if part.is_some_and(|value| Part::from_json(value).is_none()) {
@@ -161,7 +161,7 @@ pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
     attributes_fault(attributes, &OF_ROOT)
 }
 
-/// Says what is wrong with the attributes of the group of a slice, if anything.
+/// Returns the fault of a slice's group attributes, if any.
 pub(super) fn slice_fault(attributes: &Map<String, Value>) -> Option<String> {
     attributes_fault(attributes, &OF_SLICES)
 }

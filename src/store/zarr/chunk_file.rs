@@ -1,4 +1,4 @@
-//! Files of chunks: where they are, whether they are there, and copies of them from other stores.
+//! Files of chunks: their paths, whether they exist, and copies from other stores.
 
 use super::chunked::{ChunkedArray, Number};
 use super::coding::SEAL;
@@ -6,18 +6,19 @@ use super::error::AccessError;
 use std::path::PathBuf;
 
 impl<T: Number> ChunkedArray<T> {
-    /// Index in the chunk grid of the chunk that begins at `start`.
+    /// Returns the index in the chunk grid of the chunk that begins at `start`.
     fn index_of(&self, start: &[u64]) -> Vec<u64> {
         start.iter().zip(&self.chunk).map(|(s, c)| s / c).collect()
     }
 
-    /// The file of the chunk that begins at `start`.
+    /// Returns the path of the chunk that begins at `start`.
     pub(super) fn file_of(&self, start: &[u64]) -> PathBuf {
         let key = self.array.chunk_key(&self.index_of(start));
         self.storage.root().join(&key)
     }
 
-    /// Copies the file of the chunk that begins at `start` from an array of the same description, if its checksum is right.
+    /// Copies the chunk file that begins at `start` from an array with the same metadata, after checking its
+    /// checksum.
     pub(super) fn copy(&self, start: &[u64], from: &Self) -> Result<(), AccessError> {
         let index = self.index_of(start);
         let key = self.array.chunk_key(&index);
@@ -39,20 +40,20 @@ impl<T: Number> ChunkedArray<T> {
         stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
-    /// Whether the chunk that begins at `start` is to have a file.
+    /// Returns whether the chunk that begins at `start` should have a file.
     pub(super) fn is_listed(&self, start: &[u64]) -> bool {
         let key = self.array.chunk_key(&self.index_of(start));
         let listed = self.storage.lists(&key);
         listed.unwrap_or_else(|| self.is_stored(start))
     }
 
-    /// Whether the chunk that begins at `start` has a file.
+    /// Returns whether the chunk that begins at `start` has a file.
     pub(super) fn is_stored(&self, start: &[u64]) -> bool {
         let key = self.array.chunk_key(&self.index_of(start));
         self.storage.is_stored(&key)
     }
 
-    /// Bytes of the file of the chunk that begins at `start`, as the manifest says; 0 of none.
+    /// Returns the file size of the chunk that begins at `start` from the manifest; 0 without a file.
     pub(super) fn stored_size(&self, start: &[u64]) -> u64 {
         let key = self.array.chunk_key(&self.index_of(start));
         self.storage.size(&key).unwrap_or(0)

@@ -1,11 +1,11 @@
-//! One chunked array of the store: reads and writes of any region, chunk by chunk, from many threads.
+//! One chunked array of the store: reads and writes of any region, chunk by chunk, from several threads.
 //!
-//! Chunks are a file each, or lie in shards ([`super::sharded`]).
+//! Each chunk is a file, or part of a shard ([`super::sharded`]).
 //!
-//! A chunk file is checked before it is decoded: it must be exactly one Zstandard frame (RFC 8878, section 3.1.1)
-//! whose declared size is that of the chunk. A damaged file is therefore an error and never an allocation of a
-//! nonsensical size; damage inside the frame is found by the checksum behind it (CRC-32C, the `crc32c` codec of Zarr),
-//! which takes no time, being over what is stored and not over its many zeros.
+//! A chunk file is checked before it is decoded: it must be exactly one Zstandard frame (RFC 8878, section
+//! 3.1.1) with the declared size of the chunk. A damaged file is therefore an error and never causes an
+//! allocation of an invalid size. The checksum after the frame (CRC-32C, Zarr's `crc32c` codec) detects
+//! damage inside it. It is fast because it covers the compressed bytes and not the many zeros.
 
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -23,18 +23,17 @@ use super::sparse_frame::{self, Content};
 use tensor::region::{self, Window};
 use tensor::sink::STRETCH;
 
-/// Locks per array; a chunk always takes the same one.
+/// Number of locks per array; a chunk always uses the same one.
 const STRIPES: usize = 64;
-/// A chunk may not hold more elements than this (a damaged description is refused before it allocates).
+/// Maximum number of elements of a chunk; larger metadata values are refused before an allocation.
 const MAX_CHUNK: usize = 1 << 28;
-/// Reads of more bytes than this are tried for memory first.
+/// Allocations of more bytes than this are tested first.
 const LARGE: usize = 1 << 28;
 
-/// A number type that arrays are made of.
+/// A type of array elements.
 pub(super) trait Number: bytemuck::Pod + Default + PartialEq + Send + Sync {
-    /// Name of the Zarr data type.
     const NAME: &'static str;
-    /// Zero as JSON has it.
+    /// Zero as JSON.
     fn zero() -> Value;
 }
 
@@ -55,26 +54,26 @@ pub(super) struct ChunkedArray<T> {
     pub(super) storage: Arc<AtomicDirectory>,
     pub(super) array: Array,
     pub(super) path: PathBuf,
-    /// What is written and read together; in a shard, several of its chunks.
+    /// Shape of the block that is read and written together; in a shard, it consists of several chunks.
     pub(super) chunk: Vec<u64>,
-    /// Of an array in shards.
+    /// For a sharded array.
     pub(super) sharded: Option<Sharded>,
     locks: Vec<Mutex<()>>,
     number: PhantomData<T>,
 }
 
-/// What an array is, for [`ChunkedArray::create`].
+/// Properties of a new array, for [`ChunkedArray::create`].
 pub(super) struct Description<'a> {
     pub(super) shape: Vec<u64>,
     pub(super) chunk: Vec<u64>,
     pub(super) names: Vec<&'a str>,
     pub(super) attributes: Map<String, Value>,
-    /// `None` of an array of chunks that are a file each.
+    /// `None` for one file per chunk.
     pub(super) sharding: Option<Sharding>,
 }
 
 impl<T: Number> ChunkedArray<T> {
-    /// Writes the description of a new array, all zero, at `node` (such as `/steady/mean`) and opens it.
+    /// Writes the metadata of a new array of zeros at `node` (such as `/steady/mean`) and opens it.
     pub(super) fn create(
         storage: &Arc<AtomicDirectory>,
         node: &str,
@@ -111,7 +110,7 @@ impl<T: Number> ChunkedArray<T> {
         Self::of(storage, node, &json).map_err(failed)
     }
 
-    /// Opens an existing array and checks that it is one of ours: data type, dimension names, chunk grid, codecs.
+    /// Opens an existing array and checks its data type, dimension names, chunk grid and codecs.
     pub(super) fn open(storage: &Arc<AtomicDirectory>, node: &str) -> Result<Self, OpenError> {
         let damaged = |reason: String| OpenError::Damaged {
             path: node_path(storage, node),
@@ -128,7 +127,7 @@ impl<T: Number> ChunkedArray<T> {
         Self::of(storage, node, &json).map_err(damaged)
     }
 
-    /// The array at a node of this description; says what is wrong with it.
+    /// Returns the array at a node with this metadata, or the fault.
     fn of(storage: &Arc<AtomicDirectory>, node: &str, json: &Value) -> Result<Self, String> {
         let array = Array::of(node, T::NAME, json)?;
         if region::volume(&array.shape).is_none_or(|n| n.checked_mul(size_of::<T>()).is_none()) {
@@ -168,27 +167,24 @@ impl<T: Number> ChunkedArray<T> {
         })
     }
 
-    /// Length of every axis.
     pub(super) fn shape(&self) -> &[u64] {
         &self.array.shape
     }
 
-    /// Length of a chunk along every axis.
     pub(super) fn chunk(&self) -> &[u64] {
         &self.chunk
     }
 
-    /// Directory of the array.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Dimension names; a dimension without a name gives "".
+    /// Returns the dimension names; "" for a dimension without a name.
     pub(super) fn names(&self) -> Vec<String> {
         self.array.names.clone()
     }
 
-    /// `n` coordinates that the array's description tells, if it does.
+    /// Returns `n` coordinates from the array's metadata, if it contains them.
     pub(super) fn told(&self, n: u64) -> Option<Vec<f64>> {
         coordinates::read(&self.array.attributes, n as usize)
     }
@@ -205,9 +201,9 @@ impl<T: Number> ChunkedArray<T> {
             })
     }
 
-    /// Room for values, all zero.
+    /// Allocates values, all zero.
     fn zeros(&self, elements: usize) -> Result<Vec<T>, AccessError> {
-        // A large claim is tried first: where it fails, zeros would end the process.
+        // A large allocation is tested first, because a failure of `vec!` would abort the process.
         let large = elements.saturating_mul(size_of::<T>()) > LARGE;
         if large && Vec::<T>::new().try_reserve_exact(elements).is_err() {
             return Err(AccessError::Memory {
@@ -218,12 +214,12 @@ impl<T: Number> ChunkedArray<T> {
         Ok(vec![T::default(); elements])
     }
 
-    /// What is coded together: a chunk, or one of a shard.
+    /// Returns the shape of the block that is coded together: a chunk, or a chunk of a shard.
     pub(super) fn unit(&self) -> &[u64] {
         self.sharded.as_ref().map_or(&self.chunk, |s| &s.inner)
     }
 
-    /// Indices of the units that a region touches, in the order in which they lie in their files.
+    /// Returns the indices of the units that a region touches, in the order of their positions in files.
     pub(super) fn units(&self, start: &[u64], shape: &[u64]) -> Vec<Vec<u64>> {
         let mut all = vec![];
         if !shape.contains(&0) {
@@ -235,7 +231,8 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// Calls `f(unit's index, overlap start, overlap shape, unit's start, unit is wholly covered)` for units that a region touches.
+    /// Calls `f(index of the unit, overlap start, overlap shape, start of the unit, whether it is covered
+    /// completely)` for the units that a region touches.
     fn for_units(
         &self,
         units: &[Vec<u64>],
@@ -256,7 +253,7 @@ impl<T: Number> ChunkedArray<T> {
         Ok(())
     }
 
-    /// The values of a region, row-major.
+    /// Reads the values of a region, row-major.
     pub(super) fn read(&self, start: &[u64], shape: &[u64]) -> Result<Vec<T>, AccessError> {
         let mut values = self.zeros(self.check(start, shape)?)?;
         let units = self.units(start, shape);
@@ -283,7 +280,7 @@ impl<T: Number> ChunkedArray<T> {
         Ok(values)
     }
 
-    /// Writes a region, row-major. Other elements of the chunks it touches keep their values. For `touched` see
+    /// Writes a region, row-major. Other elements of the touched chunks keep their values. For `touched`, see
     /// [`sparse_frame::encode`].
     pub(super) fn write(
         &self,
@@ -310,7 +307,7 @@ impl<T: Number> ChunkedArray<T> {
         self.for_units(&units, start, shape, |index, from, size, origin, whole| {
             let _guard = self.lock(index);
             if shape == self.chunk && origin == start {
-                // The region is this chunk and nothing else: no copy.
+                // The region is exactly this chunk: no copy.
                 let enough = |bits: &&[u64]| bits.len() * 64 * STRETCH >= size_of_val(values);
                 return self.store(index, values, touched.filter(enough));
             }
@@ -328,7 +325,7 @@ impl<T: Number> ChunkedArray<T> {
         })
     }
 
-    /// Stores the values of one whole chunk; erases it where they are all zero.
+    /// Stores the values of a chunk, or removes its file if all are zero.
     fn store(&self, index: &[u64], chunk: &[T], touched: Option<&[u64]>) -> Result<(), AccessError> {
         let failed = |cause: String| AccessError::Write {
             path: self.path.clone(),
@@ -342,7 +339,7 @@ impl<T: Number> ChunkedArray<T> {
             bytes = &swapped;
         }
         let content = sparse_frame::encode(bytes, touched);
-        // Negative zeros are zeros as well.
+        // Negative zeros count as zeros.
         let zero = T::default();
         let key = self.array.chunk_key(index);
         if content == Content::Zero || content == Content::Dense && chunk.iter().all(|v| *v == zero) {
@@ -355,7 +352,7 @@ impl<T: Number> ChunkedArray<T> {
         stored.map_err(|e| AccessError::of_write(&self.path, &e))
     }
 
-    /// The values of one whole unit (padded at the edge of the array), `None` if it is not stored (all zero).
+    /// Reads the values of one unit (padded at the edge of the array); `None` if it is not stored (all zero).
     fn read_unit(&self, index: &[u64]) -> Result<Option<Vec<T>>, AccessError> {
         if let Some(sharded) = &self.sharded {
             let bytes = self.read_piece(sharded, index)?;
@@ -367,7 +364,7 @@ impl<T: Number> ChunkedArray<T> {
         bytes.map(|bytes| self.decode(index, &bytes)).transpose()
     }
 
-    /// The values that the bytes of a unit mean.
+    /// Decodes the bytes of a unit.
     fn decode(&self, index: &[u64], bytes: &[u8]) -> Result<Vec<T>, AccessError> {
         let failed = |cause: String| AccessError::Chunk {
             path: self.path.clone(),
@@ -401,7 +398,8 @@ fn difference(a: &[u64], b: &[u64]) -> Vec<u64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// Indices of the last of these units, one within the other, that a region touches: all of the first one's first, and so on.
+/// Returns the indices of the innermost of these nested units that a region touches, in the order of the
+/// outer units.
 fn within(units: &[&[u64]], start: &[u64], shape: &[u64], all: &mut Vec<Vec<u64>>) {
     let Some((unit, smaller)) = units.split_first() else {
         return;
@@ -424,7 +422,7 @@ fn within(units: &[&[u64]], start: &[u64], shape: &[u64], all: &mut Vec<Vec<u64>
     }
 }
 
-/// Turns the bytes of every number around.
+/// Reverses the bytes of every number.
 fn swap<T>(bytes: &mut [u8]) {
     bytes.chunks_exact_mut(size_of::<T>()).for_each(<[u8]>::reverse);
 }

@@ -1,4 +1,4 @@
-//! How the numbers of a chunk become bytes: a Zstandard frame and its CRC-32C, a file of its own or one of a shard.
+//! Coding of a chunk's numbers: a Zstandard frame and its CRC-32C, as a file or in a shard.
 
 use super::shard::CODEC;
 use super::sparse_frame::{self, Content};
@@ -6,40 +6,40 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::io;
 
-/// Zstandard level: noise of floating point numbers gets 8 % smaller at 1 and not at all at higher ones, only slower.
+/// Zstandard level: level 1 compresses floating-point noise 8 % better, and higher levels not better, only
+/// slower.
 const LEVEL: i32 = -2;
-/// Bytes of a CRC-32C.
+/// Size of a CRC-32C in bytes.
 pub(super) const SEAL: usize = 4;
-/// Attribute of an array in shards: lengths of a chunk of it that was a file, several of which a shard has, and each of which several
-/// of the shard's chunks make. What is read whole is read by these.
+/// Attribute of a sharded array: the shape of an original chunk, which consists of several chunks of the
+/// shard. Complete reads use these blocks.
 pub(super) const CHUNK: &str = "unsharded_chunk";
 
 thread_local! {
-    /// A compression context takes longer to make than to use on a small chunk.
+    /// Creating a compression context takes longer than compressing a small chunk.
     static COMPRESSOR: RefCell<Option<zstd::bulk::Compressor<'static>>> = const { RefCell::new(None) };
     static DECOMPRESSOR: RefCell<Option<zstd::bulk::Decompressor<'static>>> = const { RefCell::new(None) };
 }
 
-/// How the numbers of a chunk become the bytes of its file.
+/// The coding of a chunk file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Coding {
     pub(super) frame: Frame,
-    /// Whether numbers have their bytes in another order than in memory here.
+    /// Whether the byte order differs from that of this machine.
     pub(super) swapped: bool,
 }
 
-/// What is around the bytes of a chunk's numbers.
+/// The container of a chunk's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Frame {
-    /// Nothing.
+    /// No container.
     Plain,
-    /// A Zstandard frame.
     Zstd,
     /// A Zstandard frame and its CRC-32C.
     Sealed,
 }
 
-/// One Zstandard frame with its size.
+/// Returns one Zstandard frame that declares its content size.
 fn compress(bytes: &[u8]) -> io::Result<Vec<u8>> {
     COMPRESSOR.with_borrow_mut(|slot| {
         let compressor = match slot {
@@ -50,7 +50,8 @@ fn compress(bytes: &[u8]) -> io::Result<Vec<u8>> {
     })
 }
 
-/// The bytes of a chunk's file, `bytes` being its numbers in the order of the file and `content` what is known of them.
+/// Encodes a chunk. `bytes` are its numbers in the byte order of the file, and `content` is the result of an
+/// analysis of them.
 pub(super) fn encode(bytes: &[u8], content: Content, frame: Frame) -> io::Result<Vec<u8>> {
     let mut out = match (frame, content) {
         (Frame::Plain, _) => return Ok(bytes.to_vec()),
@@ -63,7 +64,7 @@ pub(super) fn encode(bytes: &[u8], content: Content, frame: Frame) -> io::Result
     Ok(out)
 }
 
-/// Fills `out` with the numbers' bytes, in the order of the file, of all of a chunk's file; says what is wrong if it is not of so many.
+/// Decodes a chunk file into `out`, in the byte order of the file. Returns the fault if the size differs.
 pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), String> {
     let (content, seal) = match frame {
         Frame::Sealed => bytes.split_at(bytes.len().saturating_sub(SEAL)),
@@ -98,7 +99,7 @@ pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), S
     }
 }
 
-/// The codecs of a new array in sealed frames, or of one in shards whose chunks have these lengths.
+/// Returns the codecs of a new array in sealed frames, or of a sharded array whose chunks have shape `inner`.
 pub(super) fn describe(inner: Option<&[u64]>) -> Value {
     let numbers = json!({"name": "bytes", "configuration": {"endian": "little"}});
     let zstd = json!({"name": "zstd", "configuration": {"level": LEVEL, "checksum": false}});
@@ -114,7 +115,7 @@ pub(super) fn describe(inner: Option<&[u64]>) -> Value {
     }
 }
 
-/// The name of an extension point, which may stand by itself where there is no configuration.
+/// Returns the name of an extension point, which may be a plain string if it has no configuration.
 pub(super) fn name(json: &Value) -> Option<&str> {
     json["name"].as_str().or(json.as_str())
 }
@@ -123,7 +124,7 @@ fn names(codecs: &Value) -> Vec<&str> {
     codecs.as_array().into_iter().flatten().filter_map(name).collect()
 }
 
-/// Whether the first of these codecs, `bytes`, writes numbers in another order than that of memory here.
+/// Returns whether the first codec, `bytes`, has another byte order than this machine.
 fn is_swapped(codecs: &Value) -> Result<bool, String> {
     let ours = if cfg!(target_endian = "big") {
         "big"
@@ -136,7 +137,7 @@ fn is_swapped(codecs: &Value) -> Result<bool, String> {
     }
 }
 
-/// The coding that an array's description says, and, of an array in shards, the lengths of a chunk in them.
+/// Returns the coding in an array's metadata, and for a sharded array the shape of a chunk in a shard.
 pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
     let found = names(codecs);
     let frame = match found[..] {

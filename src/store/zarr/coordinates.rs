@@ -1,7 +1,8 @@
-//! Coordinates that the description of their array tells: of stores in shards, so that opening a slice takes no request for them.
+//! Coordinates in the metadata of their array, for sharded stores, so that opening a slice needs no request
+//! for them.
 //!
-//! Most axes are regular (pixels, bins of time) or short (wavelengths, elements of a matrix). Their arrays have them all the same,
-//! for other programs.
+//! Most axes are regular (pixels, time bins) or short (wavelengths, elements of a matrix). Their arrays
+//! contain the coordinates too, for other programs.
 
 use serde_json::{Map, Value, json};
 
@@ -9,10 +10,11 @@ use serde_json::{Map, Value, json};
 const REGULAR: &str = "start_and_step";
 /// Attribute of the array: all coordinates.
 const ALL: &str = "values";
-/// Most coordinates of a list.
+/// Maximum number of coordinates in a list.
 const MOST: usize = 16;
 
-/// The attribute that tells these coordinates, if anything short does, to the bit. (Lists of numbers, which other formats have too.)
+/// Returns an attribute that represents these coordinates bit for bit, if a short one does. Values are lists
+/// of numbers, which other formats support too.
 pub(super) fn told(coords: &[f64]) -> Option<(String, Value)> {
     let regular = match coords {
         [start, next, ..] => Some((REGULAR, json!([start, next - start]))),
@@ -20,7 +22,7 @@ pub(super) fn told(coords: &[f64]) -> Option<(String, Value)> {
     };
     let list = (coords.len() <= MOST).then(|| (ALL, json!(coords)));
     let same = |(key, value): &(&str, Value)| {
-        // As it will be read: numbers go through a text.
+        // Compare the parsed value, because numbers are stored as text.
         let parsed = serde_json::from_str(&value.to_string()).ok();
         let again =
             parsed.and_then(|value| read(&Map::from_iter([((*key).to_owned(), value)]), coords.len()));
@@ -33,12 +35,12 @@ pub(super) fn told(coords: &[f64]) -> Option<(String, Value)> {
     found.map(|(key, value)| (key.to_owned(), value))
 }
 
-/// Whether attributes tell coordinates.
+/// Returns whether attributes contain coordinates.
 pub(super) fn tell(attributes: &Value) -> bool {
     [REGULAR, ALL].iter().any(|key| attributes.get(key).is_some())
 }
 
-/// `n` coordinates that attributes tell; `None` if they do not.
+/// Returns `n` coordinates from attributes; `None` if they contain none.
 pub(super) fn read(attributes: &Map<String, Value>, n: usize) -> Option<Vec<f64>> {
     let list = |key| -> Option<Vec<f64>> {
         let list = attributes.get(key)?.as_array()?;

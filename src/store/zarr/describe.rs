@@ -1,10 +1,10 @@
-//! The Zarr v3 description of a store: groups, coordinate arrays and consolidated metadata.
+//! The Zarr v3 metadata of a store: groups, coordinate arrays and consolidated metadata.
 //!
-//! Layout of the directory (Zarr v3 core specification; conventions of `xarray` for names and coordinates):
-//! `zarr.json` (root group), `samples/`, and per slice `NAME/zarr.json`, `NAME/{mean,std_error}/` and, where time is
-//! resolved, `NAME/{overflow,overflow_std_error}/` and, of renders, `NAME/total_std_error/`, beside one coordinate array per axis. All but
-//! coordinates may lie in shards. Each group carries
-//! `consolidated_metadata` in the inline form that zarr-python 3 writes, so that readers open it with one read.
+//! Layout of the directory (Zarr v3 core specification; `xarray`'s conventions for names and coordinates):
+//! `zarr.json` (root group), `samples/`, and per slice `NAME/zarr.json`, `NAME/{mean,std_error}/`,
+//! `NAME/{overflow,overflow_std_error}/` if time is resolved, `NAME/total_std_error/` for renders, and one
+//! coordinate array per axis. All arrays except coordinates may be sharded. Each group contains
+//! `consolidated_metadata` in the inline form of zarr-python 3, so that readers open it with one read.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,14 +24,13 @@ use tensor::axes::{Axis, AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::label;
 
-/// Unit of every stored value.
 pub const VALUE_UNITS: &str = "W m-2 sr-1 nm-1 per unit projector drive";
 /// Root attribute that lists the slices.
 const SLICES: &str = "slices";
-/// Longest axis that is believed when a store is opened.
+/// Maximum length of an axis in a valid store.
 const MAX_AXIS: u64 = 1 << 24;
 
-/// Says what is wrong with the name of a slice, if anything.
+/// Returns the fault of a slice's name, if any.
 pub(super) fn name_fault(name: &str) -> Option<&'static str> {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
     if name.is_empty() || !name.chars().all(plain) {
@@ -49,7 +48,7 @@ fn group_json(attributes: &Map<String, Value>) -> Value {
     json!({"zarr_format": 3, "node_type": "group", "attributes": attributes})
 }
 
-/// The attributes of a group description, `None` where they are no table.
+/// Returns the attributes of a group's metadata; `None` if they are not a table.
 pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     match json.get("attributes") {
         None => Some(Map::new()),
@@ -57,7 +56,7 @@ pub(super) fn attributes_of(json: &Value) -> Option<Map<String, Value>> {
     }
 }
 
-/// Names of the slices of a root description, `None` if it is not one of ours.
+/// Returns the names of the slices from the root's metadata; `None` if it is not that of a Sunstone store.
 pub(super) fn slice_names_of(json: &Value) -> Option<Vec<String>> {
     let names = json["attributes"][SLICES].as_array()?;
     names
@@ -66,7 +65,6 @@ pub(super) fn slice_names_of(json: &Value) -> Option<Vec<String>> {
         .collect()
 }
 
-/// Writes the root group.
 pub(super) fn create_root(
     root: &Path,
     names: &[String],
@@ -77,7 +75,7 @@ pub(super) fn create_root(
     write_json(&root.join("zarr.json"), &group_json(&attributes))
 }
 
-/// Writes the group of a slice with all its arrays; values are all zero.
+/// Writes the group of a slice with all its arrays, whose values are zero.
 pub(super) fn create_slice(
     storage: &Arc<AtomicDirectory>,
     layout: &SliceLayout,
@@ -116,7 +114,7 @@ pub(super) fn create_slice(
     Ok(())
 }
 
-/// True for axes whose coordinates are stored as integers.
+/// Returns whether the coordinates of an axis are stored as integers.
 fn is_index(kind: AxisKind) -> bool {
     matches!(
         kind,
@@ -124,7 +122,7 @@ fn is_index(kind: AxisKind) -> bool {
     )
 }
 
-/// Writes the coordinates of an axis; `tell` has their description tell them too.
+/// Writes the coordinates of an axis. With `tell`, the metadata contains them too.
 fn create_coordinates(
     storage: &Arc<AtomicDirectory>,
     slice: &str,
@@ -143,7 +141,7 @@ fn create_coordinates(
             attributes.insert("labels".into(), json!(["direct", "indirect"]));
         }
         AxisKind::Label => {
-            // Bits as the CF conventions write them, and every set in words.
+            // Bits as in the CF conventions, and the name of every set.
             let (masks, names): (Vec<u8>, Vec<&str>) = label::BITS.into_iter().unzip();
             attributes.insert("flag_masks".into(), json!(masks));
             attributes.insert("flag_meanings".into(), json!(names.join(" ")));
@@ -178,7 +176,7 @@ fn create_coordinates(
     }
 }
 
-/// Reads the coordinates of an axis of `expected` entries, and checks them.
+/// Reads and checks the coordinates of an axis of `expected` entries.
 fn read_axis(
     storage: &Arc<AtomicDirectory>,
     slice: &str,
@@ -222,7 +220,7 @@ fn read_axis(
     checked(coords)
 }
 
-/// Rebuilds the layout of a slice from its `mean` array, its coordinate arrays and its attributes.
+/// Reconstructs the layout of a slice from its `mean` array, its coordinate arrays and its attributes.
 pub(super) fn read_layout(
     storage: &Arc<AtomicDirectory>,
     slice: &str,
@@ -274,7 +272,7 @@ pub(super) fn read_layout(
         name: slice.to_owned(),
         axes,
         time: start.zip(bin),
-        // Stores of earlier versions have none.
+        // Stores of earlier versions have no errors of totals.
         totals: storage.has_node(&format!("{slice}/{}", Field::TotalStdError.name())),
     };
     match check::time_fault(&layout) {
@@ -283,7 +281,7 @@ pub(super) fn read_layout(
     }
 }
 
-/// Replaces the attributes of the root group, keeping the list of slices and the consolidated metadata.
+/// Replaces the attributes of the root group, except the list of slices and the consolidated metadata.
 pub(super) fn set_root_attributes(
     storage: &AtomicDirectory,
     attributes: &Map<String, Value>,

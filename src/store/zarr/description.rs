@@ -1,4 +1,4 @@
-//! Files of descriptions, `zarr.json`, as the JSON that they are.
+//! Reads and writes metadata files, `zarr.json`, as JSON.
 
 use super::error::{CreateError, OpenError};
 use base::whole_file;
@@ -18,7 +18,6 @@ pub(super) fn write_json(path: &Path, value: &Value) -> Result<(), CreateError> 
     })
 }
 
-/// Reads a `zarr.json`.
 pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
     let bytes = base::input::read(path).map_err(|e| OpenError::Damaged {
         path: path.to_owned(),
@@ -27,14 +26,14 @@ pub(super) fn read_json(path: &Path) -> Result<Value, OpenError> {
     parse_json(path, &bytes)
 }
 
-/// The JSON of a `zarr.json`.
+/// Parses a `zarr.json`.
 pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> {
     let damaged = |reason: String| OpenError::Damaged {
         path: path.to_owned(),
         reason,
     };
     match serde_json::from_slice(bytes) {
-        // What reads or changes a description does so by its keys.
+        // Callers access the metadata by key.
         Ok(object @ Value::Object(_)) => Ok(object),
         Ok(_) => Err(damaged("it is no JSON object".into())),
         Err(e) => Err(damaged(format!("no valid JSON: {e}"))),

@@ -1,77 +1,60 @@
-//! What can go wrong with a store, one enum per kind of operation. Every message names the path and the fix.
+//! Errors of stores, one enum per kind of operation. Every message contains the path and the fix.
 
 use crate::refusal::Refusal;
 use base::lock::LockError;
 use std::path::{Path, PathBuf};
 use tensor::part::Part;
 
-/// A store could not be created.
 #[derive(Debug, thiserror::Error)]
 pub enum CreateError {
-    /// Something is already there.
     #[error(
         "{path} already exists: continue it with `--resume`, overwrite it with `--force`, or choose another `-o`"
     )]
-    Exists {
-        /// Where the store should go.
-        path: PathBuf,
-    },
-    /// Something that is not a store is there; it is never deleted.
+    Exists { path: PathBuf },
+    /// The path exists and is not a store; it is never deleted.
     #[error("{path} exists and is not a Sunstone store, so it is not overwritten: choose another `-o`")]
-    NotAStore {
-        /// Where the store should go.
-        path: PathBuf,
-    },
-    /// It would lie in a store, which is whole as it is and is replaced as a whole.
+    NotAStore { path: PathBuf },
+    /// The path is inside a store, which must not change in part.
     #[error("{path} lies in a store ({store}): choose another `-o`")]
     Within {
-        /// Where the store should go.
         path: PathBuf,
-        /// The store around it.
+        /// The enclosing store.
         store: PathBuf,
     },
-    /// A slice cannot be laid out.
+    /// The layout of a slice is invalid.
     #[error("slice `{name}`: {reason}")]
     Slice {
-        /// Name of the slice.
         name: String,
-        /// What is wrong and how to fix it.
+        /// The fault and the fix.
         reason: String,
     },
-    /// Another process writes there.
+    /// Another process is writing to the path.
     #[error("{path} is being written by {holder}: wait for it to end, or choose another `-o`")]
     Locked {
-        /// Where the store should go.
         path: PathBuf,
-        /// Who holds its lock.
+        /// Process that holds the lock.
         holder: String,
     },
-    /// An object store refused, or could not be asked.
+    /// The object store refused, or could not be reached.
     #[error("cannot create {path}: {refusal}")]
-    Remote {
-        /// Where the store should go.
-        path: PathBuf,
-        /// The refusal, with its fix.
-        refusal: Refusal,
-    },
-    /// The file system or the Zarr library refused.
+    Remote { path: PathBuf, refusal: Refusal },
+    /// The file system or the Zarr library failed.
     #[error("cannot create {path}: {cause}; check that the directory is writable and the disk has room")]
     Write {
         /// File or directory that could not be written.
         path: PathBuf,
-        /// The refusal.
         cause: String,
     },
 }
 
 impl CreateError {
-    /// Whether the system refused to write.
+    /// Returns whether a system error is the cause.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Write { .. })
     }
 
-    /// The error of a store that cannot be opened where it was just made.
+    /// Converts the error of opening a store that was just created.
     pub(super) fn of_open(path: &Path, error: OpenError) -> Self {
         let path = path.to_owned();
         match error {
@@ -83,7 +66,7 @@ impl CreateError {
         }
     }
 
-    /// Of a lock that could not be taken.
+    /// Converts the error of a lock that could not be taken.
     #[must_use]
     pub fn locked(path: &Path, error: LockError) -> Self {
         let path = path.to_owned();
@@ -105,7 +88,7 @@ impl OpenError {
         }
     }
 
-    /// The error of a description that is written.
+    /// Converts the error of writing a metadata file.
     pub(super) fn of_write(path: &Path, error: &std::io::Error) -> Self {
         let path = path.to_owned();
         match Refusal::in_io(error) {
@@ -117,7 +100,7 @@ impl OpenError {
         }
     }
 
-    /// The error of a file that is a part of a store's description.
+    /// Converts the error of reading a metadata file.
     pub(super) fn of_read(path: &Path, error: &std::io::Error) -> Self {
         match Refusal::in_io(error) {
             Some(refusal) => Self::remote(path, refusal.clone()),
@@ -140,148 +123,98 @@ impl OpenError {
     }
 }
 
-/// A store could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// There is nothing at the path.
+    /// The path does not exist.
     #[error("{path} does not exist: give the path of a store made by `sunstone render`")]
-    Missing {
-        /// The path asked for.
-        path: PathBuf,
-    },
-    /// There is something, but no Sunstone store.
+    Missing { path: PathBuf },
+    /// The path is not a Sunstone store.
     #[error("{path} is not a Sunstone store ({reason}): give the path of a store made by `sunstone render`")]
     NotAStore {
-        /// The path asked for.
         path: PathBuf,
-        /// What was missing.
+        /// The missing item.
         reason: String,
     },
-    /// The store has no slice of that name.
     #[error("{path} has no slice `{name}`; it has: {available}")]
     NoSlice {
-        /// The store.
         path: PathBuf,
-        /// The slice asked for.
+        /// The requested slice.
         name: String,
-        /// The slices it has.
+        /// The existing slices.
         available: String,
     },
-    /// An array or its description is damaged.
+    /// An array or its metadata is damaged.
     #[error("{path} is damaged: {reason}; render it again, or restore it from a copy")]
     Damaged {
         /// The damaged array, group or file.
         path: PathBuf,
-        /// What was found.
         reason: String,
     },
-    /// Another process writes the store.
+    /// Another process is writing the store.
     #[error("{path} is being written by {holder}: wait for it to end")]
     Locked {
-        /// The store.
         path: PathBuf,
-        /// Who holds its lock.
+        /// Process that holds the lock.
         holder: String,
     },
-    /// The store is not finished.
     #[error("{path} is not finished: go on with `sunstone render --resume`, or render it again")]
-    Unfinished {
-        /// The store.
-        path: PathBuf,
-    },
-    /// An object store refused, or could not be asked.
+    Unfinished { path: PathBuf },
+    /// The object store refused, or could not be reached.
     #[error("cannot open {path}: {refusal}")]
-    Remote {
-        /// The store.
-        path: PathBuf,
-        /// The refusal, with its fix.
-        refusal: Refusal,
-    },
+    Remote { path: PathBuf, refusal: Refusal },
     /// A file could not be read, or a leftover could not be removed.
     #[error("cannot open {path}: {cause}; check its permissions")]
-    Io {
-        /// The file or directory.
-        path: PathBuf,
-        /// The refusal.
-        cause: String,
-    },
+    Io { path: PathBuf, cause: String },
 }
 
-/// Values could not be read from or written to an open store.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
-    /// The slice has no such field.
     #[error("slice {path} has no field `{field}`: overflow is kept only where time is resolved")]
-    NoField {
-        /// The slice.
-        path: PathBuf,
-        /// Name of the field.
-        field: &'static str,
-    },
-    /// The store keeps no sample counts.
+    NoField { path: PathBuf, field: &'static str },
     #[error("{path} keeps no sample counts per pixel: create it with a sample grid")]
-    NoSamples {
-        /// The store.
-        path: PathBuf,
-    },
-    /// The store is not finished.
+    NoSamples { path: PathBuf },
     #[error(
         "{path} is of an unfinished render, so that some of its values are missing: go on with `render --resume`, or \
          take what there is with `--partial` (NaN where nothing is rendered)"
     )]
-    Unfinished {
-        /// The slice.
-        path: PathBuf,
-    },
-    /// The store is a part of a render.
+    Unfinished { path: PathBuf },
     #[error(
         "{path} is of {part} of a render, so that most of its values are elsewhere: join all parts with \
          `sunstone merge PART.. -o WHOLE`, or take what there is with `--partial` (NaN where nothing is rendered)"
     )]
-    Part {
-        /// The slice.
-        path: PathBuf,
-        /// Which part.
-        part: Part,
-    },
-    /// The region does not lie inside the array.
+    Part { path: PathBuf, part: Part },
+    /// The region is not inside the array.
     #[error("region {start:?} + {shape:?} does not lie inside {path} of shape {array:?}: shrink the region")]
     Region {
-        /// The array.
         path: PathBuf,
-        /// First index asked for.
+        /// First requested index.
         start: Vec<u64>,
-        /// Shape asked for.
+        /// Requested shape.
         shape: Vec<u64>,
         /// Shape of the array.
         array: Vec<u64>,
     },
-    /// The region does not fit into memory.
     #[error("{elements} values of {path} do not fit into memory: read a part of it")]
     Memory {
-        /// The array.
         path: PathBuf,
-        /// Elements of the region.
+        /// Number of elements of the region.
         elements: usize,
     },
     /// The number of values does not match the region.
     #[error("{found} values for a region of {expected} in {path}: pass one value per element, row-major")]
     Length {
-        /// The array.
         path: PathBuf,
-        /// Elements of the region.
+        /// Number of elements of the region.
         expected: usize,
-        /// Values given.
+        /// Number of given values.
         found: usize,
     },
     /// A chunk is truncated, corrupt or unreadable.
     #[error("chunk {chunk:?} of {path} cannot be read: {cause}; render it again, or restore it from a copy")]
     Chunk {
-        /// The array.
         path: PathBuf,
         /// Index of the chunk in the chunk grid.
         chunk: Vec<u64>,
-        /// What was found.
         cause: String,
     },
     /// A shard is truncated, corrupt, exchanged or unreadable.
@@ -289,49 +222,32 @@ pub enum AccessError {
         "shard {shard:?} of {path} cannot be read: {cause}; restore it from a copy, or make it again (`sunstone shard`)"
     )]
     Shard {
-        /// The array.
         path: PathBuf,
-        /// Index of the shard in the grid of shards.
+        /// Index of the shard in the shard grid.
         shard: Vec<u64>,
-        /// What was found.
         cause: String,
     },
-    /// The array is in shards, which are not changed.
+    /// The array is sharded, and shards cannot be modified.
     #[error("{path} is in shards, which are not changed: write another store, and shard it")]
-    Sharded {
-        /// The array.
-        path: PathBuf,
-    },
-    /// An object store refused a chunk, or could not be asked.
+    Sharded { path: PathBuf },
+    /// The object store refused to return a chunk, or could not be reached.
     #[error("chunk {chunk:?} of {path} cannot be read: {refusal}")]
     Remote {
-        /// The array.
         path: PathBuf,
         /// Index of the chunk in the chunk grid.
         chunk: Vec<u64>,
-        /// The refusal, with its fix.
         refusal: Box<Refusal>,
     },
-    /// An object store did not take a file.
+    /// The object store refused a file.
     #[error("cannot write {path}: {refusal}, then continue with `--resume`")]
-    Put {
-        /// The array.
-        path: PathBuf,
-        /// The refusal, with its fix.
-        refusal: Box<Refusal>,
-    },
-    /// A file could not be written.
+    Put { path: PathBuf, refusal: Box<Refusal> },
     #[error("cannot write {path}: {cause}; check that the disk has room, then continue with `--resume`")]
-    Write {
-        /// The array or file.
-        path: PathBuf,
-        /// The refusal.
-        cause: String,
-    },
+    Write { path: PathBuf, cause: String },
 }
 
 impl AccessError {
-    /// Values that are not read because the store at `path`, a part of a render or none, is not a finished render.
+    /// Returns the error for reading a store at `path` that is not a finished render: a part of one, or an
+    /// unfinished one.
     #[must_use]
     pub fn unfinished(path: &Path, part: Option<Part>) -> Self {
         let path = path.to_owned();
@@ -341,7 +257,7 @@ impl AccessError {
         }
     }
 
-    /// The error of a file that is written.
+    /// Converts the error of writing a file.
     pub(super) fn of_write(path: &Path, error: &std::io::Error) -> Self {
         let path = path.to_owned();
         match Refusal::in_io(error) {
@@ -356,7 +272,7 @@ impl AccessError {
         }
     }
 
-    /// The error of a chunk's file.
+    /// Converts the error of reading a chunk.
     pub(super) fn of_chunk(path: &Path, chunk: &[u64], error: &std::io::Error) -> Self {
         let (path, chunk) = (path.to_owned(), chunk.to_vec());
         match Refusal::in_io(error) {
@@ -373,7 +289,7 @@ impl AccessError {
         }
     }
 
-    /// The error of a shard's file.
+    /// Converts the error of reading a shard.
     pub(super) fn of_shard(path: &Path, shard: &[u64], error: &std::io::Error) -> Self {
         let (path, shard) = (path.to_owned(), shard.to_vec());
         match Refusal::in_io(error) {
@@ -390,7 +306,7 @@ impl AccessError {
         }
     }
 
-    /// Whether the system refused to write.
+    /// Returns whether a system error is the cause.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Write { .. } | Self::Put { .. })

@@ -1,4 +1,5 @@
-//! Whether a store, or a part of a render, is finished: its manifest says so, which is written last and removed first.
+//! Determines whether a store, or a part of a render, is finished. This is the case if its manifest exists,
+//! which is written last and removed first.
 
 use super::atomic::AtomicDirectory;
 use super::error::OpenError;
@@ -9,13 +10,13 @@ use std::path::Path;
 use std::sync::PoisonError;
 
 impl TensorStore {
-    /// True if all of it was written, to the manifest.
+    /// Returns whether the store was written completely, including the manifest.
     #[must_use]
     pub fn is_finished(&self) -> bool {
         self.has_manifest(manifest::FILE)
     }
 
-    /// True if it is a part of a render of which all was written.
+    /// Returns whether the store is a part of a render and was written completely.
     #[must_use]
     pub fn is_finished_part(&self) -> bool {
         self.part().is_some() && self.has_manifest(manifest::OF_PART)
@@ -25,14 +26,14 @@ impl TensorStore {
         match (self.storage.remote(), self.state) {
             (None, _) => self.path().join(name).is_file(),
             (Some(remote), State::Writing) => remote.is_stored(name),
-            // It was opened by the one that it has.
+            // The store was opened with its manifest.
             (Some(_), State::Finished) => name == part::manifest_of(&self.attributes()),
             (Some(remote), _) => matches!(remote.objects().get(name), Ok(Some(_))),
         }
     }
 
-    /// Opens a finished part to join it: its values are checked as those of a finished store, and zero where other parts have
-    /// theirs. `None` if there is no finished part.
+    /// Opens a finished part for joining. Its values are checked like those of a finished store, and are zero
+    /// in tiles of other parts. `None` if there is no finished part.
     pub(crate) fn open_part(path: &Path) -> Result<Option<Self>, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
         let Some(manifest) = Manifest::read_at(&place, path, manifest::OF_PART)? else {
@@ -43,8 +44,8 @@ impl TensorStore {
         Ok(store.part().is_some().then_some(store))
     }
 
-    /// A text that is another one as soon as the store's content is, so far as its descriptions and its manifest tell: of an
-    /// unfinished store, never the same twice.
+    /// Returns a text that changes with the content of the store, as far as metadata and manifest show it.
+    /// For an unfinished store, each call returns another text.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         let name = part::manifest_of(&self.attributes());
@@ -58,14 +59,15 @@ impl TensorStore {
         }
     }
 
-    /// Brings the consolidated metadata up to date, removes leftovers and writes the manifest. Call it once all is written.
+    /// Updates the consolidated metadata, removes leftovers and writes the manifest. Call it after all
+    /// writes.
     ///
     /// # Errors
-    /// If a description cannot be read or written.
+    /// If a metadata file cannot be read or written.
     pub fn finish(&self) -> Result<(), OpenError> {
         let held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(remote) = self.storage.remote() {
-            // Its consolidated metadata are those that it was made with.
+            // At an address, the consolidated metadata is that of the creation.
             let finished = remote.finish(part::manifest_of(&held));
             return finished.map_err(|e| OpenError::remote(self.path(), e));
         }
@@ -80,7 +82,7 @@ impl TensorStore {
         })
     }
 
-    /// Calls the store unfinished again, because its values are about to change.
+    /// Marks the store as unfinished before its values change.
     ///
     /// # Errors
     /// If the manifest cannot be removed.

@@ -1,9 +1,10 @@
-//! Raw frames on disk: what a sensor delivered, digital numbers as they were, in a Zarr v3 store with named axes.
+//! Raw frames on disk: unmodified digital numbers of a sensor, in a Zarr v3 store with named axes.
 //!
-//! Layout: the group `frames` with the array `raw` (unsigned integers over the run's axes and the frame's own), a coordinate
-//! array for every axis, and one number a frame in every column (positions that were read back, exposures, …). Chunks are
-//! whole frames, or, of frames that are small, all frames along the last of the run's axes; a chunk's bytes depend on its
-//! numbers alone. As of slices, the manifest is written last, so that an unfinished store does not read as a finished one.
+//! Layout: the group `frames` contains the array `raw` (unsigned integers over the run's axes and the frame's
+//! axes), a coordinate array for every axis, and columns with one number per frame (positions that were read
+//! back, exposures, …). A chunk is one frame, or, for small frames, all frames along the last of the run's
+//! axes. The bytes of a chunk depend only on its numbers. The manifest is written last, as for slices, so an
+//! unfinished store does not read as finished.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,55 +21,53 @@ use super::error::{AccessError, CreateError, OpenError};
 use super::manifest::{self, Manifest};
 use tensor::region;
 
-/// The group of the frames.
+/// Name of the group of the frames.
 const GROUP: &str = "frames";
 
-/// An axis of frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameAxis {
-    /// Its name: letters, digits, `_`.
+    /// Name: letters, digits, `_`.
     pub name: String,
-    /// Its unit (UDUNITS); `1` of plain numbers.
+    /// Unit (UDUNITS); `1` for dimensionless numbers.
     pub units: String,
-    /// A coordinate for each entry.
+    /// Coordinate of each entry.
     pub coords: Vec<f64>,
 }
 
-/// A number for each place of a frame, the same for all frames.
+/// A number for each element of a frame, equal for all frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameMap {
-    /// Its name: letters, digits, `_`.
+    /// Name: letters, digits, `_`.
     pub name: String,
-    /// Its unit (UDUNITS); `1` of plain numbers.
+    /// Unit (UDUNITS); `1` for dimensionless numbers.
     pub units: String,
     /// The numbers, row-major.
     pub values: Vec<f64>,
 }
 
-/// How wide the numbers of a frame are.
+/// Width of the numbers of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameNumber {
     /// 16 bits: cameras.
     U16,
-    /// 32 bits: counts of photons.
+    /// 32 bits: photon counts.
     U32,
 }
 
-/// What a store of frames is.
+/// The axes and the number type of a store of frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameLayout {
     /// The run's axes, then those of a frame.
     pub axes: Vec<FrameAxis>,
-    /// How many of them are the run's.
+    /// Number of the run's axes.
     pub run_axes: usize,
-    /// True if a chunk holds all frames along the last of the run's axes.
+    /// Whether a chunk contains all frames along the last of the run's axes.
     pub gathered: bool,
-    /// The numbers.
     pub number: FrameNumber,
 }
 
 impl FrameLayout {
-    /// Lengths of all axes.
+    /// Returns the lengths of all axes.
     #[must_use]
     pub fn shape(&self) -> Vec<u64> {
         self.axes.iter().map(|a| a.coords.len() as u64).collect()
@@ -80,19 +79,19 @@ impl FrameLayout {
         self.shape().into_iter().enumerate().map(of).collect()
     }
 
-    /// Frames of a run.
+    /// Returns the number of frames of a run.
     #[must_use]
     pub fn frames(&self) -> usize {
         self.shape()[..self.run_axes].iter().product::<u64>() as usize
     }
 
-    /// Frames of a chunk.
+    /// Returns the number of frames per chunk.
     #[must_use]
     pub fn frames_per_chunk(&self) -> usize {
         self.chunk()[..self.run_axes].iter().product::<u64>() as usize
     }
 
-    /// Numbers of a frame.
+    /// Returns the number of elements of a frame.
     #[must_use]
     pub fn frame_len(&self) -> usize {
         self.shape()[self.run_axes..].iter().product::<u64>() as usize
@@ -113,7 +112,6 @@ impl Raw {
     }
 }
 
-/// An open store of frames.
 pub struct FrameStore {
     storage: Arc<AtomicDirectory>,
     layout: FrameLayout,
@@ -123,11 +121,12 @@ pub struct FrameStore {
 }
 
 impl FrameStore {
-    /// Makes a store without frames, in the place of an old one where `replace` allows it; it appears with its maps, or not at
-    /// all. Nobody else writes it until it is dropped.
+    /// Creates a store without frames, or with `replace` replaces an existing one. It is created atomically
+    /// with its maps, and is locked against other writers until it is dropped.
     ///
     /// # Errors
-    /// If something is there, another process writes it, a map has not as many numbers as a frame, or the file system refuses.
+    /// If the path exists, another process writes it, the size of a map differs from that of a frame, or
+    /// writing fails.
     pub fn create(
         path: &Path,
         layout: &FrameLayout,
@@ -151,7 +150,7 @@ impl FrameStore {
                 return Err(CreateError::NotAStore { path: path.into() });
             }
         }
-        // Whoever is killed here leaves a whole store without frames, or none.
+        // A process that is killed here leaves a complete store without frames, or none.
         let part = staging::part_of(path);
         staging::remove(&part).map_err(io)?;
         Self::lay_out(&part, layout, maps, attributes)
@@ -162,7 +161,7 @@ impl FrameStore {
         Self::over(AtomicDirectory::new(path), Some(lock)).map_err(|e| failed(e.to_string()))
     }
 
-    /// Describes a store without frames in a new folder.
+    /// Writes the metadata of a store without frames into a new folder.
     fn lay_out(
         path: &Path,
         layout: &FrameLayout,
@@ -216,10 +215,10 @@ impl FrameStore {
         Ok(())
     }
 
-    /// Opens a finished store to read it.
+    /// Opens a finished store for reading.
     ///
     /// # Errors
-    /// If there is none, it is damaged, or not finished.
+    /// If the store does not exist, is damaged, or is not finished.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let Some(manifest) = Manifest::read(path)? else {
             if !is_frames(path) {
@@ -230,7 +229,7 @@ impl FrameStore {
         Self::over(AtomicDirectory::finished(path, manifest), None)
     }
 
-    /// Opens an unfinished store to go on writing it.
+    /// Opens an unfinished store for writing.
     ///
     /// # Errors
     /// As [`Self::open`], and if another process writes it.
@@ -304,25 +303,24 @@ impl FrameStore {
         })
     }
 
-    /// What it is made of.
+    /// Returns the axes and the number type.
     #[must_use]
     pub fn layout(&self) -> &FrameLayout {
         &self.layout
     }
 
-    /// Attributes of the root.
+    /// Returns the attributes of the root.
     #[must_use]
     pub fn attributes(&self) -> &Map<String, Value> {
         &self.attributes
     }
 
-    /// Where it is.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.storage.root()
     }
 
-    /// Start and shape of a chunk, counted in the order of the run.
+    /// Returns start and shape of a chunk, numbered in the order of the run.
     fn place(&self, chunk: usize) -> (Vec<u64>, Vec<u64>) {
         let (shape, size) = (self.layout.shape(), self.layout.chunk());
         let mut start = vec![0; shape.len()];
@@ -334,10 +332,10 @@ impl FrameStore {
         (start, size)
     }
 
-    /// Writes all frames of chunk number `chunk`; numbers beyond the store's width are cut to it.
+    /// Writes all frames of chunk number `chunk`. Numbers beyond the store's width are clamped.
     ///
     /// # Errors
-    /// If there is no such chunk, the numbers are not as many, or the file system refuses.
+    /// If there is no such chunk, the number of values differs, or writing fails.
     pub fn write_chunk(&self, chunk: usize, numbers: &[u32]) -> Result<(), AccessError> {
         let (start, size) = self.place(chunk);
         match &self.raw {
@@ -361,10 +359,10 @@ impl FrameStore {
         }
     }
 
-    /// Writes one number a frame, over the run's axes.
+    /// Writes one number per frame, over the run's axes.
     ///
     /// # Errors
-    /// If they are not as many as frames, or the file system refuses.
+    /// If the number of values differs from that of the frames, or writing fails.
     pub fn write_column(&self, name: &str, units: &str, values: &[f64]) -> Result<(), CreateError> {
         let names: Vec<&str> = self.run_names().collect();
         let shape = &self.layout.shape()[..self.layout.run_axes];
@@ -378,15 +376,15 @@ impl FrameStore {
     /// Reads a map; `None` if there is none.
     ///
     /// # Errors
-    /// If it is damaged.
+    /// If the map is damaged.
     pub fn read_map(&self, name: &str) -> Result<Option<Vec<f64>>, OpenError> {
         self.read_numbers(name, self.layout.frame_len())
     }
 
-    /// Waits until the disk has a chunk. One that is all zero has no file.
+    /// Waits until a chunk is on disk. A chunk of zeros has no file.
     ///
     /// # Errors
-    /// If the file system refuses.
+    /// If the file system fails.
     pub fn sync_chunk(&self, chunk: usize) -> std::io::Result<()> {
         let (start, _) = self.place(chunk);
         let file = match &self.raw {
@@ -399,7 +397,7 @@ impl FrameStore {
             Err(e) => return Err(e),
         }
         match file.parent() {
-            // The new name is in the folder.
+            // The folder contains the new name.
             Some(folder) => std::fs::File::open(folder)?.sync_data(),
             None => Ok(()),
         }
@@ -411,10 +409,10 @@ impl FrameStore {
             .map(|a| a.name.as_str())
     }
 
-    /// Reads a column of [`Self::write_column`]; `None` if there is none.
+    /// Reads a column written by [`Self::write_column`]; `None` if there is none.
     ///
     /// # Errors
-    /// If it is damaged.
+    /// If the column is damaged.
     pub fn read_column(&self, name: &str) -> Result<Option<Vec<f64>>, OpenError> {
         self.read_numbers(name, self.layout.frames())
     }
@@ -436,10 +434,10 @@ impl FrameStore {
         read.map(Some).map_err(|e| damaged(e.to_string()))
     }
 
-    /// Calls the store finished: writes what every file is.
+    /// Marks the store as finished: writes the manifest.
     ///
     /// # Errors
-    /// If the file system refuses.
+    /// If writing fails.
     pub fn finish(&self) -> Result<(), OpenError> {
         let io = |e: std::io::Error| OpenError::Io {
             path: self.path().to_owned(),
@@ -450,14 +448,14 @@ impl FrameStore {
         Manifest::write(self.path()).map_err(io)
     }
 
-    /// Whether all of it was written.
+    /// Returns whether the store was written completely.
     #[must_use]
     pub fn is_finished(&self) -> bool {
         self.path().join(manifest::FILE).is_file()
     }
 }
 
-/// Whether a folder is a store of frames, finished or not.
+/// Returns whether a folder is a store of frames, finished or not.
 #[must_use]
 pub fn is_frames(path: &Path) -> bool {
     path.join("zarr.json").is_file() && path.join(GROUP).join("raw").is_dir()

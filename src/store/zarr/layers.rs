@@ -1,8 +1,9 @@
-//! Ground truth on disk: layers of an image as a Zarr v3 group that `xarray.open_zarr(path)` opens as it is.
+//! Ground-truth layers on disk: a Zarr v3 group that `xarray.open_zarr(path)` opens directly.
 //!
-//! One array a layer over `y`, `x` and, where a pixel has several numbers, `vector` (x, y, z) or `wavelength`, with a coordinate
-//! array for each; what numbers of objects and materials stand for is their arrays' attribute `labels`. It appears whole or not at
-//! all, and has a manifest as stores of slices have, so that `verify` takes it.
+//! The group contains one array per layer over `y`, `x` and, for layers with several numbers per pixel,
+//! `vector` (x, y, z) or `wavelength`, with a coordinate array for each. The names of numbered objects and
+//! materials are the attribute `labels` of their arrays. The group is written atomically, and has a manifest
+//! like stores of slices, so that `verify` accepts it.
 
 use super::atomic::AtomicDirectory;
 use super::chunked::{ChunkedArray, Description, Number};
@@ -19,13 +20,14 @@ use tensor::layers::{Layer, LayerSet, LayerValues, Parts};
 /// Attribute of the group that lists the layers.
 const LAYERS: &str = "layers";
 
-/// Longest edge of a chunk, pixels.
+/// Maximum edge of a chunk, pixels.
 const CHUNK: u64 = 512;
 
-/// Writes layers with attributes of the group; `replace` deletes layers that are there, and nothing else.
+/// Writes layers with attributes of the group. With `replace`, existing layers are deleted first, and nothing
+/// else.
 ///
 /// # Errors
-/// [`CreateError`] if something is there that may not be replaced, or the file system refuses.
+/// [`CreateError`] if the path exists and may not be replaced, or writing fails.
 pub fn write_layers(
     path: &Path,
     set: &LayerSet,
@@ -60,12 +62,12 @@ pub fn write_layers(
     made
 }
 
-/// True of what [`write_layers`] wrote.
+/// Returns whether a path was written by [`write_layers`].
 fn holds_layers(path: &Path) -> bool {
     read_json(&path.join("zarr.json")).is_ok_and(|json| json["attributes"][LAYERS].is_array())
 }
 
-/// The group's attributes, arrays and consolidated metadata.
+/// Writes the group's attributes, arrays and consolidated metadata.
 fn fill(root: &Path, set: &LayerSet, attributes: &Map<String, Value>) -> Result<(), CreateError> {
     let mut attributes = attributes.clone();
     let names: Vec<&str> = set.layers.iter().map(|l| l.name).collect();

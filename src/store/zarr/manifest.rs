@@ -1,8 +1,12 @@
-//! What files a finished store is made of: the last thing that is written of it, and what `verify` and every reader go by.
+//! The manifest of a finished store: the list of its files. It is written last, and `verify` and all readers
+//! check against it.
 //!
-//! A text file of a line a file: checksum, size and path below the store, sorted by path, under a head that counts them and
-//! over the checksum of all lines. The checksum of a chunk is the CRC-32C that its file ends with, that of a shard the one of its tail
-//! ([`shard::checksum`]), that of a description (`zarr.json`) or a file of another format (`.ptu`) the CRC-32C of its bytes. A chunk of zeros has no file, and so no line: what has a line and no file was lost.
+//! The manifest is a text file. A head with the number of files is followed by one line per file (checksum,
+//! size, path relative to the store), sorted by path, and by the checksum of all lines. The checksum of a
+//! chunk is the CRC-32C at the end of its file, that of a shard the checksum of its tail
+//! ([`shard::checksum`]), and that of metadata (`zarr.json`) or a file of another format (`.ptu`) the CRC-32C
+//! of its bytes. A chunk of zeros has neither a file nor a line, so a line without a file means that the file
+//! was lost.
 
 use super::error::OpenError;
 use super::shard::{self, Shards};
@@ -16,32 +20,32 @@ use std::fs;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Name of the file.
 pub(super) const FILE: &str = "manifest.txt";
-/// Its name in a finished part of a render: another one, so that no reader takes the part for the whole.
+/// File name in a finished part of a render. It differs, so that readers do not mistake the part for the
+/// whole.
 pub(super) const OF_PART: &str = "part.txt";
 const HEAD: &str = "sunstone manifest 1:";
-/// Files below folders below this many are not looked for: stores have three.
+/// Maximum folder depth to search; stores have three levels.
 const DEEPEST: usize = 8;
 
-/// What a file is.
+/// Checksum and size of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Entry {
     pub(super) crc: u32,
     pub(super) size: u64,
 }
 
-/// Files of a store by their paths below it, separated by `/`.
+/// Entries of files by their paths relative to the store, separated by `/`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Manifest(pub(super) HashMap<String, Entry>);
 
-/// Whether a file is a description or of another format, as photons' time tags are: it ends with no checksum, so that one is made of
-/// its bytes.
+/// Returns whether a file is metadata or of another format, such as photon time tags. Such files do not end
+/// with a checksum, so the checksum is computed from their bytes.
 pub(super) fn is_plain(path: &str) -> bool {
     path.ends_with("zarr.json") || path.ends_with(".ptu")
 }
 
-/// The checksum that a manifest has of a file with these bytes.
+/// Returns the checksum for the manifest of a file with these bytes.
 fn checksum(path: &str, bytes: &[u8]) -> u32 {
     match bytes.last_chunk() {
         Some(seal) if !is_plain(path) => u32::from_le_bytes(*seal),
@@ -50,7 +54,7 @@ fn checksum(path: &str, bytes: &[u8]) -> u32 {
 }
 
 impl Entry {
-    /// The entry of a file that is read whole.
+    /// Returns the entry of a complete file.
     pub(super) fn of(path: &str, bytes: &[u8]) -> Self {
         let crc = checksum(path, bytes);
         Self {
@@ -59,7 +63,7 @@ impl Entry {
         }
     }
 
-    /// The entry of a file that is read whole, which may be a shard.
+    /// Returns the entry of a complete file, which may be a shard.
     pub(super) fn of_any(path: &str, bytes: &[u8], shards: &Shards) -> Self {
         let Some(frames) = shards.frames(path) else {
             return Self::of(path, bytes);
@@ -69,19 +73,19 @@ impl Entry {
         Self::of_tail(size, &bytes[tail..])
     }
 
-    /// The entry of a shard of so many bytes with this tail.
+    /// Returns the entry of a shard of `size` bytes with this tail.
     pub(super) fn of_tail(size: u64, tail: &[u8]) -> Self {
         let crc = shard::checksum(tail);
         Self { crc, size }
     }
 
-    /// The entry of a file of so many bytes that ends with its checksum.
+    /// Returns the entry of a file of `size` bytes that ends with its checksum.
     pub(super) fn sealed(size: u64, seal: &[u8]) -> Self {
         let crc = seal.try_into().map_or(0, u32::from_le_bytes);
         Self { crc, size }
     }
 
-    /// The entry of a file on disk, of which only the end is read where that tells enough.
+    /// Reads the entry of a file on disk; only the end of the file if that is enough.
     fn read(root: &Path, path: &str, shards: &Shards) -> io::Result<Self> {
         let mut file = base::input::open(&root.join(path))?;
         let size = file.metadata()?.len();
@@ -106,13 +110,13 @@ impl Entry {
     }
 }
 
-/// Whether a file that is found below a store's root is to be in its manifest: not the manifests, nor the journal, temporary
-/// files and what else has a name, or lies in a folder, that begins with a dot.
+/// Returns whether a file in a store's folder belongs into the manifest: not the manifests, the journal,
+/// temporary files and other paths with a component that begins with a dot.
 pub(super) fn is_part(path: &str) -> bool {
     path != FILE && path != OF_PART && !path.split('/').any(|name| name.starts_with('.'))
 }
 
-/// Paths of all files below a folder, sorted, but for those that are no part of a store: the manifest, the journal and
+/// Returns the sorted paths of all files of a store below a folder, without the manifest, the journal and
 /// temporary files.
 pub(super) fn files(root: &Path) -> io::Result<Vec<String>> {
     let mut found = vec![];
@@ -140,12 +144,12 @@ pub(super) fn files(root: &Path) -> io::Result<Vec<String>> {
 }
 
 impl Manifest {
-    /// Writes the manifest of the files that are there.
+    /// Writes the manifest of the existing files.
     pub(super) fn write(root: &Path) -> io::Result<()> {
         Self::write_as(root, FILE)
     }
 
-    /// As [`Self::write`], under a name of its own.
+    /// Does the same as [`Self::write`] with another file name.
     pub(super) fn write_as(root: &Path, name: &str) -> io::Result<()> {
         let paths = files(root)?;
         let shards = Shards::in_folder(root, &paths);
@@ -156,7 +160,7 @@ impl Manifest {
         whole_file::write(&root.join(name), text(&entries).as_bytes())
     }
 
-    /// Removes the manifest: the store is not finished.
+    /// Removes the manifest, which marks the store as unfinished.
     pub(super) fn remove(root: &Path) -> io::Result<()> {
         for name in [FILE, OF_PART] {
             match fs::remove_file(root.join(name)) {
@@ -167,7 +171,8 @@ impl Manifest {
         Ok(())
     }
 
-    /// Reads the manifest, by its name, of what lies at `place`, which `root` names; `None` where there is none.
+    /// Reads the manifest of this file name at `place`; `None` if it does not exist. `root` is the path for
+    /// messages.
     pub(super) fn read_at(place: &Place, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         match place {
             Place::Folder(root) => Self::read_as(root, name),
@@ -175,13 +180,13 @@ impl Manifest {
         }
     }
 
-    /// [`Self::read_at`] below an address.
+    /// Does the same as [`Self::read_at`] for an address.
     pub(super) fn of_objects(objects: &Objects, root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         let bytes = objects.get(name).map_err(|e| OpenError::remote(root, e))?;
         bytes.map(|bytes| of_bytes(&bytes, &root.join(name))).transpose()
     }
 
-    /// The manifest of what lies below an address, and the description of its root, which come beside each other.
+    /// Reads the manifest and the root's metadata at an address concurrently.
     pub(super) fn with_root(
         objects: &Objects,
         root: &Path,
@@ -193,12 +198,12 @@ impl Manifest {
         Ok((manifest.transpose()?, description))
     }
 
-    /// Reads the manifest; `None` where there is none, because the store is not finished.
+    /// Reads the manifest; `None` if it does not exist, because the store is not finished.
     pub(super) fn read(root: &Path) -> Result<Option<Self>, OpenError> {
         Self::read_as(root, FILE)
     }
 
-    /// As [`Self::read`], of a name of its own.
+    /// Does the same as [`Self::read`] with another file name.
     pub(super) fn read_as(root: &Path, name: &str) -> Result<Option<Self>, OpenError> {
         let path = root.join(name);
         let text = match base::input::read_text(&path) {
@@ -216,11 +221,10 @@ impl Manifest {
     }
 }
 
-/// The text of a manifest.
+/// Formats a manifest.
 pub(super) fn text(entries: &BTreeMap<String, Entry>) -> String {
     let mut text = format!("{HEAD} {} files\n", entries.len());
     for (path, Entry { crc, size }) in entries {
-        // Writing to a text cannot fail.
         let _ = writeln!(text, "{crc:08x} {size} {path}");
     }
     let seal = seal(&text);
@@ -238,7 +242,7 @@ fn damaged(path: PathBuf) -> OpenError {
     OpenError::Damaged { path, reason }
 }
 
-/// The last line, over all lines before it.
+/// Returns the last line, the checksum of all lines before it.
 fn seal(lines: &str) -> String {
     format!("{:08x} lines above", crc32c::crc32c(lines.as_bytes()))
 }
@@ -299,7 +303,7 @@ mod tests {
     }
 
     proptest! {
-        /// One changed, lost or added byte anywhere is noticed.
+        /// Any changed, lost or added byte is detected.
         #[test]
         fn damage_is_noticed(at in any::<prop::sample::Index>(), byte in any::<u8>(), kind in 0..3) {
             let dir = tempfile::tempdir().unwrap();

@@ -1,15 +1,16 @@
-//! Slices on disk: a Zarr v3 directory that `xarray.open_zarr(path, group=NAME)` opens as it is.
+//! Slices on disk: a Zarr v3 directory that `xarray.open_zarr(path, group=NAME)` opens directly.
 //!
-//! See `describe` for the layout. Chunks follow the camera tiles of the renderer, so that a finished tile is a
-//! finished chunk wherever the slice keeps whole pixels. Files are replaced atomically (`atomic`); the bytes of a
-//! chunk depend on its values alone, so a store is identical for any number and order of writing threads.
+//! See `describe` for the layout. Chunks match the camera tiles of the renderer, so that a finished tile is a
+//! finished chunk if the slice keeps single pixels. Files are replaced atomically (`atomic`). The bytes of a
+//! chunk depend only on its values, so a store is identical for any number and order of writing threads.
 //!
-//! What is open has been checked (`check`): axes have as many coordinates as the arrays have entries, which are finite
-//! and rise; chunks lie within their arrays; attributes that programs read are of their type. Whoever reads relies on it.
+//! An open store has been checked (`check`): axes have as many coordinates as the arrays have entries,
+//! coordinates are finite and increasing, chunks lie within their arrays, and attributes that the program
+//! reads have the right type. Readers rely on it.
 //!
-//! A store is *finished* when its `manifest` is written, which says what files it is made of. Of a finished store every
-//! file that is read must be as the manifest says, so that lost or exchanged chunks are errors and not zeros; of an
-//! unfinished one nothing is read, but by who asks for what there is ([`TensorStore::open_partial`]). One at a time writes a
+//! A store is *finished* when its `manifest`, the list of its files, is written. Every file that is read from
+//! a finished store must match the manifest, so lost or exchanged chunks are errors and not zeros. An
+//! unfinished store can only be read with [`TensorStore::open_partial`]. Only one process at a time writes a
 //! store ([`base::lock`]).
 
 mod array;
@@ -70,11 +71,11 @@ pub(crate) use self::shard_shape::Limits;
 pub use self::slice::StoredSlice;
 pub use self::verify::{Verified, verify};
 
-/// An open store of slices. May be shared by any number of threads.
+/// An open store of slices, which several threads may share.
 pub struct TensorStore {
     storage: Arc<AtomicDirectory>,
     state: State,
-    /// Held by who writes.
+    /// Held while writing.
     lock: Mutex<Option<Held>>,
     names: Vec<String>,
     attributes: Mutex<Map<String, Value>>,
@@ -82,16 +83,16 @@ pub struct TensorStore {
     samples: Option<Arc<ChunkedArray<u32>>>,
 }
 
-/// What is known of an open store's values.
+/// The state of an open store's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// They are being written.
+    /// Values are being written.
     Writing,
-    /// All are there.
+    /// All values exist.
     Finished,
-    /// Some may be missing, and none is read.
+    /// Some values may be missing, and none can be read.
     Unfinished,
-    /// Some may be missing, and are read as NaN.
+    /// Some values may be missing, and are read as NaN.
     Partial,
 }
 
@@ -106,12 +107,13 @@ impl std::fmt::Debug for TensorStore {
 impl TensorStore {
     /// Creates a store of the given slices, all zero, with their group attributes and the root's attributes.
     ///
-    /// It is built beside `path` and renamed into place, so a store exists whole or not at all. With `replace`, an
-    /// existing *store* at `path` is deleted first; anything else is left alone. Below an address, where nothing can be renamed, it
-    /// is written in its place, is not finished until [`Self::finish`], and an old store is gone before.
+    /// The store is built next to `path` and then renamed, so it is created atomically. With `replace`, an
+    /// existing *store* at `path` is deleted first; anything else is refused. At an address, where objects
+    /// cannot be renamed, an old store is deleted first, and the new store is written in place and unfinished
+    /// until [`Self::finish`].
     ///
     /// # Errors
-    /// If `path` exists and may not be replaced, a name, axis or attribute is unusable, or the file system refuses.
+    /// If `path` exists and may not be replaced, a name, axis or attribute is invalid, or writing fails.
     pub fn create(
         path: &Path,
         slices: &[(SliceLayout, Map<String, Value>)],
@@ -122,8 +124,8 @@ impl TensorStore {
         Self::create_filled(path, slices, attributes, samples, replace, |_| Ok(()))
     }
 
-    /// As [`Self::create`], with values: `fill` writes them, finishing included, before the store gets its name, so that
-    /// it exists with them or not at all (where it fails, an old store stays).
+    /// Does the same as [`Self::create`], with values: `fill` writes and finishes them before the store is
+    /// renamed, so it appears complete or not at all. If `fill` fails, an old store is kept.
     ///
     /// # Errors
     /// As [`Self::create`], and those of `fill`.
@@ -138,9 +140,9 @@ impl TensorStore {
         Self::create_from(path, slices, attributes, samples, replace, None, fill)
     }
 
-    /// As [`Self::create_filled`], for much work, which goes on where it was when its process was killed: if it was of the
-    /// same `origin` (all that its values depend on), `fill` gets the store as it was left, in which every chunk file that is
-    /// there is whole ([`StoredSlice::is_stored`]).
+    /// Does the same as [`Self::create_filled`] with support for resuming. If a killed process left an
+    /// unfinished store of the same `origin` (everything that the values depend on), `fill` gets that store,
+    /// in which every existing chunk file is complete ([`StoredSlice::is_stored`]).
     ///
     /// # Errors
     /// As [`Self::create_filled`].
@@ -200,7 +202,7 @@ impl TensorStore {
         };
         let io = |e: std::io::Error| failed(e.to_string());
         staging::recover(&path).map_err(io)?;
-        // Somebody may have made it meanwhile.
+        // Another process may have created it meanwhile.
         let exists = std::fs::symlink_metadata(&path).is_ok();
         if exists && !replace {
             return Err(CreateError::Exists { path }.into());
@@ -214,7 +216,7 @@ impl TensorStore {
             let mark = part.join(ORIGIN);
             let same = |origin: &str| base::input::read_text(&mark).is_ok_and(|left| left == origin);
             if !origin.is_some_and(same) {
-                // What another process left there is of no use.
+                // A leftover of another process cannot be used.
                 staging::remove(&part).map_err(io)?;
                 build(&part, new)?;
                 if let Some(origin) = origin {
@@ -235,10 +237,10 @@ impl TensorStore {
         Ok(Self::open_writing(&path, Some(lock)).map_err(|e| failed(e.to_string()))?)
     }
 
-    /// Opens a store to read it. Of one that is not finished, values are not read: that is an error of reading.
+    /// Opens a store for reading. Reading values of an unfinished store is an error.
     ///
     /// # Errors
-    /// If there is no store at `path` or its description is damaged. Slices are checked when they are asked for.
+    /// If there is no store at `path` or its metadata is damaged. Slices are checked when they are opened.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
         let (manifest, root) = match &place {
@@ -257,8 +259,8 @@ impl TensorStore {
         Self::over(storage, state, None)
     }
 
-    /// Opens a store to read what there is of it: as [`TensorStore::open`], but values of an unfinished store that are not
-    /// rendered yet are NaN.
+    /// Opens a store like [`TensorStore::open`], but values of an unfinished store that are not rendered yet
+    /// are read as NaN.
     ///
     /// # Errors
     /// As [`TensorStore::open`].
@@ -330,10 +332,10 @@ impl TensorStore {
         })
     }
 
-    /// Whether something is where a store would be.
+    /// Returns whether the path of a store exists.
     ///
     /// # Errors
-    /// If an object store refuses, or cannot be asked.
+    /// If an object store refuses or cannot be reached.
     pub fn is_there(path: &Path) -> Result<bool, OpenError> {
         let refused = |e| OpenError::remote(path, e);
         match remote_store::objects_of(path).map_err(refused)? {
@@ -342,9 +344,9 @@ impl TensorStore {
         }
     }
 
-    /// Opens a store to go on writing it: like [`TensorStore::open`], and removes what a killed process left. Nobody else
-    /// can open it so until [`TensorStore::unlock`] or its end. What is written afterwards is not finished until
-    /// [`TensorStore::finish`] is called.
+    /// Opens a store for writing: like [`TensorStore::open`], and removes leftovers of a killed process.
+    /// Other processes cannot open it for writing until [`TensorStore::unlock`] or until it is dropped. Call
+    /// [`TensorStore::finish`] after writing.
     ///
     /// # Errors
     /// As [`TensorStore::open`], if another process writes it, and if a leftover cannot be removed.
@@ -356,7 +358,7 @@ impl TensorStore {
             };
         }
         if !path.exists() {
-            // No lock of nothing.
+            // Do not create a lock for a missing store.
             return Self::open(path);
         }
         let lock = Lock::take(path).map_err(|e| OpenError::locked(path, e))?;
@@ -368,13 +370,13 @@ impl TensorStore {
         Ok(store)
     }
 
-    /// Which part of a render it is; `None` of a whole one.
+    /// Returns the part of a render that the store is; `None` for a whole render.
     #[must_use]
     pub fn part(&self) -> Option<Part> {
         Part::of_attributes(&self.attributes())
     }
 
-    /// The first file in which two finished stores differ, but for their root's description.
+    /// Returns the first file in which two finished stores differ, except the root's metadata.
     pub(crate) fn first_difference(&self, other: &Self) -> Option<String> {
         self.storage.first_difference(&other.storage)
     }
@@ -388,24 +390,23 @@ impl TensorStore {
         Ok(())
     }
 
-    /// Lets others write the store.
+    /// Releases the lock of the store.
     pub fn unlock(&self) {
         self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
-    /// Directory of the store.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.storage.root()
     }
 
-    /// Names of the slices, in the order of creation.
+    /// Returns the names of the slices, in the order of creation.
     #[must_use]
     pub fn slice_names(&self) -> &[String] {
         &self.names
     }
 
-    /// Opens a slice; the same one is handed out again, so that all writers share its locks.
+    /// Opens a slice. Repeated calls return the same slice, so that all writers share its locks.
     ///
     /// # Errors
     /// If there is no such slice, or an array of it is missing, of the wrong type or shape, or unreadable.
@@ -432,7 +433,7 @@ impl TensorStore {
         Ok(slice)
     }
 
-    /// Attributes of the root group (a copy), without the store's own list of slices.
+    /// Returns a copy of the root group's attributes, without the store's list of slices.
     #[must_use]
     pub fn attributes(&self) -> Map<String, Value> {
         self.attributes
@@ -444,7 +445,7 @@ impl TensorStore {
     /// Replaces the attributes of the root group.
     ///
     /// # Errors
-    /// If the root's description cannot be read or written.
+    /// If the root's metadata cannot be read or written.
     pub fn set_attributes(&self, attributes: Map<String, Value>) -> Result<(), OpenError> {
         let mut held = self.attributes.lock().unwrap_or_else(PoisonError::into_inner);
         describe::set_root_attributes(&self.storage, &attributes)?;
@@ -453,20 +454,20 @@ impl TensorStore {
     }
 }
 
-/// Calls a store finished as it is, damage included.
+/// Marks a store as finished, including any damage.
 #[cfg(test)]
 pub(crate) fn reseal(path: &Path) {
     Manifest::write(path).expect("a folder");
 }
 
-/// The store in which a path would lie, if there is one.
+/// Returns the store that contains a path, if any.
 #[must_use]
 pub fn around(path: &Path) -> Option<PathBuf> {
     let real = whole_file::real(path);
     real.ancestors().skip(1).find(|a| is_store(a)).map(Path::to_owned)
 }
 
-/// Refuses to make a store in another.
+/// Refuses to create a store inside another.
 fn refuse_within(path: &Path) -> Result<(), CreateError> {
     around(path).map_or(Ok(()), |store| {
         Err(CreateError::Within {

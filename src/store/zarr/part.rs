@@ -1,4 +1,5 @@
-//! Stores of a part of a render: their manifest has another name, so that they are finished for [`crate::merge`] alone.
+//! Stores of a part of a render. Their manifest has another file name, so that only [`crate::merge`] accepts
+//! them as finished.
 
 use super::describe;
 use super::description;
@@ -7,7 +8,7 @@ use serde_json::{Map, Value};
 use std::path::Path;
 use tensor::part::Part;
 
-/// The name of the manifest that says that a store with these root attributes is finished, as what it is.
+/// Returns the file name of the manifest of a store with these root attributes.
 pub(super) fn manifest_of(attributes: &Map<String, Value>) -> &'static str {
     match Part::of_attributes(attributes) {
         Some(_) => manifest::OF_PART,
@@ -15,13 +16,13 @@ pub(super) fn manifest_of(attributes: &Map<String, Value>) -> &'static str {
     }
 }
 
-/// Which part of a render the store at `path` is; `None` of a whole one, or of no store.
+/// Returns the part of a render at `path`; `None` for a whole render or no store.
 pub(super) fn at(path: &Path) -> Option<Part> {
     let json = description::read_json(&path.join("zarr.json")).ok()?;
     Part::of_attributes(&describe::attributes_of(&json)?)
 }
 
-/// Which part of a render the store with this description of its root is.
+/// Returns the part of a render with this root metadata.
 pub(super) fn of_root(path: &Path, root: &[u8]) -> Option<Part> {
     let json = description::parse_json(path, root).ok()?;
     Part::of_attributes(&describe::attributes_of(&json)?)

@@ -1,4 +1,4 @@
-//! What is read of a store that is not finished: NaN where no sample was taken, and never zero.
+//! Reads of unfinished stores: values without samples are NaN, never zero.
 
 use super::chunked::ChunkedArray;
 use super::error::AccessError;
@@ -6,18 +6,18 @@ use std::sync::Arc;
 use tensor::axes::{self, AxisKind, SliceLayout};
 use tensor::part::Part;
 
-/// Which values of a slice there are.
+/// The values of a slice that can be read.
 pub(super) enum Values {
     /// All.
     All,
-    /// Some may be missing: none is read; because it is a part of a render, if it is.
+    /// None, because some may be missing; with the part of a render, if the store is one.
     Unfinished(Option<Part>),
-    /// Those of camera pixels with samples; none where samples are not counted.
+    /// Those of camera pixels with samples; none if samples are not counted.
     Sampled(Option<Arc<ChunkedArray<u32>>>),
 }
 
-/// Writes NaN over the values of a region that belong to camera pixels without samples: to all where the field does not tell
-/// pixels apart. `single`: its elements are of one pixel each.
+/// Replaces the values of camera pixels without samples in a region by NaN; all values if the field does not
+/// resolve pixels. `single`: each element belongs to one pixel.
 pub(super) fn hide(
     samples: Option<&ChunkedArray<u32>>,
     layout: &SliceLayout,

@@ -1,4 +1,4 @@
-//! Which tiles of a render are in a store: the journal in its folder, or an object a tile below its address.
+//! The finished tiles of a render: a journal in the store's folder, or one object per tile at its address.
 
 use super::TensorStore;
 use super::atomic::AtomicDirectory;
@@ -8,7 +8,6 @@ use std::io;
 use std::sync::Arc;
 use tensor::sink::TileRecord;
 
-/// An open journal.
 #[derive(Debug)]
 pub(crate) enum Progress {
     File(Journal<TileRecord>),
@@ -16,7 +15,7 @@ pub(crate) enum Progress {
 }
 
 impl Progress {
-    /// Opens (or begins) the journal of a store that is open to be written, and returns what it holds.
+    /// Opens or creates the journal of a store that is open for writing, and returns its records.
     pub(crate) fn open(store: &TensorStore) -> io::Result<(Self, Vec<TileRecord>)> {
         let Some(remote) = store.storage.remote() else {
             let (journal, done) = Journal::open(store.path())?;
@@ -28,7 +27,7 @@ impl Progress {
         Ok((Self::Objects(store.storage.clone()), records.collect()))
     }
 
-    /// Notes a finished tile.
+    /// Records a finished tile.
     pub(crate) fn push(&self, record: &TileRecord) -> io::Result<()> {
         match self {
             Self::File(journal) => journal.push(record),
@@ -39,7 +38,7 @@ impl Progress {
         }
     }
 
-    /// Removes the journal: the work is complete.
+    /// Removes the journal, because the work is complete.
     pub(crate) fn remove(self) -> io::Result<()> {
         match self {
             Self::File(journal) => journal.remove(),
@@ -50,7 +49,7 @@ impl Progress {
         }
     }
 
-    /// Whether a store that is open to be written has a journal, that is, holds unfinished work.
+    /// Returns whether a store that is open for writing has a journal, and therefore unfinished work.
     pub(crate) fn exists(store: &TensorStore) -> bool {
         match store.storage.remote() {
             None => journal::exists(store.path()),

@@ -1,7 +1,8 @@
-//! A store below an address of an object store: few requests, and those of one read beside each other.
+//! A store at an address of an object store, with few and concurrent requests.
 //!
-//! The descriptions of all groups and arrays are the consolidated metadata of the root's: opening takes two requests, of the
-//! manifest and of the root's description, beside each other. Chunks that are about to be read are fetched ahead.
+//! The consolidated metadata of the root contains the metadata of all groups and arrays. Opening therefore
+//! takes two concurrent requests, for the manifest and for the root's metadata. Chunks are fetched ahead of
+//! reading.
 
 use super::manifest::{self, Entry, Manifest};
 use super::shard::{self, Shards};
@@ -13,41 +14,40 @@ use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What is fetched ahead at once: files, and their bytes as far as a manifest tells them.
+/// Limits of one concurrent fetch: files, and their total bytes if the manifest contains them.
 const AHEAD_FILES: usize = 64;
 const AHEAD_BYTES: u64 = 64 << 20;
-/// Ranges of one file that are this near to each other are one request, of so many bytes at most: one more takes longer than
-/// what lies between.
+/// Ranges of one file whose gap is at most this are fetched by one request of limited size, because another
+/// request takes longer than the transfer of the gap.
 const GAP: u64 = 32 << 10;
 const AT_A_TIME: u64 = 8 << 20;
 
-/// What is known of a file of a store that is being written.
+/// A file of a store that is being written.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Known {
-    /// It was put by this process.
+    /// Written by this process.
     Put(Entry),
-    /// It was found, with its size.
+    /// Found with this size.
     Found(u64),
 }
 
-/// Of a store that is being written.
+/// State of a store that is being written.
 #[derive(Debug)]
 struct Writing {
-    /// All that lies there: nobody else puts anything.
+    /// All existing files; no other process writes.
     known: BTreeMap<String, Known>,
-    /// Whether the store's lock is held still.
+    /// Whether the store's lock is still held.
     hold: Arc<Hold>,
 }
 
-/// Objects of a store.
 #[derive(Debug)]
 pub(super) struct Remote {
     objects: Objects,
-    /// Descriptions by their files, of the root's consolidated metadata.
+    /// Metadata by file, from the root's consolidated metadata.
     descriptions: Mutex<HashMap<String, Bytes>>,
-    /// What has been fetched and not been read yet; `None` of what is not there.
+    /// Fetched data that has not been read yet; `None` for files that do not exist.
     ahead: Mutex<HashMap<(String, Ask), Option<Bytes>>>,
-    /// `None` of a store that is read.
+    /// `None` for a store that is only read.
     writing: Mutex<Option<Writing>>,
 }
 
@@ -61,7 +61,7 @@ impl Remote {
         }
     }
 
-    /// Takes descriptions from that of the root.
+    /// Stores the metadata in the consolidated metadata of the root.
     pub(super) fn describe(&self, root: &Value) {
         let metadata = root["consolidated_metadata"]["metadata"].as_object();
         let file =
@@ -70,7 +70,7 @@ impl Remote {
             .extend(metadata.into_iter().flatten().map(file));
     }
 
-    /// Keeps a description that has been read.
+    /// Keeps metadata that has been read.
     pub(super) fn keep_description(&self, file: String, bytes: Bytes) {
         self.descriptions().insert(file, bytes);
     }
@@ -83,18 +83,18 @@ impl Remote {
         self.descriptions().get(file).cloned()
     }
 
-    /// Whether a group or an array is described.
+    /// Returns whether metadata of a group or an array exists.
     pub(super) fn has_description(&self, node: &str, manifest: Option<&Manifest>) -> bool {
         let file = format!("{node}/zarr.json");
         self.description(&file).is_some() || manifest.is_some_and(|m| m.0.contains_key(&file))
     }
 
-    /// A file, fetched now unless it has been fetched ahead.
+    /// Returns a file, which is fetched unless it was fetched ahead.
     pub(super) fn get(&self, key: &str) -> Result<Option<Bytes>, Refusal> {
         self.get_part(key, Ask::Whole)
     }
 
-    /// What is asked of a file, fetched now unless it has been fetched ahead.
+    /// Returns a part of a file, which is fetched unless it was fetched ahead.
     pub(super) fn get_part(&self, key: &str, ask: Ask) -> Result<Option<Bytes>, Refusal> {
         let wanted = (key.to_owned(), ask);
         let fetched = self.ahead().remove(&wanted);
@@ -118,10 +118,10 @@ impl Remote {
         let (mut wanted, mut bytes, mut passed) = (Vec::<Request>::new(), 0, 0);
         for (key, ask) in asks {
             let size = match (ask, manifest) {
-                // Of what is not stored.
+                // A piece that is not stored.
                 (Ask::Bytes(range), _) if range.is_empty() => None,
                 (Ask::Bytes(range), _) => Some(range.end - range.start),
-                // A chunk of zeros, which has no file.
+                // A chunk of zeros has no file.
                 (_, Some(manifest)) => manifest.0.get(key).map(|entry| entry.size),
                 (_, None) => (!self.lacks(key)).then_some(0),
             };
@@ -150,7 +150,7 @@ impl Remote {
         Ok(passed)
     }
 
-    /// Keeps files that are read next, or that they are not there.
+    /// Keeps files that will be read next, or the fact that they do not exist.
     pub(super) fn keep_ahead(&self, files: impl IntoIterator<Item = (String, Option<Bytes>)>) {
         let whole = |(key, bytes)| ((key, Ask::Whole), bytes);
         self.ahead().extend(files.into_iter().map(whole));
@@ -164,7 +164,7 @@ impl Remote {
         self.writing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Begins to write a store below whose address `known` lies, as long as its lock is held.
+    /// Starts writing a store with the files `known`, as long as its lock is held.
     pub(super) fn begin_writing(&self, known: BTreeMap<String, Known>, hold: Arc<Hold>) {
         *self.writing() = Some(Writing { known, hold });
     }
@@ -183,13 +183,12 @@ impl Remote {
         }
     }
 
-    /// Puts a file.
     pub(super) fn put(&self, key: &str, bytes: Bytes) -> Result<(), Refusal> {
         let entry = Entry::of(key, &bytes);
         self.put_as(key, bytes, entry)
     }
 
-    /// [`Self::put`] of a file with this entry of the manifest.
+    /// Does the same as [`Self::put`] with this manifest entry.
     pub(super) fn put_as(&self, key: &str, bytes: Bytes, entry: Entry) -> Result<(), Refusal> {
         self.may_write()?;
         self.objects.put(key, bytes.clone())?;
@@ -203,7 +202,7 @@ impl Remote {
         Ok(())
     }
 
-    /// Removes files, of which those that are not there take no request.
+    /// Removes files. Files that do not exist need no request.
     pub(super) fn erase(&self, mut keys: Vec<String>) -> Result<(), Refusal> {
         self.may_write()?;
         keys.retain(|key| self.is_stored(key));
@@ -216,26 +215,27 @@ impl Remote {
         Ok(())
     }
 
-    /// Whether the store is being written, and a file of it is not there yet.
+    /// Returns whether the store is being written and a file of it does not exist yet.
     pub(super) fn lacks(&self, key: &str) -> bool {
         let writing = self.writing();
         writing.as_ref().is_some_and(|w| !w.known.contains_key(key))
     }
 
-    /// Whether a file of the store that is being written is there.
+    /// Returns whether a file of the store that is being written exists.
     pub(super) fn is_stored(&self, key: &str) -> bool {
         let writing = self.writing();
         writing.as_ref().is_some_and(|w| w.known.contains_key(key))
     }
 
-    /// Files of the store that is being written, of a folder of it.
+    /// Returns the files in a folder of the store that is being written.
     pub(super) fn stored_below(&self, folder: &str) -> Vec<String> {
         let writing = self.writing();
         let all = writing.iter().flat_map(|w| w.known.keys());
         all.filter(|key| key.starts_with(folder)).cloned().collect()
     }
 
-    /// Writes the manifest, by its name, of the files that are there. Of those that an earlier process put, the ends are read.
+    /// Writes the manifest of the existing files under this name. For files of an earlier process, their ends
+    /// are read.
     pub(super) fn finish(&self, name: &str) -> Result<(), Refusal> {
         let known = self
             .writing()
@@ -280,7 +280,7 @@ impl Remote {
     }
 }
 
-/// One request for one file, or for ranges of it that lie beside each other.
+/// One request for one file, or for adjacent ranges of it.
 struct Request {
     key: String,
     ask: Ask,
@@ -296,7 +296,7 @@ impl Request {
         }
     }
 
-    /// Takes a range that follows in the same file, if it does.
+    /// Adds a range if it follows in the same file; returns whether it did.
     fn takes(&mut self, key: &str, ask: &Ask) -> bool {
         let (Ask::Bytes(all), Ask::Bytes(next)) = (&mut self.ask, ask) else {
             return false;
@@ -310,7 +310,7 @@ impl Request {
         true
     }
 
-    /// The answer, cut into what was asked for.
+    /// Splits the response into the requested parts.
     fn parts(self, found: Option<Bytes>) -> impl Iterator<Item = ((String, Ask), Option<Bytes>)> {
         let Self { key, ask, parts } = self;
         parts.into_iter().map(move |part| {

@@ -1,10 +1,11 @@
-//! Stores that are made, gone on with, and finished below an address.
+//! Creates, resumes and finishes stores at an address.
 //!
-//! There is no renaming there, so the order of the puts says what a store is: a mark that one is being made, all descriptions, then
-//! that of the root; the mark goes; chunks as they come; and the manifest at the end, without which nothing is read. Of a store that
-//! is made with its values (a merge), the mark says of what, and stays until the end. What has a mark and no manifest was begun and is
-//! of no use to others, so that it may be replaced. Descriptions are made in a folder first, by what makes them there, so that they
-//! are the same bytes.
+//! Objects cannot be renamed, so the order of puts defines the state of a store. First a mark is put, then
+//! all metadata, last that of the root. Then the mark is removed, chunks are put as they are finished, and
+//! finally the manifest, without which nothing can be read. If a store is created with its values (a merge),
+//! the mark contains its origin and stays until the end. A store with a mark and without a manifest is
+//! unfinished and may be replaced. The metadata is first written to a local folder with the same code, so
+//! that its bytes are equal.
 
 use super::atomic::AtomicDirectory;
 use super::build::ORIGIN;
@@ -20,19 +21,19 @@ use bytes::Bytes;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The last description that is put.
+/// The metadata file that is put last.
 pub(super) const ROOT: &str = "zarr.json";
-/// Folder of the objects that say what is finished; it begins with a dot, so that they are no part of the store.
+/// Folder of the objects that record finished tiles. It begins with a dot, so they are not part of the store.
 pub(super) const PROGRESS: &str = ".sunstone-progress/";
 
-/// What is held by who writes a store.
+/// The lock of a writer.
 #[derive(Debug)]
 pub(super) enum Held {
     File { _lock: Lock },
     Objects { _lock: ObjectLock },
 }
 
-/// How to make a store.
+/// Parameters for the creation of a store.
 pub(super) struct Making<'a> {
     pub(super) path: &'a Path,
     pub(super) objects: Objects,
@@ -41,7 +42,7 @@ pub(super) struct Making<'a> {
     pub(super) origin: Option<&'a str>,
 }
 
-/// The objects below an address; `None` of a path.
+/// Returns the objects at an address; `None` for a local path.
 pub(super) fn objects_of(path: &Path) -> Result<Option<Objects>, Refusal> {
     Ok(match Place::of(path)? {
         Place::Folder(_) => None,
@@ -67,13 +68,13 @@ impl Making<'_> {
         self.objects.get(key).map_err(|e| self.refused(e))
     }
 
-    /// Begins a store whose descriptions `describe` makes in a folder. Its mark stays, until [`Making::end`].
+    /// Begins a store whose metadata `describe` writes to a folder. The mark stays until [`Making::end`].
     pub(super) fn begin(
         &self,
         describe: impl FnOnce(&Path) -> Result<(), CreateError>,
     ) -> Result<(AtomicDirectory, Held), CreateError> {
         self.objects.may_be_written().map_err(|e| self.refused(e))?;
-        // No lock where it would be of no use.
+        // Do not take a lock if the creation is refused anyway.
         if !self.replace && self.get(ROOT)?.is_some() && self.get(ORIGIN)?.is_none() {
             return Err(self.exists());
         }
@@ -97,7 +98,7 @@ impl Making<'_> {
         Ok((storage, held))
     }
 
-    /// Removes the mark of a store that has all that it is made with.
+    /// Removes the mark of a complete store.
     pub(super) fn end(&self, storage: &AtomicDirectory) -> Result<(), CreateError> {
         let removed = storage.remove(ORIGIN);
         removed.map_err(|e| match Refusal::in_io(&e) {
@@ -109,7 +110,8 @@ impl Making<'_> {
         })
     }
 
-    /// Whether what lies there is the same store, begun by a process that was killed; refuses what may not be replaced.
+    /// Returns whether the existing objects are the same store, begun by a killed process. Refuses a store
+    /// that may not be replaced.
     fn goes_on(&self, known: &BTreeMap<String, Known>) -> Result<bool, CreateError> {
         let is_there = |name: &str| known.contains_key(name);
         let is_finished = is_there(manifest::FILE) || is_there(manifest::OF_PART);
@@ -138,7 +140,7 @@ impl Making<'_> {
         Ok(self.get(ORIGIN)?.is_some_and(|left| left == origin))
     }
 
-    /// Removes what lies there, and puts a mark and descriptions.
+    /// Removes the existing objects, and puts a mark and metadata.
     fn put(
         &self,
         known: &BTreeMap<String, Known>,
@@ -146,7 +148,7 @@ impl Making<'_> {
         mark: Bytes,
     ) -> Result<(), Refusal> {
         self.objects.put(ORIGIN, mark)?;
-        // First what says that it is finished, and what says that it is a store.
+        // First the objects that mark the store as finished and as a store.
         let (heads, rest) = known
             .keys()
             .filter(|name| *name != ORIGIN)
@@ -160,7 +162,7 @@ impl Making<'_> {
     }
 }
 
-/// Files of descriptions that are made in a folder.
+/// Returns the metadata files that `describe` writes to a folder.
 fn described(
     describe: impl FnOnce(&Path) -> Result<(), CreateError>,
 ) -> Result<BTreeMap<String, Bytes>, CreateError> {
@@ -187,7 +189,7 @@ fn take(objects: &Objects) -> Result<ObjectLock, NoLock> {
     ObjectLock::take(objects, lock::lease())
 }
 
-/// The lock of a place where something is made or removed.
+/// Takes the lock of a place for creating or removing a store.
 pub(super) fn locked(path: &Path, objects: &Objects) -> Result<ObjectLock, CreateError> {
     let path = path.to_owned();
     take(objects).map_err(|e| match e {
@@ -196,14 +198,14 @@ pub(super) fn locked(path: &Path, objects: &Objects) -> Result<ObjectLock, Creat
     })
 }
 
-/// All that lies there but the lock.
+/// Returns all existing objects except the lock.
 pub(super) fn found(objects: &Objects) -> Result<BTreeMap<String, Known>, Refusal> {
     let all = objects.list()?.into_iter();
     let others = all.filter(|(name, _)| name != lock::FILE);
     Ok(others.map(|(name, size)| (name, Known::Found(size))).collect())
 }
 
-/// Opens a store below an address to go on writing it; `None` where there is none.
+/// Opens a store at an address for writing; `None` if there is none.
 pub(super) fn open_for_write(
     path: &Path,
     objects: &Objects,
@@ -223,7 +225,7 @@ pub(super) fn open_for_write(
     open_locked(path, objects, lock).map(Some).map_err(refused)
 }
 
-/// Opens a store whose lock is held, and removes what a process left that was killed.
+/// Opens a store whose lock is held, and removes leftovers of a killed process.
 pub(super) fn open_locked(
     path: &Path,
     objects: &Objects,
@@ -235,7 +237,7 @@ pub(super) fn open_locked(
         .any(|name| known.contains_key(*name));
     let (storage, held) = opened(path, objects, lock, known);
     if let Some(remote) = storage.remote() {
-        // It is not only begun any more.
+        // The store is complete enough to lose its mark.
         let mut left = vec![ORIGIN.to_owned()];
         if is_finished {
             left.extend(remote.stored_below(PROGRESS));

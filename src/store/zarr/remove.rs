@@ -1,4 +1,4 @@
-//! Stores that are removed, and the locks of places that hold several.
+//! Removes stores, and locks places that contain several stores.
 
 use super::build::ORIGIN;
 use super::describe::slice_names_of;
@@ -13,52 +13,36 @@ use base::staging;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// A store could not be removed.
 #[derive(Debug, thiserror::Error)]
 pub enum RemoveError {
-    /// Something that is not a store is there.
+    /// The path is not a store.
     #[error("{path} is not a Sunstone store, so it is not removed")]
-    NotAStore {
-        /// What was named.
-        path: PathBuf,
-    },
-    /// Another process writes there, or it cannot be asked.
+    NotAStore { path: PathBuf },
+    /// Another process writes there, or the lock cannot be checked.
     #[error(transparent)]
     Locked(#[from] CreateError),
-    /// An object store refused.
     #[error("cannot remove {path}: {refusal}")]
-    Remote {
-        /// The store.
-        path: PathBuf,
-        /// The refusal, with its fix.
-        refusal: Refusal,
-    },
-    /// The file system refused.
+    Remote { path: PathBuf, refusal: Refusal },
     #[error("cannot remove {path}: {cause}")]
-    Io {
-        /// The store.
-        path: PathBuf,
-        /// The refusal.
-        cause: std::io::Error,
-    },
+    Io { path: PathBuf, cause: std::io::Error },
 }
 
 impl RemoveError {
-    /// Whether the system refused.
+    /// Returns whether a system error is the cause.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         matches!(self, Self::Io { .. })
     }
 }
 
-/// The lock of a place, a folder or an address, below which several stores are made; held until it is dropped.
+/// The lock of a folder or an address that contains several stores, held until it is dropped.
 #[derive(Debug)]
 pub struct PlaceLock {
     _held: Held,
 }
 
 impl PlaceLock {
-    /// Takes it.
+    /// Takes the lock.
     ///
     /// # Errors
     /// If another process holds it, or it cannot be taken.
@@ -82,8 +66,8 @@ impl PlaceLock {
     }
 }
 
-/// Removes a store, finished or not, or a part of one, from a folder or an object store; false if there is none. What is left of a
-/// removal that was cut short is no finished store.
+/// Removes a store, finished or not, or a part, from a folder or an object store. Returns false if there is
+/// none. An interrupted removal leaves no finished store.
 ///
 /// # Errors
 /// [`RemoveError`]: something else is there, another process writes it, or it cannot be removed.
@@ -111,7 +95,7 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
         path: path.to_owned(),
         cause,
     };
-    // What is left when the process dies is a leftover of the store that is made there next.
+    // If the process is killed here, the next store at this path removes the leftover.
     let part = staging::part_of(path);
     staging::remove(&part).map_err(io)?;
     std::fs::rename(path, &part).map_err(io)?;
@@ -119,7 +103,7 @@ pub fn remove(path: &Path) -> Result<bool, RemoveError> {
     Ok(true)
 }
 
-/// Whether the description of a root is a store's.
+/// Returns whether the root's metadata is that of a store.
 fn is_store(root: Result<Value, OpenError>) -> bool {
     root.is_ok_and(|json| slice_names_of(&json).is_some())
 }
@@ -130,7 +114,7 @@ fn not_a_store(path: &Path) -> RemoveError {
     }
 }
 
-/// Removes what lies below an address whose lock is held.
+/// Removes the objects at an address whose lock is held.
 fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveError>, Refusal> {
     let names: Vec<String> = remote_store::found(objects)?.into_keys().collect();
     if names.is_empty() {
@@ -141,7 +125,7 @@ fn remove_objects(path: &Path, objects: &Objects) -> Result<Result<bool, RemoveE
     if !is_begun && !root.is_some_and(|bytes| is_store(description::parse_json(path, &bytes))) {
         return Ok(Err(not_a_store(path)));
     }
-    // As one that was only begun, it is known for a store until all of it is gone.
+    // With the mark, it is recognized as an unfinished store until all objects are removed.
     objects.put(ORIGIN, vec![].into())?;
     let heads = [manifest::FILE, manifest::OF_PART, ROOT];
     let (heads, rest) = names

@@ -1,4 +1,4 @@
-//! Sample counts per camera pixel of a store.
+//! The sample counts per camera pixel of a store.
 
 use super::TensorStore;
 use super::chunked::ChunkedArray;
@@ -6,7 +6,8 @@ use super::error::AccessError;
 use std::sync::Arc;
 
 impl TensorStore {
-    /// Shape (rows, columns) and chunk (rows, columns) of the sample counts, `None` if the store keeps none.
+    /// Returns shape (rows, columns) and chunk (rows, columns) of the sample counts; `None` if the store has
+    /// none.
     #[must_use]
     pub fn samples_shape(&self) -> Option<([u64; 2], [u64; 2])> {
         let array = self.samples.as_ref()?;
@@ -23,7 +24,7 @@ impl TensorStore {
     /// Writes sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
     ///
     /// # Errors
-    /// If the store keeps none, the region lies outside, or the file system refuses.
+    /// If the store has none, the region is outside, or writing fails.
     pub fn write_samples(&self, start: [u64; 2], shape: [u64; 2], counts: &[u32]) -> Result<(), AccessError> {
         self.samples()?.write(&start, &shape, counts, None)
     }
@@ -31,7 +32,7 @@ impl TensorStore {
     /// Reads sample counts of the pixels `start` (row, column) to `start + shape`, row-major.
     ///
     /// # Errors
-    /// If the store keeps none, the region lies outside, or a chunk is damaged.
+    /// If the store has none, the region is outside, or a chunk is damaged.
     pub fn read_samples(&self, start: [u64; 2], shape: [u64; 2]) -> Result<Vec<u32>, AccessError> {
         self.samples()?.read(&start, &shape)
     }

@@ -1,27 +1,28 @@
-//! A shard: many chunks in one file, as Zarr's codec `sharding_indexed` has them, its index at the end.
+//! A shard: many chunks in one file in the format of Zarr's codec `sharding_indexed`, with the index at the
+//! end.
 //!
-//! Sealed frames (a Zstandard frame and its CRC-32C each), then a table of the frames' seals, then the index: where each frame lies,
-//! as two numbers of 64 bits, both all ones where there is none, and the CRC-32C of these. The table is ours: the codec leaves bytes
-//! between frames and index to whoever writes. With it the manifest's line of a shard, which has the checksum of table and
-//! index, tells a frame that was exchanged for another sound one, though a frame alone is read: a shard's last bytes and a
-//! frame are enough to know that they are those that were written. (The index alone would not do: of frames that
-//! do not compress, all shards have the same.)
+//! The file contains sealed frames (each a Zstandard frame and its CRC-32C), a table of the frames'
+//! checksums, and the index. The index has two 64-bit numbers per frame, offset and size (all ones for a
+//! missing frame), and the CRC-32C of these. The table is Sunstone's addition; the codec allows any bytes
+//! between frames and index. The manifest contains the checksum of table and index, so the tail of a shard
+//! and one frame are enough to detect a frame that was exchanged for another valid one. The index alone is
+//! not enough: incompressible frames give equal indices in all shards.
 
 use serde_json::Value;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
 
-/// Bytes of a CRC-32C.
+/// Size of a CRC-32C in bytes.
 const SEAL: usize = 4;
-/// Bytes of a frame's place in the index.
+/// Size of a frame's entry in the index, in bytes.
 const PLACE: usize = 16;
-/// Both numbers of a frame that is not there.
+/// Both numbers of a missing frame.
 const NOWHERE: u64 = u64::MAX;
-/// A shard has no more frames (a damaged description is refused before it allocates).
+/// Maximum number of frames; larger metadata values are refused before an allocation.
 pub(super) const MAX_FRAMES: usize = 1 << 16;
 
-/// Where a frame lies in its shard, with its seal.
+/// Position of a frame in its shard, with its checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Piece {
     pub(super) offset: u64,
@@ -34,7 +35,7 @@ impl Piece {
         self.offset..self.offset + self.size
     }
 
-    /// Says what is wrong with the bytes of the frame, if anything.
+    /// Returns the fault of the frame's bytes, if any.
     pub(super) fn fault(self, bytes: &[u8]) -> Option<&'static str> {
         match bytes.split_last_chunk::<SEAL>() {
             Some((frame, seal)) if u32::from_le_bytes(*seal) == self.seal => {
@@ -45,17 +46,18 @@ impl Piece {
     }
 }
 
-/// The last bytes of a shard of so many frames, which tell of all others: the seals and the index.
+/// Returns the size of the tail of a shard with `frames` frames: checksums and index.
 pub(super) fn tail_len(frames: usize) -> u64 {
     (frames * (SEAL + PLACE) + SEAL) as u64
 }
 
-/// The checksum of a shard in the manifest: that of its tail but for the index's own, which would undo what the index says.
+/// Returns the checksum of a shard for the manifest: that of its tail without the index's own checksum, which
+/// would cancel the content of the index.
 pub(super) fn checksum(tail: &[u8]) -> u32 {
     crc32c::crc32c(&tail[..tail.len().saturating_sub(SEAL)])
 }
 
-/// Puts the bytes of a shard together.
+/// Assembles the bytes of a shard.
 pub(super) struct Builder {
     bytes: Vec<u8>,
     pieces: Vec<Option<Piece>>,
@@ -69,7 +71,6 @@ impl Builder {
         }
     }
 
-    /// Adds the sealed frame of this number.
     pub(super) fn push(&mut self, number: usize, frame: &[u8]) {
         let seal = frame.last_chunk().map_or(0, |seal| u32::from_le_bytes(*seal));
         self.pieces[number] = Some(Piece {
@@ -80,7 +81,7 @@ impl Builder {
         self.bytes.extend_from_slice(frame);
     }
 
-    /// The file, with its checksum in the manifest; `None` without frames.
+    /// Returns the file and its checksum for the manifest; `None` without frames.
     pub(super) fn finish(self) -> Option<(Vec<u8>, u32)> {
         let Self { mut bytes, pieces } = self;
         if pieces.iter().all(Option::is_none) {
@@ -102,7 +103,7 @@ impl Builder {
     }
 }
 
-/// What the tail of a shard of `size` bytes says: the frames by their numbers.
+/// Parses the tail of a shard of `size` bytes; returns the frames by number.
 pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<Piece>>, &'static str> {
     let Some(data) = size
         .checked_sub(tail_len(frames))
@@ -138,7 +139,7 @@ pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<
         .collect()
 }
 
-/// Says what is wrong with a whole shard, if anything: every byte of it belongs to a frame or tells of them.
+/// Returns the fault of a complete shard, if any. Checks every byte.
 pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     let size = bytes.len() as u64;
     let Some(data) = size.checked_sub(tail_len(frames)) else {
@@ -170,12 +171,12 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     (end != data).then(|| format!("its chunks end at byte {end} instead of {data}"))
 }
 
-/// Which files of a store are shards, and of how many frames, as the descriptions of its arrays say.
+/// The files of a store that are shards, with their numbers of frames, from the arrays' metadata.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shards(HashMap<String, usize>);
 
 impl Shards {
-    /// Of descriptions by the paths of their files.
+    /// Reads the shards from metadata by file path.
     pub(super) fn of<'a>(descriptions: impl IntoIterator<Item = (&'a str, Value)>) -> Self {
         let found = descriptions.into_iter().filter_map(|(path, json)| {
             let folder = path.strip_suffix("/zarr.json")?;
@@ -192,7 +193,7 @@ impl Shards {
         Self(found.collect())
     }
 
-    /// Of the descriptions of a folder, of which these are all files.
+    /// Reads the shards from the metadata in a folder with these files.
     pub(super) fn in_folder<'a>(root: &Path, files: impl IntoIterator<Item = &'a String>) -> Self {
         let descriptions = files.into_iter().filter_map(|path| {
             let bytes = path
@@ -203,17 +204,16 @@ impl Shards {
         Self::of(descriptions)
     }
 
-    /// How many frames a file has; `None` of what is no shard.
+    /// Returns the number of frames of a file; `None` if it is not a shard.
     pub(super) fn frames(&self, path: &str) -> Option<usize> {
         let (folder, name) = path.rsplit_once('/')?;
         self.0.get(folder).filter(|_| name.starts_with("c.")).copied()
     }
 }
 
-/// Name of the codec.
 pub(super) const CODEC: &str = "sharding_indexed";
 
-/// How many chunks a shard has; `None` where they do not fit.
+/// Returns the number of chunks of a shard; `None` if they do not divide it.
 pub(super) fn frames(shard: &[u64], chunk: &[u64]) -> Option<usize> {
     let along = |(s, c): (&u64, &u64)| (*c > 0 && *s > 0 && s % c == 0).then(|| s / c);
     let counts: Vec<u64> = shard.iter().zip(chunk).map(along).collect::<Option<_>>()?;
@@ -251,13 +251,13 @@ mod tests {
             assert_eq!(&bytes[range], &frame[..]);
             assert_eq!(piece.fault(frame), None);
         }
-        // A sound frame, but another one.
+        // Another valid frame.
         assert!(pieces[2].unwrap().fault(&frames[1]).is_some());
         assert_eq!(fault(&bytes, 4), None);
         assert!(Builder::new(3).finish().is_none());
     }
 
-    /// Two shards of frames alike in size have the same index, and not the same checksum.
+    /// Two shards whose frames have equal sizes have the same index, but different checksums.
     #[test]
     fn checksums_tell_frames() {
         let shard = |content: &[u8]| {
@@ -271,7 +271,7 @@ mod tests {
     }
 
     proptest! {
-        /// One changed or lost byte anywhere is a fault.
+        /// Any changed or lost byte is detected.
         #[test]
         fn damage_is_noticed(at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
             let (sound, sum, _) = example();

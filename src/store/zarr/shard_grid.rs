@@ -1,31 +1,30 @@
-//! How an array lies in shards: lengths of these and of their chunks, and what is known of each that was read from.
+//! The sharding of an array: shapes of shards and chunks, and the contents of shards that were read.
 
 use super::shard::{self, Piece};
 use bytes::Bytes;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Tails that are kept of an array, each some 10 kB.
+/// Maximum number of tails in the cache of an array, about 10 kB each.
 const KEPT: usize = 256;
-/// How an array is cut.
+/// The shapes of shards and chunks of an array.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Sharding {
-    /// Lengths of a chunk in a shard.
+    /// Shape of a chunk in a shard.
     pub(super) inner: Vec<u64>,
-    /// Lengths of what is read together ([`ChunkedArray::chunk`]).
+    /// Shape of the block that is read together ([`ChunkedArray::chunk`]).
     pub(super) chunk: Vec<u64>,
-    /// Lengths of a shard.
     pub(super) shard: Vec<u64>,
 }
 
-/// Arrays that lie in shards, by their nodes, such as `steady/mean`.
+/// Shardings of arrays by node, such as `steady/mean`.
 pub(super) type Shardings = HashMap<String, Sharding>;
 
-/// What the tail of a shard says.
+/// The parsed tail of a shard.
 #[derive(Debug)]
 pub(super) struct Contents {
     pub(super) pieces: Vec<Option<Piece>>,
-    /// The shard, where it is small and was fetched.
+    /// The shard, if it is small and was fetched.
     pub(super) whole: Option<Bytes>,
 }
 
@@ -33,9 +32,9 @@ pub(super) struct Contents {
 pub(super) struct Sharded {
     pub(super) inner: Vec<u64>,
     pub(super) shard: Vec<u64>,
-    /// Chunks of a shard.
+    /// Number of chunks per shard.
     pub(super) frames: usize,
-    /// By the index of the shard; `None` of one of zeros.
+    /// Contents by index of the shard; `None` for a shard of zeros.
     kept: Mutex<HashMap<Vec<u64>, Option<Arc<Contents>>>>,
 }
 
@@ -49,7 +48,8 @@ impl Sharded {
         })
     }
 
-    /// [`Self::new`] of an array of this shape, if the chunks of a shard make up whole `chunk`s, and these whole shards.
+    /// Does the same as [`Self::new`] for an array of this shape, if chunks divide `chunk` and `chunk`
+    /// divides shards.
     pub(super) fn of(inner: Vec<u64>, chunk: &[u64], shard: Vec<u64>, shape: &[u64]) -> Option<Self> {
         let axes = [inner.len(), chunk.len(), shard.len()] == [shape.len(); 3];
         let fits = axes
@@ -60,7 +60,7 @@ impl Sharded {
         if fits { Self::new(inner, shard) } else { None }
     }
 
-    /// The index of the shard of a chunk, and the chunk's number in it.
+    /// Returns the index of the shard of a chunk, and the chunk's number in it.
     pub(super) fn place(&self, index: &[u64]) -> (Vec<u64>, usize) {
         let mut number = 0;
         let mut shard = Vec::with_capacity(index.len());

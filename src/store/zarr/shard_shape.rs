@@ -1,23 +1,25 @@
-//! How large the shards of an array are, and the chunks in them: by what its chunks take that are a file each.
+//! Chooses the shapes of an array's shards and of the chunks in them, from the file sizes of the unsharded
+//! chunks.
 //!
-//! A chunk in a shard is a block of few pixels with all else that a chunk has, so that a pixel's profile is a small part of a file. A
-//! shard is a block of chunks, grown along the axes behind the camera's first, so that one shard has all of a pixel, and then
-//! along the camera's, until shards are large enough for their number to be small.
+//! A chunk in a shard is a block of few pixels with all other entries of an unsharded chunk, so that a
+//! pixel's profile is a small part of a file. A shard is a block of chunks. It grows first along the axes
+//! after the camera's, so that one shard contains all values of a pixel, then along the camera's axes, until
+//! shards are large enough.
 
 use super::shard;
 use super::shard_grid::Sharding;
 use tensor::region;
 
-/// How large is large enough.
+/// Size limits of shards.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
-    /// Bytes that a chunk in a shard may take, on average.
+    /// Maximum mean size of a chunk in a shard, bytes.
     pub(crate) piece: u64,
-    /// Bytes from which on shards are large enough, on average of those of an array.
+    /// Mean size of an array's shards above which they stop growing, bytes.
     pub(crate) enough: u64,
-    /// Bytes that no shard has more of, unless one chunk has: a shard is put together in memory.
+    /// Maximum size of a shard, bytes, unless a single chunk is larger: a shard is assembled in memory.
     pub(crate) most: u64,
-    /// Chunks of a shard: its tail, 20 bytes each, comes before the first value.
+    /// Maximum number of chunks of a shard: its tail, 20 bytes each, is read before the first value.
     pub(crate) pieces: usize,
 }
 
@@ -32,19 +34,17 @@ impl Default for Limits {
     }
 }
 
-/// An array to be cut.
+/// An array to shard.
 pub(super) struct Array<'a> {
-    /// Lengths of its axes.
     pub(super) shape: &'a [u64],
-    /// Lengths of its chunks.
     pub(super) chunk: &'a [u64],
-    /// Axes of the camera, the first ones.
+    /// Number of camera axes, which are the first ones.
     pub(super) camera: usize,
-    /// Bytes of the file of each chunk, in row-major order, 0 of none.
+    /// File size of each chunk, in row-major order, 0 without a file.
     pub(super) sizes: &'a [u64],
 }
 
-/// How an array is cut best.
+/// Chooses the sharding of an array.
 pub(super) fn choose(array: &Array, limits: Limits) -> Sharding {
     let inner = inner(array, limits);
     let grid: Vec<u64> = array
@@ -80,12 +80,12 @@ fn product(a: &[u64], b: &[u64]) -> Vec<u64> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// Chunks in shards: the chunk divided along the camera's axes until it takes no more than it may.
+/// Returns the shape of chunks in shards: the chunk divided along the camera's axes until it is small enough.
 fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     let mut inner = array.chunk.to_vec();
     let stored = array.sizes.iter().filter(|s| **s > 0).count().max(1);
     let total: u64 = array.sizes.iter().sum();
-    // What a chunk takes, on average.
+    // Mean size of a chunk.
     let mut bytes = total as f64 / stored as f64;
     let whole = region::volume(array.chunk).unwrap_or(usize::MAX);
     while bytes > limits.piece as f64 {
@@ -99,7 +99,8 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
             .find(|f| inner[axis].is_multiple_of(*f))
             .unwrap_or(1);
         let next = inner[axis] / factor;
-        // Numbers that hardly take a byte each are no reason for ever more frames: a tail is to stay short.
+        // Values that compress to less than a byte each must not increase the number of frames, because the
+        // tail should be short.
         let pieces = whole / (region::volume(&inner).unwrap_or(1) / factor as usize).max(1);
         if pieces > limits.pieces {
             break;
@@ -110,7 +111,7 @@ fn inner(array: &Array, limits: Limits) -> Vec<u64> {
     inner
 }
 
-/// Chunks of a shard along each axis, grown by one step; `None` if it has all.
+/// Returns the chunks of a shard along each axis after one growth step; `None` if the shard has all.
 fn grown(array: &Array, grid: &[u64], counts: &[u64]) -> Option<Vec<u64>> {
     let more = |axis: &usize| counts[*axis] < grid[*axis];
     let behind = (array.camera..grid.len()).rev().find(more);
@@ -125,7 +126,7 @@ fn grown(array: &Array, grid: &[u64], counts: &[u64]) -> Option<Vec<u64>> {
     Some(next)
 }
 
-/// Bytes of each shard of so many chunks.
+/// Returns the sizes of all shards of `counts` chunks.
 fn shards(grid: &[u64], sizes: &[u64], counts: &[u64]) -> Vec<u64> {
     let of: Vec<u64> = grid.iter().zip(counts).map(|(g, c)| g.div_ceil(*c)).collect();
     let mut bytes = vec![0; region::volume(&of).unwrap_or(0)];
@@ -180,7 +181,7 @@ mod tests {
     fn a_shard_is_bounded() {
         let found = cut(&[64, 64, 9], &[32, 32, 9], 80 << 20);
         assert_eq!(found.shard, [32, 32, 9]);
-        // Of nothing, one shard, whose tail is short.
+        // An empty array has one shard with a short tail.
         let nothing = cut(&[4096, 4096, 9], &[32, 32, 9], 0);
         assert!(shard::frames(&nothing.shard, &nothing.inner).unwrap() <= Limits::default().pieces);
     }

@@ -1,4 +1,4 @@
-//! Arrays in shards: their tails, which are kept once read, and their chunks, of which each is read alone.
+//! Reads sharded arrays: caches the tails of shards, and reads each chunk separately.
 
 use super::chunked::{ChunkedArray, Number};
 use super::error::AccessError;
@@ -9,10 +9,9 @@ use bytes::Bytes;
 use std::sync::Arc;
 use tensor::region;
 
-/// Shards that are read from at once.
+/// Number of shards that are read concurrently.
 const AT_ONCE: usize = 64;
 
-/// A region of an array.
 pub(super) struct Region<'a, T> {
     pub(super) array: &'a ChunkedArray<T>,
     pub(super) start: Vec<u64>,
@@ -20,7 +19,7 @@ pub(super) struct Region<'a, T> {
 }
 
 impl<T: Number> ChunkedArray<T> {
-    /// Reads the tails of shards of arrays of one store that are not known yet, beside each other.
+    /// Reads the uncached tails of shards of arrays of one store concurrently.
     fn open_shards(all: &[(&Self, &Sharded, Vec<u64>)]) -> Result<(), AccessError> {
         let mut wanted: Vec<&(&Self, &Sharded, Vec<u64>)> = vec![];
         for one @ (array, sharded, index) in all {
@@ -60,7 +59,7 @@ impl<T: Number> ChunkedArray<T> {
         Ok(sharded.kept().get(shard).cloned().flatten())
     }
 
-    /// The bytes of a chunk of a shard; `None` if it is not stored (all zero).
+    /// Reads the bytes of a chunk of a shard; `None` if it is not stored (all zero).
     pub(super) fn read_piece(&self, sharded: &Sharded, index: &[u64]) -> Result<Option<Bytes>, AccessError> {
         let (shard, number) = sharded.place(index);
         let Some(contents) = self.contents(sharded, &shard)? else {
@@ -88,7 +87,7 @@ impl<T: Number> ChunkedArray<T> {
         }
     }
 
-    /// Units in their order, of as many shards as are read from at once.
+    /// Groups units, in order, into batches of a limited number of shards.
     pub(super) fn batches<'a>(&self, units: &'a [Vec<u64>]) -> Vec<&'a [Vec<u64>]> {
         let Some(sharded) = &self.sharded else {
             return vec![units];
@@ -110,7 +109,7 @@ impl<T: Number> ChunkedArray<T> {
         all
     }
 
-    /// What is to be asked for units, where it is worth asking ahead.
+    /// Returns the requests for units, if fetching ahead is useful.
     pub(super) fn asks(&self, units: &[Vec<u64>]) -> Result<Vec<(String, Ask)>, AccessError> {
         if self.storage.remote().is_none() {
             return Ok(vec![]);
@@ -136,18 +135,18 @@ impl<T: Number> ChunkedArray<T> {
             .filter(|c| c.whole.is_none())
             .and_then(|c| c.pieces[number]);
         let key = self.array.chunk_key(&shard);
-        // Nothing is asked for what is not stored, or is here.
+        // Nothing is requested for chunks that are not stored or are already in memory.
         Ok((key, Ask::Bytes(piece.map_or(0..0, Piece::range))))
     }
 
-    /// Fetches the first ones of what is asked for ahead, `index` being the first one's, and says how many.
+    /// Fetches the first of the requests ahead and returns their number. `index` is that of the first one.
     pub(super) fn fetch_ahead(&self, asks: &[(String, Ask)], index: &[u64]) -> Result<usize, AccessError> {
         let fetched = self.storage.fetch_ahead(asks);
         fetched.map_err(|e| AccessError::of_chunk(&self.path, index, &e))
     }
 
-    /// Fetches the units of the first ones of several regions ahead, each of some arrays of one store, and says of how many
-    /// regions.
+    /// Fetches units ahead for the first of several regions, each of some arrays of one store. Returns the
+    /// number of these regions.
     pub(super) fn fetch_regions(regions: &[Vec<Region<T>>]) -> Result<usize, AccessError> {
         let first = regions.first().and_then(|r| r.first()).map(|r| r.array);
         let Some(first) = first.filter(|a| a.storage.remote().is_some()) else {
@@ -189,13 +188,14 @@ impl<T: Number> ChunkedArray<T> {
         Ok(ends.iter().filter(|end| **end <= fetched).count().max(1))
     }
 
-    /// The number of shards along each axis.
+    /// Returns the number of shards along each axis.
     pub(super) fn shard_grid(&self, sharded: &Sharded) -> Vec<u64> {
         let along = self.shape().iter().zip(&sharded.shard);
         along.map(|(n, s)| n.div_ceil(*s)).collect()
     }
 
-    /// Start and shape, clipped to the array, of the chunks ([`ChunkedArray::chunk`]) of a shard, in the order in which it has them.
+    /// Returns start and shape, clipped to the array, of the chunks ([`ChunkedArray::chunk`]) of a shard, in
+    /// the shard's order.
     pub(super) fn chunks_of(&self, sharded: &Sharded, shard: &[u64]) -> Vec<(Vec<u64>, Vec<u64>)> {
         let (origin, size) = region::chunk_box(self.shape(), &sharded.shard, shard);
         let chunks = region::chunks(&size, self.chunk());

@@ -1,6 +1,7 @@
-//! Stores in shards, made of stores whose chunks are a file each: the same values, in few files.
+//! Creates sharded stores from stores with one file per chunk: the same values in few files.
 //!
-//! A shard is put together in memory and written whole, so that one that is there is done, and who was killed goes on with the next.
+//! A shard is assembled in memory and written atomically, so an existing shard is complete, and an
+//! interrupted copy resumes with the next.
 
 use super::build::{New, SampleGrid};
 use super::chunked::{ChunkedArray, Number};
@@ -18,11 +19,11 @@ use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region::{self, Window};
 
-/// Shards that are put together at once.
+/// Number of shards that are assembled concurrently.
 const AT_ONCE: usize = 4;
 
 impl TensorStore {
-    /// Whether its arrays lie in shards.
+    /// Returns whether the arrays are sharded.
     ///
     /// # Errors
     /// If a slice cannot be opened.
@@ -35,7 +36,8 @@ impl TensorStore {
         Ok(self.samples.as_ref().is_some_and(|s| s.sharded.is_some()))
     }
 
-    /// Makes a store at `path` with all that a finished one has, in shards. See [`TensorStore::create_from`].
+    /// Creates a sharded store at `path` with the content of a finished store. See
+    /// [`TensorStore::create_from`].
     pub(crate) fn create_sharded<E>(
         path: &Path,
         of: &Self,
@@ -85,7 +87,7 @@ impl TensorStore {
                     fill(&target.field(field)?.1, &slice.field(field)?.1)?;
                 }
             }
-            // Last: what has no samples is not taken for rendered.
+            // Last, because values without samples do not count as rendered.
             if let (Some(target), Some(source)) = (&store.samples, &of.samples) {
                 fill(target, source)?;
             }
@@ -96,7 +98,7 @@ impl TensorStore {
 }
 
 impl StoredSlice {
-    /// Whether its arrays lie in shards.
+    /// Returns whether the arrays are sharded.
     #[must_use]
     pub fn is_sharded(&self) -> bool {
         self.field(Field::Mean)
@@ -104,7 +106,7 @@ impl StoredSlice {
     }
 }
 
-/// The attributes of a slice without those that its layout makes, in their order.
+/// Returns the attributes of a slice, in order, without those that its layout generates.
 fn written_attributes(slice: &StoredSlice) -> Map<String, Value> {
     let made = ["time_start_ps", "time_bin_ps"];
     let kept = slice
@@ -119,7 +121,7 @@ fn camera_axes(layout: &SliceLayout) -> usize {
     layout.axes.iter().take_while(|axis| of_camera(axis.kind)).count()
 }
 
-/// How an array of a finished store is cut best.
+/// Chooses the sharding of an array of a finished store.
 fn chosen<T: Number>(array: &ChunkedArray<T>, camera: usize, limits: Limits) -> Sharding {
     let sizes: Vec<u64> = region::chunks(array.shape(), array.chunk())
         .map(|(start, _)| array.stored_size(&start))
@@ -133,14 +135,15 @@ fn chosen<T: Number>(array: &ChunkedArray<T>, camera: usize, limits: Limits) -> 
     shard_shape::choose(&array, limits)
 }
 
-/// Writes all shards of an array that are not there yet.
+/// Writes all missing shards of an array.
 fn fill<T: Number>(target: &ChunkedArray<T>, source: &ChunkedArray<T>) -> Result<(), AccessError> {
     let Some(sharded) = &target.sharded else {
         return Ok(());
     };
     let grid = target.shard_grid(sharded);
     let all: Vec<Vec<u64>> = region::indices(&vec![0; grid.len()], &grid).collect();
-    // Some at once, so that one is put together while another is written, and no more, for the memory they take.
+    // Several concurrently, so that one is assembled while another is written; their number limits the
+    // memory.
     for some in all.chunks(AT_ONCE) {
         some.par_iter()
             .try_for_each(|shard| write(target, sharded, shard, source))?;
@@ -176,7 +179,7 @@ fn write<T: Number>(
     written.map_err(|e| AccessError::of_write(target.path(), &e))
 }
 
-/// The sealed frames, with their numbers in their shard, of the values of a chunk that begins at `start`.
+/// Returns the sealed frames of a chunk that begins at `start`, with their numbers in their shard.
 fn frames<T: Number>(
     target: &ChunkedArray<T>,
     sharded: &Sharded,
@@ -212,7 +215,7 @@ fn frames<T: Number>(
         region::copy(values, from, &mut piece, into, &valid);
         let bytes: &[u8] = bytemuck::cast_slice(&piece);
         let content = sparse_frame::encode(bytes, None);
-        // Negative zeros are stored, as they are among what else their chunk has.
+        // Negative zeros are stored, as in an unsharded chunk with other values.
         if content == Content::Zero {
             continue;
         }

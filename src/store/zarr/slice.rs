@@ -17,7 +17,7 @@ use tensor::axes::{AxisKind, SliceLayout};
 use tensor::field::Field;
 use tensor::region;
 
-/// An open slice. Cheap to clone; clones share their locks, so any of them may write from any thread.
+/// An open slice. Clones are cheap and share their locks, so any of them may write from any thread.
 #[derive(Clone)]
 pub struct StoredSlice(Arc<Inner>);
 
@@ -38,7 +38,7 @@ impl std::fmt::Debug for StoredSlice {
 }
 
 impl StoredSlice {
-    /// Opens a slice of a store whose sample counts are of shape `samples` (rows, columns), and checks all of it.
+    /// Opens and checks a slice of a store whose sample counts have shape `samples` (rows, columns).
     pub(super) fn open(
         storage: &Arc<AtomicDirectory>,
         name: &str,
@@ -90,25 +90,24 @@ impl StoredSlice {
         })))
     }
 
-    /// Name of the slice.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.0.layout.name
     }
 
-    /// Directory of the slice.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.0.path
     }
 
-    /// Axes of [`Field::Mean`] and [`Field::StdError`].
+    /// Returns the axes of [`Field::Mean`] and [`Field::StdError`].
     #[must_use]
     pub fn layout(&self) -> &SliceLayout {
         &self.0.layout
     }
 
-    /// Attributes of the slice's group: the caller's, and `time_start_ps`, `time_bin_ps` where time is resolved.
+    /// Returns the attributes of the slice's group: the caller's, and `time_start_ps`, `time_bin_ps` if time
+    /// is resolved.
     #[must_use]
     pub fn attributes(&self) -> &Map<String, Value> {
         &self.0.attributes
@@ -123,13 +122,12 @@ impl StoredSlice {
             })
     }
 
-    /// True if the slice has the field.
     #[must_use]
     pub fn has(&self, field: Field) -> bool {
         self.0.fields[field as usize].is_some()
     }
 
-    /// Axes of a field.
+    /// Returns the axes of a field.
     ///
     /// # Errors
     /// If the slice does not have the field.
@@ -137,19 +135,19 @@ impl StoredSlice {
         Ok(&self.field(field)?.0)
     }
 
-    /// Writes a region given as first index and shape, row-major, from any thread. Chunks that the region covers
-    /// only in part keep their other elements; two writers of *different* processes must not share a chunk.
-    /// Chunks that become zero everywhere are not stored.
+    /// Writes a region given as first index and shape, row-major, from any thread. Chunks that the region
+    /// covers in part keep their other elements. Two *processes* must not write the same chunk. Chunks of
+    /// zeros are not stored.
     ///
     /// # Errors
-    /// If the region lies outside the field, the number of values is not that of the region, a shared chunk is
-    /// damaged, or the file system refuses.
+    /// If the region is outside the field, the number of values differs from that of the region, a shared
+    /// chunk is damaged, or writing fails.
     pub fn write(&self, field: Field, start: &[u64], shape: &[u64], data: &[f32]) -> Result<(), AccessError> {
         self.field(field)?.1.write(start, shape, data, None)
     }
 
-    /// [`Self::write`] by one who knows where zeros are: `touched` has a bit for every [`tensor::sink::STRETCH`] bytes of the data, the
-    /// first one lowest, unset where all are zero.
+    /// Does the same as [`Self::write`] for callers that know where zeros are: `touched` has a bit for every
+    /// [`tensor::sink::STRETCH`] bytes of the data, lowest first, which is unset if all of them are zero.
     ///
     /// # Errors
     /// As [`Self::write`].
@@ -164,7 +162,7 @@ impl StoredSlice {
         self.field(field)?.1.write(start, shape, data, Some(touched))
     }
 
-    /// Whether the chunk that begins at `start` has a file. A chunk of zeros has none.
+    /// Returns whether the chunk that begins at `start` has a file. A chunk of zeros has none.
     ///
     /// # Errors
     /// If the slice does not have the field.
@@ -172,8 +170,8 @@ impl StoredSlice {
         Ok(self.field(field)?.1.is_stored(start))
     }
 
-    /// Whether the chunk that begins at `start` is among the files of the store when it was finished, there or lost; of a store
-    /// that is not finished, whether it has a file.
+    /// Returns whether the chunk that begins at `start` is in the manifest of a finished store, even if it
+    /// was lost; for an unfinished store, whether it has a file.
     ///
     /// # Errors
     /// If the slice does not have the field.
@@ -181,20 +179,21 @@ impl StoredSlice {
         Ok(self.field(field)?.1.is_listed(start))
     }
 
-    /// Copies the chunk that begins at `start` from the same slice of another store, as it is, and checks it on the way.
+    /// Copies the file of the chunk that begins at `start` from the same slice of another store, and checks
+    /// it.
     ///
     /// # Errors
-    /// If the slice does not have the field, the chunk is damaged or lost, or the file system refuses.
+    /// If the slice does not have the field, the chunk is damaged or lost, or writing fails.
     pub(crate) fn copy_chunk(&self, field: Field, start: &[u64], from: &Self) -> Result<(), AccessError> {
         self.field(field)?.1.copy(start, &from.field(field)?.1)
     }
 
-    /// Gets regions of fields of one layout, given as first index and shape, that are about to be read one by one, beside each other
-    /// where their files take time to come. Says how many of them have been got, at least one: with the others it is to be asked
-    /// again once those are read.
+    /// Fetches regions of fields of one layout, given as first index and shape, concurrently from a remote
+    /// store before they are read one by one. Returns the number of fetched regions, at least one. Call it
+    /// again for the others after reading these.
     ///
     /// # Errors
-    /// If the slice does not have a field, a region lies outside of it, or an object store refuses.
+    /// If the slice does not have a field, a region is outside of it, or an object store refuses.
     pub fn fetch_ahead(
         &self,
         fields: &[Field],
@@ -216,7 +215,7 @@ impl StoredSlice {
         })
     }
 
-    /// Gets a region each of several fields, as [`Self::fetch_ahead`], all or none of them.
+    /// Fetches a region each of several fields like [`Self::fetch_ahead`], all or none of them.
     ///
     /// # Errors
     /// As [`Self::fetch_ahead`].
@@ -229,7 +228,7 @@ impl StoredSlice {
     /// Reads a region given as first index and shape, row-major.
     ///
     /// # Errors
-    /// If the region lies outside the field, a chunk is damaged or lost, or the store is not finished.
+    /// If the region is outside the field, a chunk is damaged or lost, or the store is not finished.
     pub fn read(&self, field: Field, start: &[u64], shape: &[u64]) -> Result<Vec<f32>, AccessError> {
         let (layout, array) = self.field(field)?;
         if let Values::Unfinished(part) = self.0.values {
@@ -262,7 +261,7 @@ impl StoredSlice {
         })
     }
 
-    /// The boxes (start, shape) of the chunks of a field, clipped to the array, in row-major order.
+    /// Returns the boxes (start, shape) of the chunks of a field, clipped to the array, in row-major order.
     ///
     /// # Errors
     /// If the slice does not have the field.
@@ -274,7 +273,7 @@ impl StoredSlice {
         Ok(region::chunks(array.shape(), array.chunk()))
     }
 
-    /// Position of an axis kind among the axes of the mean.
+    /// Returns the position of an axis kind among the axes of the mean.
     #[must_use]
     pub fn find(&self, kind: AxisKind) -> Option<usize> {
         self.0.layout.find(kind)

@@ -1,25 +1,24 @@
-//! Zstandard frames of mostly zero bytes, written directly (RFC 8878, section 3.1.1).
+//! Writes Zstandard frames of mostly zero bytes directly (RFC 8878, section 3.1.1).
 //!
-//! Where a tile holds a few elements of a large chunk, looking for matches among its zeros takes longer than anything
-//! else that is done to them. Such a frame is made of two kinds of blocks alone, which any decoder reads: runs of zeros
-//! as one repeated byte, and what lies between them as it is.
+//! If a tile contains few nonzero elements of a large chunk, the search for matches among zeros dominates the
+//! time. Such a frame has only two kinds of blocks, which any decoder reads: runs of zeros as one repeated
+//! byte, and raw bytes between them.
 
 use tensor::sink::STRETCH;
 
-/// What bytes look like.
+/// The result of the analysis of bytes.
 #[derive(Debug, PartialEq)]
 pub(super) enum Content {
-    /// All zero.
     Zero,
-    /// Mostly zero; the complete frame.
+    /// Mostly zero, with the complete frame.
     Sparse(Vec<u8>),
-    /// Anything else: for the general encoder.
+    /// Other bytes, for the general encoder.
     Dense,
 }
 
-/// Zeros are looked for in pieces of this many bytes; a shorter run is hardly a gain.
+/// Granularity of runs of zeros in bytes; shorter runs do not pay off.
 const PIECE: usize = 16;
-/// Bytes that are not zeros may be one in this many: a general encoder makes less of more.
+/// At most one in this many bytes may be nonzero: with more, a general encoder gives smaller frames.
 const RARITY: usize = 16;
 /// Largest block (Block_Maximum_Size).
 const MAX_BLOCK: usize = 1 << 17;
@@ -27,8 +26,8 @@ const MAX_BLOCK: usize = 1 << 17;
 const RAW: u32 = 0;
 const REPEATED: u32 = 1;
 
-/// Looks at bytes, and makes their frame if they are mostly zero. Where `touched` is given, it has a bit for every
-/// [`STRETCH`], the first one lowest, and stretches without theirs are known to be zero.
+/// Analyses bytes, and encodes their frame if they are mostly zero. `touched` has a bit for every [`STRETCH`]
+/// bytes, lowest first; stretches without their bit are known to be zero.
 pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     let Ok(length) = u32::try_from(bytes.len()) else {
         return Content::Dense;
@@ -40,7 +39,7 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
         found = bytes.chunks(64 * STRETCH).map(|c| filled(c, STRETCH)).collect();
         &found
     };
-    // Alternating runs: zeros up to the first, others up to the second, and so on.
+    // Alternating runs: zeros up to the first end, other bytes up to the second, and so on.
     let mut ends = Vec::new();
     let (mut in_zeros, mut others) = (true, 0);
     for (n, (stretches, &touched)) in bytes.chunks(64 * STRETCH).zip(touched).enumerate() {
@@ -48,14 +47,14 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
         while m < stretches.len().div_ceil(STRETCH) {
             let nothing = touched >> m & 1 == 0;
             if nothing && in_zeros {
-                // To the next that is touched.
+                // Continue at the next touched stretch.
                 m += (touched >> m).trailing_zeros() as usize;
                 continue;
             }
             let stretch = &stretches[m * STRETCH..stretches.len().min((m + 1) * STRETCH)];
             let filled = if nothing { 0 } else { filled(stretch, PIECE) };
             others += filled.count_ones() as usize * PIECE;
-            // A bit where a piece is not as the one before it; the last stretch may have fewer pieces.
+            // A bit where a piece differs from the previous one; the last stretch may have fewer pieces.
             let pieces = (1 << stretch.len().div_ceil(PIECE)) - 1;
             let mut turns = (filled ^ (filled << 1 | u64::from(!in_zeros))) & pieces;
             while turns != 0 {
@@ -73,7 +72,7 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
         return Content::Zero;
     }
     ends.push(bytes.len());
-    // Magic number; then: four bytes of size, one segment, no checksum.
+    // Magic number, then a descriptor: four bytes of size, single segment, no checksum.
     let mut frame = Vec::with_capacity(9 + others + 4 * (ends.len() + bytes.len() / MAX_BLOCK));
     frame.extend([0x28, 0xB5, 0x2F, 0xFD, 0xA0]);
     frame.extend(length.to_le_bytes());
@@ -92,7 +91,8 @@ pub(super) fn encode(bytes: &[u8], touched: Option<&[u64]>) -> Content {
     Content::Sparse(frame)
 }
 
-/// A bit for each of up to 64 parts of so many bytes, set where they are not all zero; the first one lowest.
+/// Returns a bit for each of up to 64 parts of `part` bytes, lowest first, which is set if the part is not
+/// all zero.
 #[inline]
 fn filled(bytes: &[u8], part: usize) -> u64 {
     let parts = bytes.chunks(part).enumerate();
@@ -107,7 +107,8 @@ fn is_zero(bytes: &[u8]) -> bool {
     }
 }
 
-/// The content size that one Zstandard frame declares, if the bytes are exactly one complete frame that declares it.
+/// Returns the content size that a Zstandard frame declares, if the bytes are exactly one complete frame that
+/// declares it.
 pub(super) fn content_size(bytes: &[u8]) -> Option<u64> {
     let descriptor = *bytes.strip_prefix(&[0x28, 0xB5, 0x2F, 0xFD])?.first()?;
     let single_segment = descriptor & 0x20 != 0;
@@ -148,7 +149,7 @@ mod tests {
     }
 
     proptest! {
-        /// The library's decoder gives back what went in, wherever the few bytes are.
+        /// The library's decoder returns the original bytes, for nonzero bytes at any position.
         #[test]
         fn the_decoder_gives_back_the_bytes(
             length in 4096_usize..600_000,

@@ -1,4 +1,4 @@
-//! What a store promises: layout, atomicity, sparse chunks, refusals.
+//! Tests of stores: layout, atomicity, sparse chunks, refusals.
 
 use super::*;
 use proptest::prelude::*;
@@ -31,7 +31,7 @@ fn slice(name: &str, projector: ProjectorSelect, time: TimeSelect) -> Slice {
     }
 }
 
-/// A slice with every kind of array, one plain image, and sample counts; tiles of 4 pixels.
+/// Returns a slice with every kind of array, a plain image, and sample counts, with tiles of 4 pixels.
 fn layouts() -> Vec<(SliceLayout, Map<String, Value>)> {
     let bins = TimeSelect::Bins {
         start_ps: 100.0,
@@ -64,7 +64,7 @@ fn ramp(n: usize) -> Vec<f32> {
     (0..n).map(|i| (i as f32 * 0.37).sin() + 2.0).collect()
 }
 
-/// All files below a directory with their bytes.
+/// Returns all files below a directory with their bytes.
 fn files(path: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
     let mut all = std::collections::BTreeMap::new();
     let mut todo = vec![path.to_owned()];
@@ -228,7 +228,7 @@ fn leftovers_are_ignored_and_removed() {
         .unwrap();
     assert_eq!(read, store.slice("timed").unwrap().read_all(Field::Mean).unwrap());
     assert!(leftover.exists());
-    // One writes at a time.
+    // One writer at a time.
     let held = TensorStore::open_for_write(&path).unwrap_err().to_string();
     assert!(held.contains("is being written by process"), "{held}");
     drop(store);
@@ -366,8 +366,9 @@ fn damaged_descriptions_are_errors() {
     ));
 }
 
-/// Dimensions of arrays of the root are those of every group below it, and slices keep parts of the camera:
-/// `xarray.open_datatree` refuses stores whose sample counts are along `y` and `x`. Those of earlier versions still open.
+/// Dimensions of the root's arrays apply to every group below it, and slices cover parts of the camera, so
+/// `xarray.open_datatree` refuses stores whose sample counts are along `y` and `x`. Such stores of earlier
+/// versions still open.
 #[test]
 fn sample_counts_are_along_dimensions_of_no_slice() {
     let dir = tempfile::tempdir().unwrap();
@@ -430,7 +431,7 @@ fn consolidated_metadata_lists_every_array() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-    /// Whatever happens to a chunk file: an error or values, never a panic and never a huge allocation.
+    /// Any damage of a chunk file gives an error or values, never a panic or a huge allocation.
     #[test]
     fn damaged_chunks_are_errors(cut in 0_usize..600, at in 0_usize..600, value in any::<u8>(), tail in 0_usize..9) {
         let dir = tempfile::tempdir().unwrap();
@@ -451,7 +452,7 @@ proptest! {
         if bytes == good {
             prop_assert_eq!(read.unwrap(), counts);
         } else if let Ok(read) = read {
-            // Header bits that carry no meaning may change unnoticed; values may not.
+            // Header bits without a meaning may change undetected; values may not.
             prop_assert_eq!(read, counts);
         } else if let Err(e) = read {
             prop_assert!(e.to_string().contains("samples"), "{}", e);
@@ -459,7 +460,7 @@ proptest! {
     }
 }
 
-/// What is not rendered is no zero: an error, or NaN for who asks for what there is.
+/// Values that are not rendered are not zeros: reading is an error, or gives NaN with `open_partial`.
 #[test]
 fn unfinished_stores_do_not_read_as_zeros() {
     let dir = tempfile::tempdir().unwrap();
@@ -471,7 +472,7 @@ fn unfinished_stores_do_not_read_as_zeros() {
     writing
         .write(Field::Mean, &vec![0; shape.len()], &shape, &whole)
         .unwrap();
-    // The first tile has its samples.
+    // The first tile has samples.
     store.write_samples([0, 0], [4, 4], &[3; 16]).unwrap();
     let read = |store: &TensorStore| store.slice("steady").unwrap().read_all(Field::Mean);
     let error = read(&TensorStore::open(&path).unwrap()).unwrap_err().to_string();
@@ -493,7 +494,7 @@ fn unfinished_stores_do_not_read_as_zeros() {
     assert_eq!(read(&TensorStore::open(&path).unwrap()).unwrap().data, whole);
 }
 
-/// A chunk that is lost, exchanged or foreign is an error and found by `verify`.
+/// A lost, exchanged or foreign chunk is an error and is detected by `verify`.
 #[test]
 fn finished_stores_are_what_was_written() {
     let dir = tempfile::tempdir().unwrap();
@@ -546,7 +547,7 @@ fn finished_stores_are_what_was_written() {
     assert!(verify(&path).unwrap_err().to_string().contains("not finished"));
 }
 
-/// A region of a chunk's shape that begins within one is of several chunks.
+/// A region with a chunk's shape that is not aligned with the grid covers several chunks.
 #[test]
 fn a_region_of_the_shape_of_a_chunk_lies_where_it_begins() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Whether a finished store is what was written: every file of its manifest is there, whole and unchanged, and no other.
+//! Verifies that all files in the manifest of a finished store exist, complete and unchanged, and that there
+//! are no others.
 
 use super::error::OpenError;
 use super::manifest::{self, Entry, Manifest};
@@ -11,29 +12,31 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use tensor::part::Part;
 
-/// Objects that are held at once, and their bytes.
+/// Limits of the objects in memory: their number and bytes.
 const BATCH: usize = 64;
 const BATCH_BYTES: u64 = 64 << 20;
 
-/// What was found.
+/// The result of a verification.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Verified {
-    /// Files that the store is to have.
+    /// Number of files in the manifest.
     pub files: usize,
-    /// Their bytes.
+    /// Total size of these files.
     pub bytes: u64,
-    /// Which part of a render it is; `None` of a whole one.
+    /// The part of a render that the store is; `None` for a whole render.
     pub part: Option<Part>,
-    /// What is not as it was written, a line each, by path.
+    /// Faults, one line each, sorted by path.
     pub faults: Vec<String>,
-    /// Why nothing is known of files that are no part of the store, where its place cannot be listed, as a plain web server.
+    /// The reason why additional files were not searched, if the place cannot be listed, such as a plain web
+    /// server.
     pub unlisted: Option<Refusal>,
 }
 
 /// Reads every file of a store, or of a part of a render, and compares it with the manifest.
 ///
 /// # Errors
-/// [`OpenError`] if there is no store, it is not finished, or its manifest is damaged. Damage of other files is in the answer.
+/// [`OpenError`] if there is no store, it is not finished, or its manifest is damaged. Damage of other files
+/// is part of the result.
 pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     let place = Place::of(path).map_err(|e| OpenError::remote(path, e))?;
     if let Place::Objects(objects) = &place {
@@ -83,7 +86,7 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     })
 }
 
-/// [`verify`] below an address, where requests that are refused end it.
+/// Does the same as [`verify`] at an address, where a failed request is an error.
 fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError> {
     let refused = |e| OpenError::remote(path, e);
     let (manifest, part) = match Manifest::of_objects(objects, path, manifest::FILE)? {
@@ -110,7 +113,7 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
     };
     let mut faults = BTreeSet::new();
     let mut shards = Shards::default();
-    // Descriptions first, which say what the others are.
+    // Metadata first, because it determines which files are shards.
     let (mut descriptions, mut others): (Vec<String>, _) = entries
         .keys()
         .cloned()
@@ -148,7 +151,7 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
     })
 }
 
-/// Names in their order, of as many files as should be held at once.
+/// Groups names, in order, into batches of limited number and size.
 fn batches<'a>(names: &'a [String], entries: &HashMap<String, Entry>) -> Vec<&'a [String]> {
     let (mut all, mut from, mut bytes) = (vec![], 0, 0);
     for (n, name) in names.iter().enumerate() {
@@ -187,7 +190,7 @@ fn fault(name: &str, bytes: Option<&[u8]>, entry: Entry, shards: &Shards) -> Opt
         let other = || (found != entry).then(|| "is not what was written".into());
         return shard::fault(bytes, frames).or_else(other);
     }
-    // A chunk ends with the checksum of what comes before.
+    // A chunk ends with the checksum of the bytes before it.
     let sealed = manifest::is_plain(name)
         || bytes
             .split_last_chunk()

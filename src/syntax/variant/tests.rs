@@ -1,4 +1,4 @@
-//! Variants against what their files say, and messages at their places.
+//! Tests of variants against their files, and of the location of errors.
 
 use super::*;
 
@@ -27,7 +27,7 @@ fn read(vary: &str, number: u64) -> Result<Variant, InputError> {
     super::read(Path::new("scene.toml"), &with(vary), number)
 }
 
-/// The text at which a message points.
+/// Returns the text at which a message points.
 fn place(e: &InputError) -> &str {
     e.span.clone().and_then(|s| e.text.get(s)).unwrap_or("")
 }
@@ -64,7 +64,7 @@ values = ["wall", "glass"]
     assert_eq!(translate(&second.file, 0), [7.0, 8.0, 9.0]);
     assert_eq!(albedo(&second.file), vec![0.2, 0.3, 0.4].into());
     assert_eq!(second.values["of"], "glass".into());
-    // What is not varied is as it is written.
+    // Values that are not varied are unchanged.
     assert_eq!(first.file.media, second.file.media);
     let e = read(vary, 2).expect_err("two variants");
     assert!(e.message.contains("has 2"), "{e}");
@@ -120,7 +120,7 @@ fn draws_are_even_fixed_and_their_own() {
         assert_eq!(translate(&written, 0), [draws[k as usize], 2.0, 3.0]);
     }
     assert!(draws.iter().all(|x| (-1.0..=3.0).contains(x)));
-    // Kolmogorov–Smirnov: D √n beyond 2.8 has a chance of 2 exp(-2 · 2.8²) = 3e-7.
+    // Kolmogorov–Smirnov test: the probability of D √n > 2.8 is 2 exp(-2 · 2.8²) = 3e-7.
     let mut sorted = draws.clone();
     sorted.sort_by(f64::total_cmp);
     let n = sorted.len() as f64;
@@ -129,11 +129,11 @@ fn draws_are_even_fixed_and_their_own() {
         .enumerate()
         .map(|(i, x)| ((x + 1.0) / 4.0 - (i as f64 + 0.5) / n).abs());
     assert!(d.fold(0.0, f64::max) * n.sqrt() < 2.8);
-    // Pinned: the stream never changes.
+    // Regression test: the stream must not change.
     assert_eq!(draws[..3], PINNED);
 }
 
-/// The first three draws of `x`; a program of a few lines in another language gives the same.
+/// The first three draws of `x`, reproduced by an independent program in another language.
 const PINNED: [f64; 3] = [1.9336119120850315, 2.5320505006663043, -0.620638408815303];
 
 #[test]
@@ -165,7 +165,7 @@ fn mistakes_are_told_where_they_stand() {
         (listed("[]"), "one value or more", "[]"),
         (listed("[0.1, nan]"), "nan and inf out", "[0.1, nan]"),
         (listed("[[0.1, inf]]"), "nan and inf out", "[[0.1, inf]]"),
-        // Values of the wrong kind, and of the right kind but too large, where they stand.
+        // Values of the wrong type, and of the right type but too large; both located in `[vary]`.
         (listed("[\"white\"]"), "", "\"white\""),
         (listed("[1.5]"), "", ""),
         (
@@ -219,7 +219,7 @@ fn mistakes_are_told_where_they_stand() {
         ),
     ];
     for (vary, fix, at) in cases {
-        // Albedos above 1 are refused where the scene is built.
+        // Albedos above 1 are refused only when the scene is built.
         let Err(e) = read(&vary, 0) else {
             assert!(vary.contains("1.5"), "{vary}");
             continue;
@@ -247,16 +247,16 @@ mod any_text {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..Default::default() })]
 
-        /// Keys of any kind come back from how TOML writes them.
+        /// Keys of any content survive TOML's quoting.
         #[test]
         fn paths_are_read_as_toml_writes_them(all in prop::collection::vec(any::<String>(), 1..5)) {
             let written: Vec<String> = all.iter().map(|k| toml::Value::String(k.clone()).to_string()).collect();
-            // Only basic and literal strings of one line are keys.
+            // Only single-line basic and literal strings are valid keys.
             prop_assume!(written.iter().all(|k| !k.starts_with("\"\"\"") && !k.starts_with("'''")));
             prop_assert_eq!(keys(&written.join(".")), Some(all));
         }
 
-        /// No text makes the reading of paths, or of `[vary]`, fall over.
+        /// No text makes parsing of paths or of `[vary]` panic.
         #[test]
         fn any_path_is_read_or_refused(path in any::<String>(), values in any::<String>(), number in any::<u64>()) {
             let path = toml::Value::String(path).to_string();
@@ -266,7 +266,7 @@ mod any_text {
             }
         }
 
-        /// A listed number stands in the variant, for any number of variants in a row.
+        /// A listed number appears in `every` consecutive variants.
         #[test]
         fn listed_numbers_come_back(list in prop::collection::vec(0.0..1.0_f64, 1..8), every in 1..5_u64, turn in 0..1000_u64) {
             let text = format!(

@@ -1,4 +1,4 @@
-//! Emitters other than the projector: for tests and for cross-checks with other programs.
+//! Emitters other than the projector, for tests and for comparisons with other programs.
 
 use crate::light::bounds::Bounds;
 use crate::light::profile::{Frustum, Profile};
@@ -7,33 +7,32 @@ use glam::Vec3A;
 use optics::polarization::frame::project;
 use optics::spectrum::{Spectral, max_lane};
 
-/// A point that shines.
+/// A point emitter.
 #[derive(Clone, Debug)]
 pub struct PointEmitter {
     /// Position, metres.
     pub position: Vec3A,
-    /// Greatest radiant intensity per wavelength, of a frustum that on its axis, W/(sr nm).
+    /// Maximum radiant intensity per wavelength (for a frustum: on its axis), W/(sr nm).
     pub intensity: Spectral,
-    /// How much of it goes in which direction.
     pub profile: Profile,
     /// An image that it projects.
     pub slide: Option<Slide>,
-    /// The emitted Stokes vectors' horizontal is this axis projected perpendicular to the ray.
+    /// The horizontal direction of emitted Stokes vectors is this axis projected perpendicular to the ray.
     pub axis: Vec3A,
 }
 
-/// An image that light passes, each direction at its place.
+/// An image that multiplies the light of a point emitter by direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Slide {
-    /// Where it stands.
+    /// The image's position.
     pub frustum: Frustum,
-    /// Number of the image, whose texels multiply the intensity.
+    /// Index of the image, whose texels multiply the intensity.
     pub texture: u32,
 }
 
 impl PointEmitter {
-    /// The intensity times `factor` (its profile's value along the unit direction `dir`, over what a caller divides by) times
-    /// what the slide lets pass along `dir`.
+    /// Returns the intensity times `factor`, times the slide's transmission along the unit direction `dir`.
+    /// `factor` is the profile's value along `dir`, divided by any divisor of the caller.
     #[inline]
     #[must_use]
     pub fn share(&self, textures: &Textures, dir: Vec3A, factor: f32) -> Spectral {
@@ -46,7 +45,7 @@ impl PointEmitter {
         })
     }
 
-    /// Where it is and shines, for the light tree.
+    /// Returns the bounds for the light tree.
     #[must_use]
     pub fn bounds(&self) -> Bounds {
         let all = Bounds::all_around(self.position, self.position, max_lane(self.intensity));
@@ -55,7 +54,7 @@ impl PointEmitter {
             Profile::Spot { axis, beam, cutoff } => Bounds {
                 axis: *axis,
                 spread: *beam,
-                // Rounding leaves none of its directions out.
+                // A margin, so that rounding excludes no direction.
                 reach: cutoff - beam + 1e-3,
                 ..all
             },
@@ -70,7 +69,7 @@ impl PointEmitter {
     }
 }
 
-/// The same radiance from every direction. It has no travel time: in time slices its light counts as overflow.
+/// Uniform radiance from all directions. It has no travel time: in time slices its light counts as overflow.
 #[derive(Clone, Copy, Debug)]
 pub struct Environment {
     /// Radiance per wavelength, W/(m² sr nm).
@@ -80,7 +79,7 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// Frame of light that travels along `d`.
+    /// Returns the frame of light that travels along `d`.
     #[inline]
     #[must_use]
     pub fn frame(&self, d: Vec3A) -> Vec3A {

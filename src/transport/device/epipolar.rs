@@ -1,8 +1,9 @@
-//! Epipolar geometry between camera and projector: which s' can light directly what s sees.
+//! Epipolar geometry between camera and projector: the projector pixels s' that can directly illuminate s.
 //!
-//! The essential matrix takes the normalized, undistorted coordinates of a camera pixel to the epipolar line on the
-//! projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion bends that line on the projector's pixel
-//! grid; the distance of a pixel centre from it is taken to first order (Sampson), in distorted pixels.
+//! The essential matrix maps the normalized, undistorted coordinates of a camera pixel to the epipolar line
+//! on the projector's plane z = 1 (Hartley & Zisserman 2004, ch. 9). Lens distortion bends that line on the
+//! projector's pixel grid. The distance of a pixel centre from it is computed to first order (Sampson), in
+//! distorted pixels.
 
 use super::pinhole::Pinhole;
 use glam::{DMat3, DVec2, DVec3};
@@ -16,21 +17,21 @@ pub struct Epipolar {
     /// Focal lengths, and the normalized coordinates of the centre of the first pixel.
     focal: DVec2,
     first: DVec2,
-    /// Of a lens that distorts, per projector pixel, row-major: normalized x, y and the gradient of each by pixel column
-    /// and row; empty otherwise.
+    /// For a lens with distortion, per projector pixel, row-major: normalized x, y and the gradient of each
+    /// by pixel column and row. Otherwise empty.
     pixels: Vec<[f32; 6]>,
-    /// What bounds these in squares of `SIDE` pixels, row by row.
+    /// Bounds of `pixels` in squares of `SIDE` pixels, row by row.
     squares: Vec<Square>,
 }
 
-/// How much farther than the half width pixels are looked at, pixels: more than rounding makes of a distance.
+/// Margin in pixels beyond the half width that is searched: larger than the rounding of a distance.
 const ROOM: f32 = 1.0;
 
 /// Pixels along each side of a square.
 const SIDE: u32 = 16;
 
-/// Bounds of the pixels of a lens that distorts: the middle of their normalized x, y, how far they reach from it, and the largest
-/// absolute derivatives of x and y by column and row.
+/// Bounds of the pixels of a lens with distortion: the centre and half extent of their normalized x, y, and
+/// the maximum absolute derivatives of x and y by column and row.
 #[derive(Clone, Debug)]
 struct Square {
     middle: [f32; 2],
@@ -58,7 +59,7 @@ impl Square {
         }
     }
 
-    /// False if none of its pixels is as near to a line as this.
+    /// Returns false if none of its pixels is within `px` pixels of a line.
     fn may_reach(&self, [a, b, c]: [f32; 3], px: f32) -> bool {
         let ([x, y], [dx, dy], [xu, xv, yu, yv]) = (self.middle, self.reach, self.steepest);
         let (a_abs, b_abs) = (a.abs(), b.abs());
@@ -68,19 +69,19 @@ impl Square {
     }
 }
 
-/// The pixels of square number `[x, y]` of a projector of that size.
+/// Returns the pixels of square `[x, y]` of a projector of size `[w, h]`.
 fn pixels_of([x, y]: [u32; 2], [w, h]: [u32; 2]) -> impl Iterator<Item = u32> {
     let along = move |i: u32, n: u32| SIDE * i..(SIDE * (i + 1)).min(n);
     along(y, h).flat_map(move |v| along(x, w).map(move |u| v * w + u))
 }
 
-/// The epipolar line of one camera pixel, a·x + b·y + c = 0: on the projector's normalized plane where its lens distorts;
-/// otherwise x, y are column and row, and a² + b² = 1.
+/// The epipolar line of one camera pixel, a·x + b·y + c = 0. With lens distortion, x and y are on the
+/// projector's normalized plane; otherwise they are column and row, and a² + b² = 1.
 #[derive(Clone, Copy, Debug)]
 pub struct EpipolarLine([f32; 3]);
 
 impl Epipolar {
-    /// From the two calibrations; `None` if the two centres coincide (every line is then undefined).
+    /// Computes the geometry from two calibrations; `None` if the centres coincide (lines are undefined).
     #[must_use]
     pub fn new(camera: &Pinhole, projector: &Pinhole) -> Option<Self> {
         let baseline = (projector.origin - camera.origin).as_dvec3();
@@ -137,7 +138,7 @@ impl Epipolar {
         })
     }
 
-    /// The line of the centre of camera pixel (x, y).
+    /// Returns the line of the centre of camera pixel (x, y).
     #[inline]
     #[must_use]
     pub fn line(&self, camera: &Pinhole, x: u32, y: u32) -> EpipolarLine {
@@ -154,7 +155,7 @@ impl Epipolar {
         EpipolarLine([l.x as f32, l.y as f32, l.z as f32])
     }
 
-    /// Distance in projector pixels of the centre of projector pixel `pixel` (row-major) from a line.
+    /// Returns the distance in pixels of the centre of projector pixel `pixel` (row-major) from a line.
     #[inline]
     #[must_use]
     pub fn distance_px(&self, line: EpipolarLine, pixel: u32) -> f32 {
@@ -169,10 +170,10 @@ impl Epipolar {
         e.abs() / (gu * gu + gv * gv).sqrt().max(f32::MIN_POSITIVE)
     }
 
-    /// Lists the projector pixels within so many pixels of a line by [`Self::distance_px`], in any order.
+    /// Lists, unordered, the projector pixels within `half_width_px` of a line by [`Self::distance_px`].
     pub fn list_within(&self, line: EpipolarLine, half_width_px: f32, out: &mut Vec<u32>) {
         out.clear();
-        // Not `<=`: as slices compare.
+        // Negated `>` instead of `<=`, to treat NaN as slices do.
         let within = |pixel: &u32| {
             let beyond = self.distance_px(line, *pixel) > half_width_px;
             !beyond
@@ -192,7 +193,7 @@ impl Epipolar {
             out.extend((0..w * h).filter(within));
             return;
         }
-        // Down the rows if it is steep, else along the columns.
+        // Iterate over rows if the line is steep, else over columns.
         let steep = a.abs() > b.abs();
         let (minor, major, steps, last) = if steep { (b, a, h, w - 1) } else { (a, b, w, h - 1) };
         let reach = half_width_px / major.abs() + ROOM;
@@ -215,7 +216,7 @@ mod tests {
     use glam::{Mat3A, Quat, Vec3A};
     use optics::sampling::stream::Stream;
 
-    /// Any point that both devices see lies on the epipolar line of its camera pixel, distortion and all.
+    /// Points seen by both devices are on the epipolar lines of their camera pixels, also with distortion.
     #[test]
     fn directly_lit_points_are_epipolar() {
         let device = |x: f32, yaw: f32, k1: f64| {
@@ -258,8 +259,8 @@ mod tests {
         assert!(worst < 0.75, "{worst}");
     }
 
-    /// 20 pairs of devices a lens, 40 camera pixels each, two half widths: what is listed is what all pixels' distances say. Poses
-    /// are such that lines are flat, steep, oblique, and beside the image.
+    /// 20 pairs of devices per lens, 40 camera pixels each, two half widths: the list agrees with the
+    /// distances of all pixels. The poses give lines that are flat, steep, oblique, and outside the image.
     #[test]
     fn lists_hold_what_is_within() {
         let mut stream = Stream::new(7, 0, 0);

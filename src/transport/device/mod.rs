@@ -1,4 +1,4 @@
-//! What looks and what shines: calibrated pinholes and lenses, the projector, epipolar geometry, other emitters.
+//! Devices: calibrated pinholes and lenses, the projector, epipolar geometry, other emitters.
 
 pub mod emitter;
 pub mod epipolar;

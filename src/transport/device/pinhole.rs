@@ -1,8 +1,8 @@
-//! The pinhole model that camera and projector share: pose, intrinsics, lens distortion.
+//! The pinhole model of camera and projector: pose, intrinsics, lens distortion.
 //!
-//! Device axes: +x image right, +y image down, +z forward (OpenCV's). Pixel coordinates are continuous, pixel (i, j)
-//! covers [i, i+1) × [j, j+1), the upper left corner of the image is (0, 0); OpenCV's cx, cy count from the centre of
-//! the first pixel, so add 0.5 to them. Normalized coordinates are those on the plane z = 1.
+//! Device axes: +x image right, +y image down, +z forward (OpenCV's). Pixel coordinates are continuous: pixel
+//! (i, j) covers [i, i+1) × [j, j+1), and (0, 0) is the upper left corner of the image. OpenCV's cx, cy count
+//! from the centre of the first pixel, so add 0.5 to them. Normalized coordinates are on the plane z = 1.
 
 use super::distortion::Distortion;
 use crate::geometry::many;
@@ -11,21 +11,20 @@ use glam::{DVec2, Mat3A, Vec3A};
 use optics::polarization::frame::project;
 use std::f64::consts::TAU;
 
-/// No pixel's number.
+/// Index of no pixel.
 pub const OUTSIDE: u32 = u32::MAX;
 
-/// A thin lens in place of the pinhole: all light between a pixel and its point of the plane in focus passes the lens, evenly
-/// over its area.
+/// A thin lens in place of the pinhole: light between a pixel and its point on the focus plane passes the
+/// whole aperture uniformly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Radius of the aperture, metres; 0 for a pinhole.
     pub radius: f64,
-    /// Distance of the plane in focus along the axis, metres.
+    /// Distance of the focus plane along the axis, metres.
     pub focus: f64,
 }
 
 impl Default for Lens {
-    /// A pinhole.
     fn default() -> Self {
         Self {
             radius: 0.0,
@@ -43,7 +42,6 @@ pub struct Pinhole {
     pub focal: DVec2,
     /// Principal point in continuous pixel coordinates.
     pub principal: DVec2,
-    /// Lens distortion.
     pub distortion: Distortion,
     /// Centre of projection, world, metres.
     pub origin: Vec3A,
@@ -51,17 +49,18 @@ pub struct Pinhole {
     pub axes: Mat3A,
     /// The lens in place of the pinhole.
     pub lens: Lens,
-    /// All rays run along the axis, from the plane of the image (orthographic): `focal` is pixels a metre then, and normalized
-    /// coordinates are metres on that plane.
+    /// True for an orthographic device: all rays are parallel to the axis, from the image plane. `focal` is
+    /// then in pixels per metre, and normalized coordinates are metres on that plane.
     pub parallel: bool,
-    /// Normalized coordinates of the image are those of directions plus this: 0 but for a point of a lens.
+    /// Offset from the normalized coordinates of directions to those of the image; set by
+    /// [`Self::through_lens`] and [`Self::at`], else 0.
     shift: DVec2,
-    /// Squared normalized radius past which nothing can fall on the image (where distortion would fold back).
+    /// Squared normalized radius beyond which no point is imaged (where the distortion would fold back).
     max_radius2: f64,
 }
 
 impl Pinhole {
-    /// Makes a device.
+    /// Creates a device.
     ///
     /// # Errors
     /// A message if the distortion cannot be inverted over the whole image.
@@ -91,8 +90,8 @@ impl Pinhole {
         Ok(device)
     }
 
-    /// Checks that the lens takes every point of the image back, and that no two points of its field meet in one of the image,
-    /// on a grid as fine as a fold that matters; the squared radius of the field, with some room.
+    /// Checks on a grid that the distortion is invertible at every point of the image and that no two
+    /// directions map to the same image point. Returns the squared radius of the field, with a margin.
     fn check(&self) -> Result<f64, String> {
         const GRID: i32 = 32;
         let refused = |p: DVec2| {
@@ -112,7 +111,7 @@ impl Pinhole {
             max = max.max(n.length_squared());
         }
         let max = max * 1.02;
-        // What `project` takes for seen must be what `direction` looks at.
+        // Everything that `project` treats as visible must be the inverse of `direction`.
         let rings = (1..=64).map(|i| (max * f64::from(i) / 64.0).sqrt());
         for n in rings.flat_map(|r| (0..64).map(move |i| DVec2::from_angle(f64::from(i) / 64.0 * TAU) * r)) {
             let p = self.distortion.distort(n) * self.focal + self.principal;
@@ -129,15 +128,15 @@ impl Pinhole {
         Ok(max)
     }
 
-    /// Ideal normalized coordinates of a continuous pixel position; `None` where distortion has no inverse.
+    /// Returns the ideal normalized coordinates of a pixel position; `None` if the distortion has no inverse.
     #[must_use]
     pub fn normalized(&self, pixel: DVec2) -> Option<DVec2> {
         let n = self.distortion.undistort((pixel - self.principal) / self.focal)?;
         Some(n - self.shift)
     }
 
-    /// The device seen through one point of its lens, given by two uniforms: a pinhole there, whose image is shifted so that
-    /// the plane in focus stays where it is. A thin lens is the mean over its points.
+    /// Returns the device through one point of its lens, given by two uniforms: a pinhole at that point, with
+    /// the image shifted so that the focus plane stays fixed. A thin lens is the mean over its points.
     #[inline]
     #[must_use]
     pub fn through_lens(&self, uniforms: [f32; 2]) -> Self {
@@ -151,8 +150,8 @@ impl Pinhole {
         }
     }
 
-    /// The device of the ray through a position of the image. Of a parallel device: a pinhole there that looks along the axis at this
-    /// position.
+    /// Returns the device of the ray through an image position. For a parallel device, it is a pinhole at
+    /// this position that looks along the axis.
     #[inline]
     #[must_use]
     pub fn at(&self, pixel: DVec2) -> Self {
@@ -167,14 +166,14 @@ impl Pinhole {
         }
     }
 
-    /// True if the lens distorts: then, and only then, the constructor found a bound.
+    /// Returns true if the lens distorts; exactly then the constructor sets a finite bound.
     #[inline(always)]
     fn distorts(&self) -> bool {
         self.max_radius2 < f64::INFINITY
     }
 
-    /// Pixel positions along the border, which bounds the image, and a diagonal: 65 points a side find any fold of the
-    /// lens that matters.
+    /// Returns pixel positions along the border and a diagonal, with 65 points per side, enough to find any
+    /// relevant fold of the distortion.
     fn probes(&self) -> impl Iterator<Item = DVec2> + use<> {
         let [w, h] = self.resolution.map(f64::from);
         (0..=64).flat_map(move |i| {
@@ -189,7 +188,7 @@ impl Pinhole {
         })
     }
 
-    /// Least and greatest normalized coordinates of the image.
+    /// Returns the minimum and maximum normalized coordinates of the image.
     #[must_use]
     pub fn field(&self) -> [DVec2; 2] {
         let points = self.probes().filter_map(|p| self.normalized(p));
@@ -198,7 +197,7 @@ impl Pinhole {
         })
     }
 
-    /// Unit world direction through a continuous pixel position.
+    /// Returns the unit world direction through a continuous pixel position.
     #[inline]
     #[must_use]
     pub fn direction(&self, pixel: DVec2) -> Vec3A {
@@ -212,7 +211,7 @@ impl Pinhole {
         (self.axes * Vec3A::new(n.x as f32, n.y as f32, 1.0)).normalize()
     }
 
-    /// [`Self::direction`] of several pixel positions (x and y of all).
+    /// [`Self::direction`] for several pixel positions (arrays of x and y).
     #[inline(always)]
     #[must_use]
     #[expect(
@@ -242,15 +241,16 @@ impl Pinhole {
         d
     }
 
-    /// Device coordinates (right, down, forward) of a world point.
+    /// Returns device coordinates (right, down, forward) of a world point.
     #[inline(always)]
     #[must_use]
     pub fn local(&self, p: Vec3A) -> Vec3A {
         self.axes.transpose() * (p - self.origin)
     }
 
-    /// Row-major numbers of the pixels that see several world points, [`OUTSIDE`] for those behind the device or outside
-    /// the image, and their device coordinates (right, down, forward): the answers of [`Self::project`].
+    /// Returns the row-major indices of the pixels of several world points, and their device coordinates
+    /// (right, down, forward). The index is [`OUTSIDE`] for points behind the device or outside the image.
+    /// Results equal those of [`Self::project`].
     #[inline(always)]
     #[must_use]
     #[expect(
@@ -274,15 +274,15 @@ impl Pinhole {
             let x = f64::from(local[0][i]) / z * fx + cx;
             let y = f64::from(local[1][i]) / z * fy + cy;
             let inside = (z > 0.0) & (x >= 0.0) & (y >= 0.0) & (x < f64::from(w)) & (y < f64::from(h));
-            // Signed, because processors have no other vector conversion; images are smaller than 2³¹.
+            // Signed, because processors have no other vectorized conversion; images are smaller than 2³¹.
             let pixel = (y as i32 as u32).wrapping_mul(w).wrapping_add(x as i32 as u32);
             pixels[i] = if inside { pixel } else { OUTSIDE };
         }
         (pixels, local)
     }
 
-    /// Continuous pixel position and device coordinates (right, down, forward) of a world point; `None` if it is behind
-    /// the device or outside the image.
+    /// Returns the continuous pixel position and device coordinates (right, down, forward) of a world point;
+    /// `None` if it is behind the device or outside the image.
     #[inline(always)]
     #[must_use]
     pub fn project(&self, p: Vec3A) -> Option<(DVec2, Vec3A)> {
@@ -305,24 +305,24 @@ impl Pinhole {
         inside.then_some((pixel, local))
     }
 
-    /// Row-major number of the pixel that sees a world point; `None` as for [`Self::project`].
+    /// Returns the row-major index of the pixel of a world point; `None` as for [`Self::project`].
     #[inline]
     #[must_use]
     pub fn pixel(&self, p: Vec3A) -> Option<u32> {
         self.project(p).map(|(at, _)| self.number(at))
     }
 
-    /// Row-major number of the pixel that holds a continuous position of the image.
+    /// Returns the row-major index of the pixel that contains a continuous image position.
     #[inline]
     #[must_use]
     pub fn number(&self, at: DVec2) -> u32 {
         let [w, h] = self.resolution;
-        // Rounding at the far border must not leave the image.
+        // Rounding at the far border must not exceed the image.
         (at.y as u32).min(h - 1) * w + (at.x as u32).min(w - 1)
     }
 
-    /// Image area in pixels per solid angle around a world direction of any length: |∂(x, y)/∂n| / cos³θ, n being
-    /// normalized coordinates.
+    /// Returns the image area in pixels per solid angle about a world direction of any length: |∂(x, y)/∂n| /
+    /// cos³θ, with n the normalized coordinates.
     #[inline]
     #[must_use]
     pub fn pixels_per_steradian(&self, dir: Vec3A) -> f32 {
@@ -340,21 +340,19 @@ impl Pinhole {
         (self.focal.x * self.focal.y * stretch * cubed) as f32
     }
 
-    /// Image right in world coordinates.
     #[inline]
     #[must_use]
     pub fn right(&self) -> Vec3A {
         self.axes.x_axis
     }
 
-    /// Forward in world coordinates.
     #[inline]
     #[must_use]
     pub fn forward(&self) -> Vec3A {
         self.axes.z_axis
     }
 
-    /// Horizontal basis vector of light travelling along `d` (either way): image right, projected perpendicular.
+    /// Returns the frame vector of light travelling along ±`d`: image right, projected perpendicular.
     #[inline]
     #[must_use]
     pub fn frame(&self, d: Vec3A) -> Vec3A {

@@ -1,30 +1,29 @@
-//! The pinhole projector: which pixel s' lights a point, and how strongly.
+//! The pinhole projector: the pixel s' that illuminates a point, and its irradiance there.
 //!
-//! Drive 1 on every pixel gives the scene's irradiance E on the virtual plane at distance 1 m, whatever the lens
-//! distortion (a lens with constant pupil keeps radiance; distortion moves pixel borders and so changes how much solid
-//! angle, and flux, a pixel has). A direction at angle θ to the axis has intensity E / cos³θ. Mitsuba's `projector`
-//! emits π times as much for the same number.
+//! Drive 1 on every pixel gives the scene's irradiance E on the virtual plane at distance 1 m, for any lens
+//! distortion (a lens with a constant pupil preserves radiance; distortion moves pixel borders and thus
+//! changes the solid angle and the flux of a pixel). A direction at angle θ to the axis has intensity E /
+//! cos³θ. Mitsuba's `projector` emits π times as much for the same number.
 
 use super::pinhole::Pinhole;
 use crate::geometry::many;
 use crate::geometry::many::Many;
 use optics::spectrum::Spectral;
 
-/// A projector.
 #[derive(Clone, Copy, Debug)]
 pub struct Projector {
-    /// Pose and intrinsics.
     pub pinhole: Pinhole,
     /// Irradiance at 1 m on the axis per wavelength, W/(m² nm).
     pub irradiance: Spectral,
-    /// True if it shines through the camera's own pinhole (same pose and pixels).
+    /// True if the projector shares the camera's pinhole (same pose and pixels).
     pub coaxial: bool,
 }
 
-/// Light that arrives at several points from the projector if nothing is in between.
+/// Light that arrives at several points from the projector if unoccluded.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrivals<const N: usize> {
-    /// Row-major index of the one projector pixel s' that lights each point; [`OUTSIDE`](super::pinhole::OUTSIDE) for those that none sees.
+    /// Row-major index of the projector pixel s' that illuminates each point;
+    /// [`OUTSIDE`](super::pinhole::OUTSIDE) for points outside the image.
     pub pixel: [u32; N],
     /// Unit directions from the points to the projector.
     pub wi: Many<N>,
@@ -37,10 +36,10 @@ pub struct Arrivals<const N: usize> {
 }
 
 impl Projector {
-    /// What arrives at each of the points `p`.
+    /// Returns the light that arrives at each of the points `p`.
     ///
-    /// Points that a coaxial camera sees lie in its own pixel, s' = s; whoever knows that shall say so, since rounding
-    /// may put a point near a pixel's border into the next pixel, or outside the image.
+    /// Points seen by a coaxial camera are in the camera's own pixel, s' = s. A caller that knows this must
+    /// set it, since rounding may move a point near a pixel border into the next pixel, or outside the image.
     #[inline(always)]
     #[must_use]
     pub fn arrivals<const N: usize>(&self, p: &Many<N>) -> Arrivals<N> {
@@ -73,7 +72,7 @@ mod tests {
     use crate::device::pinhole::OUTSIDE;
     use glam::{DVec2, Mat3A, Vec3A};
 
-    /// The irradiance integrated over one pixel's area on the plane at 1 m is the flux into that pixel's solid angle.
+    /// The irradiance integrated over a pixel on the plane at 1 m is the flux into its solid angle.
     #[test]
     fn the_plane_at_one_metre_gets_the_stated_irradiance() {
         let pinhole = Pinhole::new(

@@ -1,8 +1,9 @@
-//! Binary trees over boxes, from which those of width eight are made.
+//! Binary trees over boxes, from which the trees of width eight are made.
 //!
-//! Few boxes are clustered from the bottom (PLOC, Meister & Bittner 2018), many split from the top ([`super::binned`]); what comes of
-//! either is made better by reinsertion (Meister & Bittner 2018, "Parallel reinsertion for bounding volume hierarchy optimization").
-//! Clustering and reinsertion are those of the crate obvhs.
+//! Few boxes are clustered bottom-up (PLOC, Meister & Bittner 2018), many are split top-down
+//! ([`super::binned`]). Both trees are then optimized by reinsertion (Meister & Bittner 2018, "Parallel
+//! reinsertion for bounding volume hierarchy optimization"). Clustering and reinsertion are from the crate
+//! obvhs.
 
 use super::binned::{self, Grown, LEAF_SIZE};
 use obvhs::BvhBuildParams;
@@ -13,10 +14,11 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
-/// Boxes from which on they are split from the top. Of the mesh of `validation/rays.py` such a tree takes less than half of the processor
-/// time of one that is clustered, and answers more rays a second, at a tenth of the triangles as well; smaller ones keep their trees.
+/// From this number of boxes on, trees are built top-down. For the mesh of `validation/rays.py`, such a tree
+/// takes less than half of the processor time of a clustered one, and traces more rays per second, also with
+/// a tenth of the triangles. Smaller scenes keep clustered trees.
 const MANY: usize = 1 << 16;
-/// Neighbours in either direction of which PLOC chooses a partner.
+/// Number of neighbours in either direction among which PLOC chooses a partner.
 const SEARCH: usize = 14;
 
 /// A run of primitives that fit in one leaf, or a branch.
@@ -25,7 +27,7 @@ pub(super) enum Part<'a> {
     Branch,
 }
 
-/// A binary tree, with primitives in the order of its leaves, and for every node the run of them that it covers.
+/// A binary tree, with primitives in the order of its leaves, and the run that each node covers.
 pub(super) struct Binary {
     pub(super) nodes: Vec<Bvh2Node>,
     order: Vec<u32>,
@@ -34,7 +36,7 @@ pub(super) struct Binary {
 }
 
 impl Binary {
-    /// The tree over `count` boxes; leaves of more than one primitive hold what `fits`.
+    /// Builds the tree over `count` boxes; leaves of more than one primitive satisfy `fits`.
     pub(super) fn of(
         count: usize,
         bounds: &(impl Fn(usize) -> Aabb + Sync),
@@ -47,8 +49,8 @@ impl Binary {
         }
     }
 
-    /// Clusters boxes from the bottom; leaves hold one primitive each. In obvhs's parts, because its own whole wants the boxes as a
-    /// table beside its own.
+    /// Clusters boxes bottom-up; leaves contain one primitive each. It calls obvhs's steps, because obvhs's
+    /// complete builder needs the boxes as a separate table.
     pub(super) fn clustered(count: usize, bounds: &(impl Fn(usize) -> Aabb + Sync)) -> Self {
         let params = BvhBuildParams::medium_build();
         let mut tree = Bvh2::zeroed(count);
@@ -71,7 +73,7 @@ impl Binary {
         Self::better(tree)
     }
 
-    /// Splits boxes from the top.
+    /// Splits boxes top-down.
     pub(super) fn split(
         count: usize,
         bounds: &(impl Fn(usize) -> Aabb + Sync),
@@ -83,7 +85,7 @@ impl Binary {
         Self::better(tree)
     }
 
-    /// Inserts nodes anew where they make a tree better.
+    /// Optimizes a tree by reinsertion of nodes.
     fn better(mut tree: Bvh2) -> Self {
         let params = BvhBuildParams::medium_build();
         let mut reinsertion = ReinsertionOptimizer::default();
@@ -93,11 +95,11 @@ impl Binary {
         Self::new(tree.nodes, &tree.primitive_indices)
     }
 
-    /// Of nodes whose leaves hold runs of `indices`.
+    /// Creates a tree from nodes whose leaves are runs of `indices`.
     fn new(nodes: Vec<Bvh2Node>, indices: &[u32]) -> Self {
         let mut order = Vec::with_capacity(indices.len());
         let mut runs = vec![[0; 2]; nodes.len()];
-        // Depth first, so that a node covers a run of `order`; a node comes up again behind its children.
+        // Depth first, so that a node covers a run of `order`; a node is visited again after its children.
         let mut todo = vec![(0_u32, false)];
         while let Some((at, done)) = todo.pop() {
             let (node, run) = (&nodes[at as usize], &mut runs[at as usize]);
@@ -121,7 +123,7 @@ impl Binary {
         Self { nodes, order, runs }
     }
 
-    /// The same primitives in the same order, halved again and again.
+    /// Returns a tree of the same primitives in the same order, by repeated halving.
     pub(super) fn halved(&self, bounds: &impl Fn(usize) -> Aabb) -> Self {
         let mut nodes = vec![Bvh2Node::default()];
         let mut todo = vec![(0_u32, self.order.len() as u32, 0)];

@@ -1,11 +1,13 @@
-//! Binary trees of large meshes, built from the top (Wald 2007, "On fast construction of SAH-based bounding volume hierarchies").
+//! Top-down construction of binary trees of large meshes (Wald 2007, "On fast construction of SAH-based
+//! bounding volume hierarchies").
 //!
-//! A set of boxes is split where that makes rays cheapest, by the surface area heuristic over a few places on each axis, until what
-//! is left fits in a leaf. A leaf costs a ray the same whether it is full or not, so that costs count leaves, not boxes. That takes
-//! a fraction of the time of clustering from the bottom; the tree is made better afterwards, leaf by leaf, which are few.
+//! Sets of boxes are split at minimum cost until they fit in a leaf. The cost is the surface area heuristic
+//! at a few positions on each axis. It counts leaves, not boxes, because a leaf costs a ray the same whether
+//! it is full or not. This is much faster than bottom-up clustering. The tree is then optimized by leaves,
+//! which are few.
 //!
-//! How sets are cut into tasks depends on their sizes alone, and what tasks find is put together in the order of the sets, so that
-//! the tree is the same on any number of threads.
+//! The division into tasks depends only on the sizes of sets, and results are combined in the order of the
+//! sets, so that the tree is the same for any number of threads.
 
 use arrayvec::ArrayVec;
 use glam::Vec3A;
@@ -14,29 +16,29 @@ use obvhs::bvh2::node::Bvh2Node;
 use rayon::prelude::*;
 use wide::f32x4;
 
-/// Most primitives of a leaf.
+/// Maximum number of primitives of a leaf.
 pub(super) const LEAF_SIZE: usize = 8;
-/// Most places at which a set may be split on an axis, and one.
+/// Maximum number of bins on an axis.
 const BINS: usize = 16;
-/// Sets up to this size are one task.
+/// Maximum size of a set that is one task.
 const GRAIN: usize = 1 << 13;
-/// Entries that are binned at once.
+/// Entries per parallel chunk.
 const CHUNK: usize = 1 << 15;
-/// From this depth on sets are halved in order, which ends.
+/// From this depth on, sets are halved in order, which guarantees termination.
 const DEEP: usize = 48;
-/// Bits that are turned in a number beside a corner: small ones would be denormal numbers, which are slow to reckon with.
+/// Mask that is XORed into an index stored next to a corner: small integers would be slow denormal numbers.
 const NUMBER: u32 = 0x4000_0000;
-/// Sets whose middles reach no farther than this cannot be told apart, metres.
+/// Minimum extent of the centres of a set for binning, metres.
 const LEAST: f32 = 1e-30;
 
-/// A binary tree; the children of a branch stand together, at an odd place and the next, and after it. A leaf holds the run of `order` that
-/// begins at its `first_index`.
+/// A binary tree. The children of a branch are adjacent, the first at an odd index, after the branch. A leaf
+/// covers the run of `order` that begins at its `first_index`.
 pub(super) struct Grown {
     pub(super) nodes: Vec<Bvh2Node>,
     pub(super) order: Vec<u32>,
 }
 
-/// A box. The fourth lane is nothing.
+/// A box. The fourth lane is unused.
 #[derive(Clone, Copy)]
 struct Extent {
     lo: f32x4,
@@ -75,7 +77,7 @@ impl Extent {
     }
 }
 
-/// A primitive: its box, and its number in the fourth lane of `lo`.
+/// A primitive: its box, and its index in the fourth lane of `lo`.
 #[derive(Clone, Copy)]
 struct Entry {
     lo: f32x4,
@@ -95,21 +97,20 @@ impl Entry {
         self.lo.to_array()[3].to_bits() ^ NUMBER
     }
 
-    /// Twice the middle.
+    /// Returns twice the centre.
     #[inline(always)]
     fn middle(&self) -> f32x4 {
         self.lo + self.hi
     }
 }
 
-/// Bounds of boxes.
 fn boxes(entries: &[Entry]) -> Extent {
     let mut all = Extent::EMPTY;
     entries.iter().for_each(|e| all.add(e.lo, e.hi));
     all
 }
 
-/// Bounds of twice the middles.
+/// Returns the bounds of twice the centres.
 fn middles(entries: &[Entry]) -> Extent {
     let mut all = Extent::EMPTY;
     for entry in entries {
@@ -119,13 +120,13 @@ fn middles(entries: &[Entry]) -> Extent {
     all
 }
 
-/// The same of many entries.
+/// Computes bounds of many entries in parallel.
 fn together(entries: &[Entry], of: fn(&[Entry]) -> Extent) -> Extent {
     let extents = entries.par_chunks(CHUNK).map(of);
     extents.reduce(|| Extent::EMPTY, Extent::and)
 }
 
-/// How middles are counted into bins.
+/// Maps centres to bins.
 #[derive(Clone, Copy)]
 struct Grid {
     bins: usize,
@@ -135,9 +136,9 @@ struct Grid {
 }
 
 impl Grid {
-    /// Of entries by the bounds of twice their middles, and by their number.
+    /// Creates a grid from the bounds of twice the centres and the number of entries.
     fn new(middles: &Extent, count: usize) -> Self {
-        // Small sets are many, and have few places to be split at.
+        // Small sets are numerous and have few positions to be split at.
         let bins = (4 + count / 4).min(BINS);
         let scale = |length: f32| if length > LEAST { bins as f32 / length } else { 0.0 };
         Self {
@@ -148,7 +149,7 @@ impl Grid {
         }
     }
 
-    /// The bins of an entry on the axes.
+    /// Returns the bin of an entry on each axis.
     #[inline(always)]
     fn bin(&self, entry: &Entry) -> [i32; 4] {
         let at = (entry.middle() - self.first) * self.scale;
@@ -156,13 +157,13 @@ impl Grid {
     }
 }
 
-/// What lies in the bins of the axes.
+/// The contents of the bins of all axes.
 struct Bins {
     boxes: [[Extent; BINS]; 3],
     counts: [[u32; BINS]; 3],
 }
 
-/// Between which bins of which axis a set is split.
+/// The axis and the bin boundary at which a set is split.
 #[derive(Clone, Copy)]
 struct Cut {
     axis: usize,
@@ -182,7 +183,7 @@ impl Bins {
         counts: [[0; BINS]; 3],
     };
 
-    /// Holds what lies in the bins of entries from now on.
+    /// Replaces the contents of the bins by those of `entries`.
     fn fill(&mut self, grid: &Grid, entries: &[Entry]) {
         for axis in 0..3 {
             self.boxes[axis][..grid.bins].fill(Extent::EMPTY);
@@ -210,19 +211,19 @@ impl Bins {
         self
     }
 
-    /// The boxes on both sides of a cut.
+    /// Returns the boxes on both sides of a cut.
     fn sides(&self, grid: &Grid, cut: Cut) -> [Extent; 2] {
         let (below, above) = self.boxes[cut.axis][..grid.bins].split_at(cut.bin);
         [below, above].map(|side| side.iter().fold(Extent::EMPTY, |all, e| all.and(*e)))
     }
 
-    /// The best of all cuts, where there is any.
+    /// Returns the best cut, if there is one.
     fn cut(&self, grid: &Grid) -> Option<Cut> {
         let cost = |count: u32, extent: &Extent| count.div_ceil(LEAF_SIZE as u32) as f32 * extent.half_area();
         let mut best = (f32::INFINITY, None);
         for axis in 0..3 {
             let (boxes, counts) = (&self.boxes[axis], &self.counts[axis]);
-            // The costs of what is beyond each cut, and infinity where that is nothing.
+            // The cost beyond each cut, or infinity if nothing is there.
             let mut beyond = [f32::INFINITY; BINS];
             let (mut extent, mut count) = (Extent::EMPTY, 0);
             for bin in (1..grid.bins).rev() {
@@ -248,13 +249,13 @@ impl Bins {
     }
 }
 
-/// A part of the tree: the nodes of one task, or a branch whose children are others'.
+/// A part of the tree: the nodes of one task, or a branch with children from other tasks.
 enum Part {
     Whole(Vec<Bvh2Node>),
     Branch(Aabb, Box<[Self; 2]>),
 }
 
-/// Builds the tree over `count` boxes; `fits` says which primitives may share a leaf.
+/// Builds the tree over `count` boxes; `fits` returns true if primitives may share a leaf.
 pub(super) fn grow(
     count: usize,
     bounds: &(impl Fn(usize) -> Aabb + Sync),
@@ -270,7 +271,7 @@ pub(super) fn grow(
     }
 }
 
-/// The tree over entries with these bounds, the first of which is number `first` of all.
+/// Builds the tree over entries with bounds `extent`; `first` is the index of the first entry among all.
 fn part(
     entries: &mut [Entry],
     first: usize,
@@ -307,19 +308,19 @@ fn part(
     Part::Branch(extent.aabb(), Box::new([below, above]))
 }
 
-/// Where a set is split; `None` where no place is better than another, or where it must come to an end.
+/// Returns the cut of a set; `None` if no cut is better than another, or at the maximum depth.
 fn cut(bins: &Bins, grid: &Grid, depth: usize) -> Option<Cut> {
     if depth < DEEP { bins.cut(grid) } else { None }
 }
 
-/// The middle of entries in their order, and the boxes of both halves.
+/// Returns the middle of entries in their order, and the boxes of both halves.
 fn halves(entries: &[Entry]) -> (usize, [Extent; 2]) {
     let middle = entries.len() / 2;
     let (below, above) = entries.split_at(middle);
     (middle, [boxes(below), boxes(above)])
 }
 
-/// Puts the entries on the near side of a cut before the others; returns how many they are.
+/// Moves the entries on the near side of a cut to the front and returns their number.
 fn divide(entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
     let (mut at, mut end) = (0, entries.len());
     while at < end {
@@ -333,17 +334,17 @@ fn divide(entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
     at
 }
 
-/// One task: the nodes so far, and what is used again and again.
+/// One task: the nodes so far, and reused buffers.
 struct Task<'a, F> {
     nodes: Vec<Bvh2Node>,
     bins: Bins,
-    /// As many entries as the task has.
+    /// Scratch space, as long as the task's entries.
     aside: Vec<Entry>,
     fits: &'a F,
 }
 
 impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
-    /// The tree over entries becomes node number `node`.
+    /// Builds the tree over entries at node `node`.
     fn fill(&mut self, node: usize, entries: &mut [Entry], first: usize, extent: &Extent, depth: usize) {
         let count = entries.len();
         if count <= LEAF_SIZE {
@@ -367,7 +368,7 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
         self.fill(child + 1, above, first + middle, &far, depth + 1);
     }
 
-    /// As [`divide`], without a branch an entry, which a processor would guess wrongly every other time.
+    /// Like [`divide`], without a branch per entry, which the processor would mispredict half of the time.
     fn divide(&mut self, entries: &mut [Entry], grid: &Grid, cut: Cut) -> usize {
         let (mut near, mut far) = (0, 0);
         for at in 0..entries.len() {
@@ -383,10 +384,10 @@ impl<F: Fn(&[u32]) -> bool> Task<'_, F> {
     }
 }
 
-/// The nodes of all parts, level by level: the largest come first, which is what making the tree better begins with.
+/// Returns the nodes of all parts in level order: the largest come first, where the optimization starts.
 fn by_levels(part: &Part) -> Vec<Bvh2Node> {
     let mut nodes = vec![Bvh2Node::default()];
-    // Where the nodes that are there come from: a part, and a number in it.
+    // The source of each existing node: a part, and an index in it.
     let mut from = vec![(part, 0_u32)];
     let mut at = 0;
     while let Some((part, number)) = from.get(at).copied() {

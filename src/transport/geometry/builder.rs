@@ -1,4 +1,4 @@
-//! From meshes and quadrics to the flat tables of a [`Geometry`].
+//! Builds the flat tables of a [`Geometry`] from meshes and quadrics.
 
 use super::bvh::{Geometry, QUADRIC, SKIN, avx2};
 use super::facets::Facets;
@@ -14,77 +14,80 @@ use glam::{DAffine3, Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
-/// Collects surfaces, then builds the tree. Of a mesh it keeps what the mesh's file holds, 12 bytes a triangle and 12 to 32 a
-/// vertex, until the trees stand: the tables of triangles and packs are five times as large.
+/// Collects surfaces, then builds the tree.
+///
+/// Until the trees are built, a mesh takes 12 bytes per triangle and 12 to 32 per vertex, as in its file. The
+/// tables of triangles and packs are five times as large.
 #[derive(Default)]
 pub struct GeometryBuilder {
-    /// What stands in the world itself.
+    /// Contents of the world outside groups.
     world: Set,
     groups: Vec<Set>,
-    /// Surfaces go to the last group, not to the world.
+    /// True if surfaces are added to the last group, not to the world.
     in_group: bool,
-    /// Groups, and their places.
+    /// Groups and their transforms to the world.
     instances: Vec<(u32, DAffine3)>,
     meshes: Vec<Part>,
-    /// How many triangles they have.
+    /// Total number of triangles.
     triangle_count: usize,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     quadrics: Vec<Quadric>,
-    /// Numbers of the quadrics' objects.
+    /// Object indices of the quadrics.
     quadric_objects: Vec<u32>,
     /// Bounds of the quadrics, then of the instances.
     boxes: Vec<Aabb>,
-    /// Number of the object that what is added belongs to.
+    /// Object index of surfaces to be added.
     object: u32,
-    /// Hits on the triangles of what is added can be told apart.
+    /// True if [`Geometry::facet`] identifies the triangles of meshes to be added.
     facets: bool,
 }
 
-/// What has a tree of its own.
+/// A set of primitives with a separate tree.
 #[derive(Default)]
 struct Set {
-    /// Number of a triangle among those of all meshes, with [`PARALLELOGRAM`] where it and the next one are one, or `QUADRIC | index`
-    /// into `boxes`.
+    /// Index of a triangle among those of all meshes, with [`PARALLELOGRAM`] set if it and the next one form
+    /// a parallelogram, or `QUADRIC | index` into `boxes`.
     primitives: Vec<u32>,
 }
 
-/// A mesh, and where it begins in the builder's tables.
+/// A mesh, and its offsets in the builder's tables.
 struct Part {
     positions: Vec<Vec3>,
     corners: Vec<[u32; 3]>,
-    /// Number of its first triangle.
+    /// Index of its first triangle.
     triangle: u32,
-    /// [`NONE`] where it has none.
+    /// [`NONE`] if it has no normals.
     normal: u32,
     uv: u32,
     material: u32,
-    /// Number of its object.
+    /// Index of its object.
     object: u32,
-    /// [`Geometry::facet`] knows its triangles.
+    /// True if [`Geometry::facet`] identifies its triangles.
     facets: bool,
-    /// Number of its group; [`NONE`] in the world.
+    /// Index of its group; [`NONE`] in the world.
     group: u32,
-    /// Where the group's middle was, which becomes the origin.
+    /// The centre of the group, which becomes the origin.
     origin: Vec3A,
 }
 
-/// Set in a triangle's index where all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1, is covered.
+/// Flag in the index of a triangle that covers all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1.
 const PARALLELOGRAM: u32 = 1 << 30;
-/// Where a table begins that a mesh has not.
+/// Offset of a missing table.
 const NONE: u32 = u32::MAX;
 
-/// Leaves of all trees that hold triangles.
+/// The triangle leaves of all trees.
 #[derive(Default)]
 struct Leaves {
     /// Their triangles, with [`PARALLELOGRAM`].
     order: Vec<u32>,
-    /// Where each leaf begins in `order`.
+    /// Start of each leaf in `order`.
     firsts: Vec<u32>,
 }
 
 impl Leaves {
-    /// The triangles in packs, one a leaf; `skins` says up to which leaf triangles reach how far beyond their edges.
+    /// Returns the triangles in packs, one per leaf. `skins` lists, up to a leaf index, how far triangles
+    /// extend beyond their edges.
     fn packs(&self, triangles: &[Triangle], skins: &[(usize, f32)]) -> Vec<Pack> {
         let pack = |leaf: usize| {
             let first = self.firsts[leaf] as usize;
@@ -120,31 +123,31 @@ impl GeometryBuilder {
         }
     }
 
-    /// What is added until [`Self::end_group`] is a group's, in its own coordinates, and is seen where
-    /// [`Self::instance`] puts it. Returns the group's number.
+    /// Begins a group: surfaces added until [`Self::end_group`] belong to it, in its own coordinates. It is
+    /// visible where [`Self::instance`] places it. Returns the group's index.
     pub fn begin_group(&mut self) -> u32 {
         self.groups.push(Set::default());
         self.in_group = true;
         self.groups.len() as u32 - 1
     }
 
-    /// What is added from now on stands in the world.
+    /// Ends the group: later surfaces are added to the world.
     pub fn end_group(&mut self) {
         self.in_group = false;
     }
 
-    /// What is added from now on belongs to the object of this number: see [`Geometry::object`].
+    /// Sets the object index of surfaces that are added from now on; see [`Geometry::object`].
     pub fn object(&mut self, number: u32) {
         self.object = number;
     }
 
-    /// Of meshes that are added to the world from now on, [`Geometry::facet`] knows the triangles if `known`.
+    /// Sets whether [`Geometry::facet`] identifies the triangles of meshes added to the world from now on.
     pub fn facets(&mut self, known: bool) {
         self.facets = known;
     }
 
-    /// Puts a copy of a group into the world; `to_world` must be invertible (the scene builder checks). Copies of a group
-    /// take 128 bytes each, and their place in the tree.
+    /// Adds a copy of a group to the world; `to_world` must be invertible (the scene builder checks). A copy
+    /// takes 128 bytes and an entry in the tree.
     pub fn instance(&mut self, group: u32, to_world: DAffine3) {
         self.instances.push((group, to_world));
     }
@@ -154,7 +157,7 @@ impl GeometryBuilder {
         self.own_mesh(mesh.clone(), material);
     }
 
-    /// [`Self::mesh`] of a mesh that nobody else needs: large ones are not copied.
+    /// Like [`Self::mesh`], but takes ownership, so that large meshes are not copied.
     pub fn own_mesh(&mut self, mesh: Mesh, material: u32) {
         let begin = |empty: bool, first: usize| if empty { NONE } else { first as u32 };
         let first = self.triangle_count as u32;
@@ -190,7 +193,6 @@ impl GeometryBuilder {
         });
     }
 
-    /// Adds a quadric.
     pub fn quadric(&mut self, quadric: Quadric) {
         let (lo, hi) = quadric.bounds();
         let id = QUADRIC | self.quadrics.len() as u32;
@@ -203,13 +205,13 @@ impl GeometryBuilder {
     /// Builds the trees.
     #[must_use]
     pub fn build(mut self) -> Geometry {
-        // Groups lie about their origins, so that coordinates in them are no larger than they must be.
+        // Groups are centred at their origins to keep coordinates in them small.
         let sets = std::mem::take(&mut self.groups);
         let mut world = std::mem::take(&mut self.world);
         let shifts = self.centre(&sets);
         let (sets, own_quadrics) = self.sort_quadrics(sets, &mut world);
         let mut leaves = Leaves::default();
-        // Where the packs of every set end, and how wide its triangles' skins are.
+        // The end of the packs of every set, and the skin width of its triangles.
         let mut skins = vec![];
         let mut groups = vec![];
         for set in &sets {
@@ -242,7 +244,8 @@ impl GeometryBuilder {
             1.0
         };
         skins.push((leaves.firsts.len(), extent * SKIN));
-        // What was needed for the trees alone goes before the large tables come, and the meshes go between these.
+        // To limit peak memory, data that only the trees need are dropped before the large tables are built;
+        // the meshes are dropped between these.
         drop((world, sets, std::mem::take(&mut self.boxes)));
         let triangles: Vec<Triangle> = leaves.order.par_iter().map(|p| self.triangle(*p)).collect();
         let facets = self.facets_of(&leaves);
@@ -276,7 +279,7 @@ impl GeometryBuilder {
         }
     }
 
-    /// Builds the tree over a set. Its leaves of triangles come after those that are there.
+    /// Builds the tree over a set and appends its triangle leaves to `leaves`.
     fn tree(&self, set: &Set, leaves: &mut Leaves) -> Tree {
         Tree::build(
             set.primitives.len(),
@@ -296,7 +299,6 @@ impl GeometryBuilder {
         )
     }
 
-    /// The mesh of a triangle.
     #[inline]
     fn part(&self, primitive: u32) -> &Part {
         let (id, _) = index(primitive);
@@ -306,7 +308,7 @@ impl GeometryBuilder {
         }
     }
 
-    /// The triangles of meshes that [`Geometry::facet`] knows.
+    /// Returns the triangles that [`Geometry::facet`] identifies.
     fn facets_of(&self, leaves: &Leaves) -> Facets {
         let mut facets = Facets::default();
         if self.meshes.iter().any(|m| m.facets) {
@@ -327,7 +329,7 @@ impl GeometryBuilder {
         facets
     }
 
-    /// The mesh of a triangle, and the triangle's corners, its parallelogram's fourth one last.
+    /// Returns the mesh of a triangle, and its corners, the fourth one of a parallelogram last.
     #[inline]
     fn corners(&self, primitive: u32) -> (&Part, [u32; 3], [Vec3A; 4]) {
         let (id, whole) = index(primitive);
@@ -339,12 +341,12 @@ impl GeometryBuilder {
         if !whole {
             return (part, [i, j, k], [a, b, c, a]);
         }
-        // From the corner opposite to the diagonal both sides are edges, turned as before.
+        // From the corner opposite to the diagonal, both sides are edges; the winding is preserved.
         let far = at(part.corners[id + 1][2]);
         (part, [j, k, i], [b, c, a, far])
     }
 
-    /// Bounds of a primitive of a set.
+    /// Returns the bounds of a primitive of a set.
     #[inline]
     fn bounds(&self, primitive: u32) -> Aabb {
         if primitive & QUADRIC != 0 {
@@ -355,13 +357,11 @@ impl GeometryBuilder {
         Aabb::new(lo - part.origin, hi - part.origin)
     }
 
-    /// Bounds of a set.
     fn extent(&self, set: &Set) -> Aabb {
         let all = set.primitives.par_iter().map(|p| self.bounds(*p));
         all.reduce(Aabb::empty, |a, b| a.union(&b))
     }
 
-    /// What shading needs of a triangle.
     fn triangle(&self, primitive: u32) -> Triangle {
         let (part, corners, [a, b, c, _]) = self.corners(primitive);
         let indices = |first: u32| {
@@ -379,7 +379,8 @@ impl GeometryBuilder {
         triangle
     }
 
-    /// Moves groups that are far away so that their middles are the origin; returns where those were.
+    /// Translates groups that do not contain their origin so that their centres become the origin. Returns
+    /// the translations.
     fn centre(&mut self, groups: &[Set]) -> Vec<Vec3A> {
         let mut origins = vec![];
         for set in groups {
@@ -403,7 +404,7 @@ impl GeometryBuilder {
         origins
     }
 
-    /// Puts the quadrics of groups before those of the world; returns how many they are.
+    /// Moves the quadrics of groups before those of the world, and returns the number of quadrics in groups.
     fn sort_quadrics(&mut self, mut groups: Vec<Set>, world: &mut Set) -> (Vec<Set>, usize) {
         let mut sorted = Vec::with_capacity(self.quadrics.len());
         let mut boxes = Vec::with_capacity(self.quadrics.len());
@@ -424,17 +425,17 @@ impl GeometryBuilder {
     }
 }
 
-/// A triangle's index, and whether it is a parallelogram.
+/// Returns a triangle's index, and whether it is a parallelogram.
 fn index(primitive: u32) -> (u32, bool) {
     (primitive & !PARALLELOGRAM, primitive & PARALLELOGRAM != 0)
 }
 
-/// Whether two triangles (a, b, c), (a, c, d) that follow each other make a parallelogram whose normals and texture
-/// coordinates are those of one plane.
+/// Returns true if two consecutive triangles (a, b, c), (a, c, d) form a parallelogram with coplanar normals
+/// and affine texture coordinates.
 fn is_parallelogram(mesh: &Mesh, first: &[u32; 3], next: &[u32; 3]) -> bool {
     let [ia, ib, ic] = first.map(|i| i as usize);
     let id = next[2] as usize;
-    // Without texture coordinates the tangent comes from the triangle's own edges.
+    // Without texture coordinates, the tangent is computed from the triangle's own edges.
     if next[0] != first[0] || next[1] != first[2] || mesh.uvs.is_empty() {
         return false;
     }

@@ -1,7 +1,7 @@
 //! All surfaces of a scene in flat tables under one tree.
 //!
-//! Triangles stand in packs of eight that a ray meets at once; two triangles that make a parallelogram are one
-//! primitive. Both loops, over boxes and over packs, are compiled twice on x86-64: for any processor and for AVX2.
+//! Triangles are in packs of eight, which a ray tests at a time; two triangles that form a parallelogram are
+//! one primitive. On x86-64, the loops over boxes and packs are compiled twice, with and without AVX2.
 
 use super::facets::Facets;
 use super::instance::{Group, Instance};
@@ -12,14 +12,14 @@ use super::tree::{Tree, Visit, fetch};
 use super::triangle::{self, Triangle, vector};
 use glam::{Mat3A, Vec3A};
 
-/// Set in [`Hit::leaf`] and in a builder's primitives for quadrics.
+/// Flag of quadrics in [`Hit::leaf`] and in a builder's primitives.
 pub(super) const QUADRIC: u32 = 1 << 31;
 
-/// Triangles reach this far beyond their edges, in units of the scene's extent, so that neighbours overlap by more than
-/// the rounding of a hit: without it one ray in ten that meets a shared edge slips between them.
+/// Distance by which triangles extend beyond their edges, in units of the scene's extent. Neighbours then
+/// overlap by more than the rounding of a hit. Without it, one in ten rays at a shared edge passes through.
 pub(super) const SKIN: f32 = 1.0 / 1_048_576.0;
 
-/// True if the processor has AVX2.
+/// Returns true if the processor supports AVX2.
 pub(super) fn avx2() -> bool {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     return std::arch::is_x86_feature_detected!("avx2");
@@ -27,26 +27,20 @@ pub(super) fn avx2() -> bool {
     return false;
 }
 
-/// Where a primitive is, for those who ask what hides what.
+/// The outline of a primitive in world space, metres, for occlusion bounds.
 #[derive(Clone, Copy, Debug)]
 pub enum Outline {
-    /// A convex flat polygon; a triangle's last corner stands twice.
+    /// A convex flat polygon with corners in order; a triangle's last corner is repeated.
     Flat {
-        /// In order, world, metres.
         corners: [Vec3A; 4],
     },
-    /// A sphere.
     Ball {
-        /// World, metres.
         centre: Vec3A,
-        /// Metres.
         radius: f32,
     },
-    /// Something inside this sphere.
+    /// An unknown shape inside this sphere.
     Inside {
-        /// World, metres.
         centre: Vec3A,
-        /// Metres.
         radius: f32,
     },
 }
@@ -57,38 +51,38 @@ pub struct Geometry {
     pub(super) packs: Vec<Pack>,
     /// In the order of the packs.
     pub(super) triangles: Vec<Triangle>,
-    /// Where the triangles of each pack begin.
+    /// Index of the first triangle of each pack.
     pub(super) firsts: Vec<u32>,
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) uvs: Vec<[f32; 2]>,
     pub(super) quadrics: Vec<Quadric>,
-    /// Numbers of the objects of the triangles and of the quadrics.
+    /// Object indices of the triangles and of the quadrics.
     pub(super) objects: [Vec<u32>; 2],
-    /// Numbers of triangles in their meshes, where someone asks for them.
+    /// Indices of triangles in their meshes, for meshes that need them.
     pub(super) facets: Facets,
-    /// Copies of groups in the world, and the groups. Leaves of the tree whose numbers are beyond those of the quadrics are
-    /// instances.
+    /// Instances of groups in the world, and the groups. Leaves of the tree with indices beyond those of the
+    /// quadrics are instances.
     pub(super) instances: Vec<Instance>,
     pub(super) groups: Vec<Group>,
-    /// How many of the packs and of the quadrics, from the first on, are those of groups and not the world's own.
+    /// Number of packs and of quadrics that belong to groups; they come before those of the world.
     pub(super) own: [u32; 2],
     pub(super) triangle_count: usize,
-    /// Someone reads texture coordinates; they are 0 otherwise.
+    /// True if texture coordinates are used; they are 0 otherwise.
     pub(crate) textured: bool,
-    /// Surfaces know how they run along both texture coordinates ([`Surface::bitangent`]).
+    /// True if surfaces need derivatives along both texture coordinates ([`Surface::bitangent`]).
     pub(crate) derivatives: bool,
-    /// Rays are met by the code for AVX2.
+    /// True if the AVX2 code is used.
     pub(super) avx2: bool,
     /// Longest edge of the world bounds.
     pub(super) extent: f32,
-    /// Lowest and highest corner of the world bounds.
+    /// Minimum and maximum corner of the world bounds.
     pub(super) bounds: [Vec3A; 2],
-    /// Coordinates are taken for no smaller than this where a ray leaves a surface, metres: the rounding of a point on a large
-    /// surface is not that of its own coordinates.
+    /// Minimum coordinate magnitude for the offset of rays that leave a surface, metres. A point on a large
+    /// surface can have a larger rounding error than its own coordinates imply.
     pub(super) least: f32,
 }
 
-/// Looks for the nearest hit; `WORLD` if there may be instances among the leaves.
+/// Finds the nearest hit; `WORLD` if there may be instances among the leaves.
 pub(super) struct Nearest<'a, const WORLD: bool> {
     pub(super) geometry: &'a Geometry,
     pub(super) ray: &'a Ray,
@@ -142,7 +136,7 @@ impl<const WORLD: bool> Visit for Nearest<'_, WORLD> {
 }
 
 impl<const WORLD: bool> Nearest<'_, WORLD> {
-    /// The leaf of an instance.
+    /// Visits the leaf of an instance.
     #[inline(never)]
     fn instance(&mut self, index: usize, end: f32) -> f32 {
         let number = index - self.geometry.quadrics.len();
@@ -156,7 +150,7 @@ impl<const WORLD: bool> Nearest<'_, WORLD> {
     }
 }
 
-/// Looks for any hit; `WORLD` as there.
+/// Finds any hit; `WORLD` if there may be instances among the leaves.
 pub(super) struct Any<'a, const WORLD: bool> {
     pub(super) geometry: &'a Geometry,
     pub(super) ray: &'a Ray,
@@ -188,7 +182,7 @@ impl<const WORLD: bool> Visit for Any<'_, WORLD> {
 }
 
 impl Geometry {
-    /// Fetches the triangles of a leaf; quadrics are few.
+    /// Prefetches the triangles of a leaf; quadrics are few.
     #[inline(always)]
     fn expect(&self, leaf: u32) {
         if leaf & 1 == 0 {
@@ -196,13 +190,13 @@ impl Geometry {
         }
     }
 
-    /// Nearest hit closer than `tmax`.
+    /// Returns the nearest hit closer than `tmax`.
     #[inline(always)]
     #[must_use]
     pub fn intersect(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
-            // SAFETY: the processor was asked when the geometry was built.
+            // SAFETY: `avx2` is set only if the processor supports AVX2.
             return unsafe { self.intersect_avx2(ray, tmax) };
         }
         if !self.instances.is_empty() {
@@ -211,7 +205,7 @@ impl Geometry {
         self.intersect_any::<false>(ray, tmax)
     }
 
-    /// True if anything lies strictly between the origin and `tmax`.
+    /// Returns true if a surface is strictly between the origin and `tmax`.
     #[inline]
     #[must_use]
     pub fn occluded(&self, ray: &Ray, tmax: f32) -> bool {
@@ -244,7 +238,7 @@ impl Geometry {
         self.occluded_any::<false>(ray, tmax)
     }
 
-    /// The search itself, compiled for whom it is put into; `WORLD` if there may be instances.
+    /// The search, inlined to be compiled with the caller's target features; `WORLD`: with instances.
     #[inline(always)]
     pub(super) fn intersect_any<const WORLD: bool>(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         let mut nearest = Nearest::<WORLD> {
@@ -269,13 +263,13 @@ impl Geometry {
         any.found
     }
 
-    /// A triangle by the number that [`Hit::leaf`] gives it.
+    /// Returns a triangle by its index in [`Hit::leaf`].
     #[inline(always)]
     pub(super) fn triangle(&self, leaf: u32) -> &Triangle {
         &self.triangles[(self.firsts[(leaf >> 3) as usize] + (leaf & 7)) as usize]
     }
 
-    /// Position, normals, texture coordinates and material at a hit.
+    /// Returns position, normals, texture coordinates and material at a hit.
     #[inline(always)]
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
@@ -286,7 +280,8 @@ impl Geometry {
         out
     }
 
-    /// Number of the triangle that was hit in its mesh; `None` of quadrics, of instances, and of meshes that were added without
+    /// Returns the index in its mesh of the triangle that was hit. Returns `None` for quadrics, instances,
+    /// and meshes that were added without
     /// [`GeometryBuilder::facets`](super::builder::GeometryBuilder::facets).
     #[must_use]
     pub fn facet(&self, hit: &Hit) -> Option<u32> {
@@ -297,13 +292,13 @@ impl Geometry {
         self.facets.find(at, hit.u + hit.v > 1.0)
     }
 
-    /// True if [`Self::facet`] knows the triangles of this material.
+    /// Returns true if [`Self::facet`] identifies the triangles of this material.
     #[must_use]
     pub fn has_facets(&self, material: u32) -> bool {
         self.facets.materials.contains(&material)
     }
 
-    /// [`Self::surface`] into a place in memory, which spares the way over another one.
+    /// Like [`Self::surface`], but writes to memory directly, which avoids a copy.
     #[inline(always)]
     pub fn surface_into(&self, ray: &Ray, hit: &Hit, out: &mut Surface) {
         *out = self.own_surface(ray, hit);
@@ -312,13 +307,13 @@ impl Geometry {
         }
     }
 
-    /// [`Self::surface`] of what stands in the world itself; something without meaning in an instance.
+    /// [`Self::surface`] for primitives of the world; the result for an instance is meaningless.
     #[inline(always)]
     fn own_surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let (p, n, tangent) = quadric.surface(ray.origin + ray.dir * hit.t);
-            // Arc tangents for no one.
+            // Skip the arc tangents if nothing uses them.
             let uv = if self.textured { quadric.uv(p) } else { [0.0; 2] };
             let [tangent, bitangent] = if self.derivatives {
                 quadric.derivatives(p)
@@ -378,7 +373,7 @@ impl Geometry {
         }
     }
 
-    /// Derivative ∂n/∂p of the unit shading normal by the position along the surface, 1/m.
+    /// Returns the derivative ∂n/∂p of the unit shading normal along the surface, 1/m.
     #[must_use]
     pub fn bend(&self, hit: &Hit, surface: &Surface) -> Mat3A {
         if let Some(number) = hit.owner.number() {
@@ -396,7 +391,7 @@ impl Geometry {
         triangle::bend(normals, edges, [hit.u, hit.v], surface.ns)
     }
 
-    /// The hit of a ray with one primitive, of which a view knows that nothing else comes first.
+    /// Intersects a ray with one primitive that is known from a view to be the nearest.
     #[inline(always)]
     #[must_use]
     pub fn meet(&self, ray: &Ray, leaf: u32) -> Option<Hit> {
@@ -421,7 +416,7 @@ impl Geometry {
         })
     }
 
-    /// Every primitive of the world itself with the number that [`Hit::leaf`] gives it.
+    /// Iterates over the primitives of the world with their indices in [`Hit::leaf`].
     pub fn outlines(&self) -> impl Iterator<Item = (u32, Outline)> + '_ {
         let [packs, quadrics] = self.own;
         let flat = 8 * packs..8 * self.packs.len() as u32;
@@ -430,8 +425,8 @@ impl Geometry {
         flat.chain(round.filter_map(|leaf| Some((leaf, self.outline(leaf)?))))
     }
 
-    /// Where a primitive is (in its own coordinates, if it is a group's), by the number that [`Hit::leaf`] gives it; `None`
-    /// of an unused place.
+    /// Returns the outline of a primitive by its index in [`Hit::leaf`] (in the group's coordinates, if it
+    /// belongs to a group); `None` for an unused lane.
     #[must_use]
     pub fn outline(&self, leaf: u32) -> Option<Outline> {
         if leaf & QUADRIC != 0 {
@@ -447,7 +442,7 @@ impl Geometry {
         }
         let pack = &self.packs[leaf as usize / 8];
         let [v0, e1, e2] = pack.lane(leaf as usize);
-        // Unused places are all zero.
+        // Unused lanes are all zero.
         let used = e1 != Vec3A::ZERO || e2 != Vec3A::ZERO;
         let opposite = pack.parallelogram.bits() >> (leaf & 7) & 1 == 1;
         used.then_some(Outline::Flat {
@@ -460,35 +455,35 @@ impl Geometry {
         })
     }
 
-    /// True if rays are met by code that was compiled for AVX2: the processor has it, and [`Self::plain`] was not asked for.
+    /// Returns true if the AVX2 code is used: the processor supports it and [`Self::plain`] was not called.
     #[inline]
     #[must_use]
     pub fn avx2(&self) -> bool {
         self.avx2
     }
 
-    /// The same surfaces, met by the code for any processor, which gives the same bits more slowly.
+    /// Returns the same geometry with the generic code, which is bit-identical but slower.
     #[must_use]
     pub fn plain(mut self) -> Self {
         self.avx2 = false;
         self
     }
 
-    /// Number of triangles and of quadrics, those of groups once.
+    /// Returns the numbers of triangles and of quadrics; those of groups count once.
     #[inline]
     #[must_use]
     pub fn counts(&self) -> (usize, usize) {
         (self.triangle_count, self.quadrics.len())
     }
 
-    /// Number of instances and of groups.
+    /// Returns the numbers of instances and of groups.
     #[inline]
     #[must_use]
     pub fn copies(&self) -> (usize, usize) {
         (self.instances.len(), self.groups.len())
     }
 
-    /// Memory that all tables take, bytes.
+    /// Returns the memory used by all tables, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.tree.bytes()
@@ -504,20 +499,20 @@ impl Geometry {
             + self.groups.iter().map(Group::bytes).sum::<usize>()
     }
 
-    /// How far triangles reach beyond their edges, metres.
+    /// Returns the distance by which triangles extend beyond their edges, metres.
     #[inline]
     #[must_use]
     pub fn skin(&self) -> f32 {
         self.extent * SKIN
     }
 
-    /// Lowest and highest corner of everything, metres; the origin if there is nothing.
+    /// Returns the minimum and maximum corner of the world bounds, metres; the origin if the world is empty.
     #[must_use]
     pub fn bounds(&self) -> [Vec3A; 2] {
         self.bounds
     }
 
-    /// Longest edge of the world bounds in metres.
+    /// Returns the longest edge of the world bounds, metres.
     #[inline]
     #[must_use]
     pub fn extent(&self) -> f32 {

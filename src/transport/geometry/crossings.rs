@@ -1,14 +1,15 @@
-//! Everything that a ray crosses, not the nearest alone: for those who look for surfaces that stand too close together.
+//! All hits along a ray, not only the nearest, to find surfaces that are too close together.
 
 use super::bvh::{Geometry, QUADRIC};
 use super::pack::Wide;
 use super::ray::{Hit, Owner, Ray};
 use super::tree::Visit;
 
-/// A triangle's inside begins this far from its edges, in barycentric coordinates: neighbours reach over shared edges.
+/// Distance from a triangle's edges at which its inside begins, in barycentric coordinates; neighbours
+/// overlap at shared edges.
 const RIM: f32 = 1e-4;
 
-/// Collects hits.
+/// Collects all hits.
 struct All<'a> {
     geometry: &'a Geometry,
     ray: &'a Ray,
@@ -77,10 +78,13 @@ impl Visit for All<'_> {
 }
 
 impl Geometry {
-    /// All hits closer than `tmax` (finite, as the ray is; else none), in no order; of a quadric the nearer one alone, and rims of triangles left out.
+    /// Returns all hits closer than `tmax`, unordered.
+    ///
+    /// Only the nearer hit of a quadric is returned, and hits near the edges of triangles are omitted.
+    /// Returns none if the ray or `tmax` is not finite.
     #[must_use]
     pub fn crossings(&self, ray: &Ray, tmax: f32) -> Vec<Hit> {
-        // Boxes of a tree are told apart by comparisons, which hold for no NaN.
+        // Tree traversal compares distances, which fails for NaN.
         if !(ray.origin.is_finite() && ray.dir.is_finite() && tmax.is_finite()) {
             return vec![];
         }
@@ -90,7 +94,7 @@ impl Geometry {
         all.found
     }
 
-    /// True if a hit is off the edges of its triangle or parallelogram.
+    /// Returns true if a hit is away from the edges of its triangle or parallelogram.
     #[must_use]
     pub fn is_inside(&self, hit: &Hit) -> bool {
         if hit.leaf & QUADRIC != 0 {

@@ -1,4 +1,4 @@
-//! Where rays start and end: just off surfaces, as far as their rounding ([`super::rounding`]) asks for.
+//! Start and end points of rays: just off the surface, by the distance of [`super::rounding`].
 
 use super::bvh::Geometry;
 use super::ray::Surface;
@@ -6,22 +6,22 @@ use super::rounding::UNIT;
 use glam::Vec3A;
 
 impl Geometry {
-    /// How far off a surface rays leave it, metres.
+    /// Returns the distance from a surface at which rays start, metres.
     #[inline(always)]
     #[must_use]
     pub fn moved(&self, surface: &Surface) -> f32 {
         (surface.rounding * UNIT) * surface.p.abs().max_element().max(self.least)
     }
 
-    /// A point just off the surface on the side that `dir` leaves to, so that a ray from there misses the surface itself.
+    /// Returns the start point of a ray along `dir`, just off the surface, which it misses.
     #[inline(always)]
     #[must_use]
     pub fn leave(&self, surface: &Surface, dir: Vec3A) -> Vec3A {
         surface.p + surface.ng * self.moved(surface).copysign(surface.ng.dot(dir))
     }
 
-    /// A point just off the surface on the side that `dir` leaves to, so that a ray to there from `length` metres away misses the
-    /// surface itself.
+    /// Returns a point just off the surface on the side of `dir`, so that a ray to it from `length` metres
+    /// away misses the surface.
     #[inline(always)]
     #[must_use]
     pub fn reach(&self, surface: &Surface, dir: Vec3A, length: f32) -> Vec3A {

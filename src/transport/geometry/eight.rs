@@ -1,8 +1,8 @@
-//! Eight numbers side by side: boxes and triangles that a ray meets at once.
+//! Eight f32 lanes, for intersecting a ray with eight boxes or triangles at a time.
 //!
-//! Plain loops over arrays, which the compiler turns into vector instructions: two of four lanes anywhere, one of eight
-//! where a caller was compiled for AVX2 (see [`super::bvh::Geometry`]). Every operation rounds as IEEE 754 says and none
-//! are fused, so the answers are the same bits either way.
+//! Plain loops over arrays, which the compiler vectorizes: two vectors of four lanes on any processor, one of
+//! eight where the caller is compiled for AVX2 (see [`super::bvh::Geometry`]). Every operation rounds
+//! according to IEEE 754 and none are fused, so the results are bit-identical.
 
 #![expect(
     clippy::needless_range_loop,
@@ -12,12 +12,11 @@
 use std::ops::{Add, BitAnd, Mul, Sub};
 use wide::f32x4;
 
-/// Eight numbers.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct Eight(pub [f32; 8]);
 
-/// Eight truths: all bits of a lane set, or none.
+/// Eight booleans: all bits of a lane set, or none.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct Mask(pub [u32; 8]);
@@ -41,19 +40,18 @@ fn test(a: Eight, b: Eight, f: impl Fn(f32, f32) -> bool) -> Mask {
 }
 
 impl Eight {
-    /// The same number in every lane.
     #[inline(always)]
     pub const fn splat(v: f32) -> Self {
         Self([v; 8])
     }
 
-    /// The smaller one; `other` where this is not a number.
+    /// Returns the minimum; `other` where `self` is NaN.
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {
         each(self, other, |a, b| if a < b { a } else { b })
     }
 
-    /// The larger one; `other` where this is not a number.
+    /// Returns the maximum; `other` where `self` is NaN.
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {
         each(self, other, |a, b| if a > b { a } else { b })
@@ -69,13 +67,11 @@ impl Eight {
         test(self, other, |a, b| a < b)
     }
 
-    /// 1/x.
     #[inline(always)]
     pub fn recip(self) -> Self {
         each(self, self, |a, _| 1.0 / a)
     }
 
-    /// Square root.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
         each(self, self, |a, _| a.sqrt())
@@ -88,7 +84,7 @@ impl Eight {
 }
 
 impl Mask {
-    /// `yes` where true, `no` elsewhere.
+    /// Returns `yes` where true, `no` elsewhere.
     #[inline(always)]
     pub fn select(self, yes: Eight, no: Eight) -> Eight {
         let mut out = [0.0; 8];
@@ -98,7 +94,7 @@ impl Mask {
         Eight(out)
     }
 
-    /// Bit i: lane i is true.
+    /// Returns bit i set if lane i is true.
     #[inline(always)]
     pub fn bits(self) -> u32 {
         let [low, high]: [f32x4; 2] = bytemuck::cast(self.0);

@@ -1,9 +1,9 @@
-//! Groups of surfaces and their copies, as tables: where a copy is, and how a ray looks from there.
+//! Groups of surfaces and their instances: transforms, bounds, and rays in the group's coordinates.
 //!
-//! On rounding: a ray's origin is taken relative to the instance first, so that its error is one of its distance to the
-//! instance and not of coordinates; then it is moved along itself to where the group's sphere begins. So it meets the
-//! group's triangles from as near as their size, wherever it comes from, and the skin that closes the gaps between them
-//! is one of the group's size too.
+//! To limit rounding errors, a ray's origin is first taken relative to the instance, so that its error is
+//! relative to the distance to the instance and not to the coordinates. The origin is then moved along the
+//! ray to the bounding sphere of the group. The ray thus always starts within about the group's size of its
+//! triangles, and the skin that closes the gaps between them is relative to that size.
 
 use super::ray::Ray;
 use super::rounding;
@@ -11,46 +11,46 @@ use super::tree::Tree;
 use glam::{DAffine3, Mat3A, Vec3A};
 use obvhs::aabb::Aabb;
 
-/// Surfaces that may have many copies.
+/// A set of surfaces that may have many instances.
 pub(super) struct Group {
     /// Over packs and quadrics of the [`Geometry`].
     pub(super) tree: Tree,
-    /// Everything lies within this distance of the group's origin.
+    /// Radius of the bounding sphere about the group's origin.
     pub(super) reach: f32,
-    /// How far its triangles reach beyond their edges, in its own metres.
+    /// Distance by which triangles extend beyond their edges, in the group's metres.
     pub(super) skin: f32,
 }
 
 impl Group {
-    /// Memory that it takes beside packs, triangles and quadrics.
+    /// Returns the memory used apart from packs, triangles and quadrics.
     pub(super) fn bytes(&self) -> usize {
         size_of::<Self>() + self.tree.bytes()
     }
 }
 
-/// A copy of a group.
+/// An instance of a group.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Instance {
-    /// Linear part of the map to the world, and where the group's origin comes to lie.
+    /// Linear part of the map to the world, and the world position of the group's origin.
     pub(super) to_world: Mat3A,
     pub(super) origin: Vec3A,
     /// Inverse of `to_world`.
     pub(super) to_local: Mat3A,
-    /// Number of the group.
+    /// Index of the group.
     pub(super) group: u32,
 }
 
 /// A ray in a group's coordinates.
 pub(super) struct Local {
     pub(super) ray: Ray,
-    /// How far the ray was moved along itself, in the group's metres.
+    /// Distance by which the ray's origin was moved along the ray, in the group's metres.
     pub(super) start: f32,
-    /// The group's metres a metre along the ray.
+    /// Metres in the group per metre along the world ray.
     pub(super) scale: f32,
 }
 
 impl Local {
-    /// Distance in the world.
+    /// Returns the distance in the world.
     #[inline]
     pub(super) fn world(&self, t: f32) -> f32 {
         (self.start + t) / self.scale
@@ -58,7 +58,7 @@ impl Local {
 }
 
 impl Instance {
-    /// A group at its place; the map must be invertible (the scene builder checks).
+    /// Places a group; the map must be invertible (the scene builder checks).
     pub(super) fn new(group: u32, to_world: &DAffine3) -> Self {
         Self {
             to_world: to_world.matrix3.as_mat3().into(),
@@ -68,27 +68,27 @@ impl Instance {
         }
     }
 
-    /// A point of the group in the world.
+    /// Transforms a point of the group to the world.
     #[inline]
     pub(super) fn place(&self, p: Vec3A) -> Vec3A {
         self.to_world * p + self.origin
     }
 
-    /// At most so many metres in the world come of one in the group.
+    /// Returns an upper bound of the scale factor of lengths from group to world.
     pub(super) fn stretch(&self) -> f32 {
         stretch(self.to_world)
     }
 
-    /// Bounds in the world.
+    /// Returns the bounds in the world.
     pub(super) fn bounds(&self, group: &Group) -> Aabb {
         let m = self.to_world;
         let mut all = Aabb::empty();
-        // Those of the root's children are tighter together than the one about all.
+        // The boxes of the root's children give tighter bounds than the root's box.
         for (b, _) in group.tree.children(0) {
             let (middle, half) = ((b.min + b.max) * 0.5, (b.max - b.min) * 0.5);
             let half = (m.x_axis * half.x).abs() + (m.y_axis * half.y).abs() + (m.z_axis * half.z).abs();
             let middle = self.place(middle);
-            // Some units in the last place, which is where the corners of the copy are.
+            // Several units in the last place, the accuracy of the instance's corners.
             let pad = (half + middle.abs() + self.origin.abs()) * 1e-6;
             all.extend(middle - half - pad);
             all.extend(middle + half + pad);
@@ -113,14 +113,15 @@ impl Instance {
         }
     }
 
-    /// The unit normal of a copy.
+    /// Transforms a unit normal to the world.
     #[inline]
     pub(super) fn normal(&self, n: Vec3A) -> Vec3A {
-        // By the inverse transpose, which keeps outward outward in mirror images.
+        // The inverse transpose keeps outward normals outward in reflections.
         (self.to_local.transpose() * n).normalize()
     }
 
-    /// Rounding of a copy of a surface, see [`Surface::rounding`](super::ray::Surface::rounding).
+    /// Returns the rounding constant of an instance of a surface, see
+    /// [`Surface::rounding`](super::ray::Surface::rounding).
     #[inline]
     pub(super) fn rounding(&self, own: f32) -> f32 {
         rounding::placed(own, self.stretch(), stretch(self.to_local))
@@ -132,8 +133,8 @@ impl Instance {
     }
 }
 
-/// No vector grows by more than this in a map.
+/// Returns an upper bound of the length of a transformed unit vector.
 pub(super) fn stretch(m: Mat3A) -> f32 {
-    // The Frobenius norm bounds the spectral one.
+    // The Frobenius norm bounds the spectral norm.
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
 }

@@ -1,4 +1,4 @@
-//! Instances are what copies would be.
+//! Tests that instances are equivalent to copies.
 
 use super::builder::GeometryBuilder;
 use super::bvh::Geometry;
@@ -10,7 +10,7 @@ use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3A, Quat, Vec2, Vec3, Vec3A};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// A sphere of about `2 n²` triangles about the origin, dented so that no two places are alike.
+/// A sphere of about `2 n²` triangles about the origin, dented so that it has no symmetry.
 fn ball(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..=n {
@@ -60,7 +60,7 @@ fn single(a: &DAffine3) -> Affine3A {
     Affine3A::from_mat3_translation(a.matrix3.as_mat3(), a.translation.as_vec3())
 }
 
-/// One of everything, not about the origin.
+/// One shape of each kind, not about the origin.
 fn things(at: Vec3) -> Things {
     let mut smooth = ball(24);
     smooth.transform(&Affine3A::from_scale_rotation_translation(
@@ -101,7 +101,7 @@ fn things(at: Vec3) -> Things {
     }
 }
 
-/// Maps of every sort: turns, mirror images, uneven scales, shears, large and small.
+/// Maps of all kinds: rotations, reflections, non-uniform scales, shears, large and small.
 fn places(stream: &mut Stream, n: usize) -> Vec<DAffine3> {
     let mut any = || f64::from(stream.uniform());
     (0..n)
@@ -171,11 +171,11 @@ fn met(g: &Geometry, ray: &Ray) -> Option<(Hit, Surface)> {
     Some((hit, g.surface(ray, &hit)))
 }
 
-/// Random rays meet instances where and as they meet copies.
+/// Random rays hit instances like copies.
 #[test]
 fn instances_are_copies() {
     let mut stream = Stream::new(21, 0, 0);
-    // One group near its origin, one so far that it is moved there.
+    // One group near its origin, and one so far from it that its origin is moved.
     let groups = [things(Vec3::ZERO), things(Vec3::new(30.0, -20.0, 50.0))];
     let mut where_to = places(&mut stream, 40);
     for (i, p) in where_to.iter_mut().enumerate() {
@@ -195,7 +195,7 @@ fn instances_are_copies() {
             continue;
         };
         hits += 1;
-        // A ray that grazes an edge may meet one and miss the other.
+        // A ray that grazes an edge may hit one and miss the other.
         if a.material != b.material || (ha.t - hb.t).abs() > 1e-4 * (1.0 + hb.t) {
             apart += 1;
             continue;
@@ -207,9 +207,9 @@ fn instances_are_copies() {
         in_instances += usize::from(ha.owner != Owner::WORLD);
         kinds[a.material as usize] += 1;
         assert_eq!(hb.owner, Owner::WORLD);
-        // The copies of the far group are rounded to its distance, 60 m; instances of it are not.
+        // The copies of the far group are rounded at its distance, 60 m; instances of it are not.
         assert!((a.p - b.p).length() < 1e-4, "{a:?} {b:?}");
-        // Flat triangles' neighbours have other normals: at an edge either may be met.
+        // Adjacent flat triangles have different normals; at an edge, either may be hit.
         if a.ng.dot(b.ng) < 0.99999 {
             apart += 1;
             continue;
@@ -236,7 +236,7 @@ fn instances_are_copies() {
     assert!(kinds.iter().all(|n| *n > 100), "{kinds:?}");
 }
 
-/// The code for any processor gives the same bits.
+/// The generic code is bit-identical.
 #[test]
 fn plain_code_gives_the_same_bits() {
     let mut stream = Stream::new(22, 0, 0);
@@ -255,8 +255,8 @@ fn plain_code_gives_the_same_bits() {
     }
 }
 
-/// A ray that leaves a surface does not meet it again, and one that enters a closed one meets its inside: nothing leaks, small
-/// or large, near or far.
+/// A ray that leaves a surface does not hit it again, and one that enters a closed surface hits its inside:
+/// no leaks at any size or distance.
 #[test]
 fn nothing_leaks() {
     let mut stream = Stream::new(23, 0, 0);
@@ -283,7 +283,7 @@ fn nothing_leaks() {
                 let g = builder.build();
                 let [mut again, mut lost, mut missed] = [0; 3];
                 for _ in 0..20_000 {
-                    // From all around to a point inside.
+                    // From random origins outside to a random point inside.
                     let around = warp::sphere(stream.uniform2()) * (1.5 + 10.0 * stream.uniform());
                     let inside = warp::sphere(stream.uniform2()) * 0.7 * stream.uniform();
                     let [origin, to] = [around, inside].map(|p| single(&place).transform_point3a(p));
@@ -300,7 +300,7 @@ fn nothing_leaks() {
                         origin: g.leave(&s, s.ng),
                         dir: s.ng,
                     };
-                    // The dents are shallow, so nothing else stands there.
+                    // The dents are shallow, so the ray leaves the object.
                     again += usize::from(g.occluded(&away, f32::INFINITY));
                     let on = Ray {
                         origin: g.leave(&s, ray.dir),
@@ -314,7 +314,7 @@ fn nothing_leaks() {
     }
 }
 
-/// A hit takes no more room for saying whether it is one.
+/// `Option<Hit>` is no larger than `Hit`.
 #[test]
 fn hits_are_small() {
     assert_eq!(size_of::<Option<Hit>>(), 20);
@@ -324,7 +324,7 @@ fn hits_are_small() {
     assert_eq!(Owner::WORLD.number(), None);
 }
 
-/// A thousand copies take the memory of one, and a little more each.
+/// A thousand instances take the memory of one, plus a small amount for each.
 #[test]
 fn a_thousand_copies_in_the_memory_of_one() {
     let mesh = ball(100);
@@ -346,7 +346,7 @@ fn a_thousand_copies_in_the_memory_of_one() {
     let single = builder.build().bytes();
     assert!(one.bytes() < single + 1000, "{} {single}", one.bytes());
     let each = (many.bytes() - one.bytes()) as f64 / 999.0;
-    // 128 for the instance, and eight boxes a node of 256 bytes, which are not all in use.
+    // 128 for the instance, and eight boxes per node of 256 bytes, not all of which are used.
     assert!(each < 300.0, "{each}");
     assert!(many.bytes() < one.bytes() + one.bytes() / 5);
     assert_eq!((many.counts().0, many.copies()), (mesh.indices.len(), (1000, 1)));
@@ -363,7 +363,7 @@ fn a_thousand_copies_in_the_memory_of_one() {
     assert_eq!(found.len(), 1000);
 }
 
-/// What a pinhole's view says of a world with instances is what rays say, beside, between and inside of them.
+/// A view of a world with instances agrees with rays, next to, between and inside the instances.
 #[test]
 fn views_know_of_instances() {
     let mut stream = Stream::new(24, 0, 0);
@@ -396,7 +396,7 @@ fn views_know_of_instances() {
                 let found = found.expect("a hit");
                 assert_eq!((hit.leaf, hit.owner, hit.t), (found.leaf, found.owner, found.t));
             }
-            // A point anywhere, seen back from a surface.
+            // A surface point hit by a random ray, and the ray from there back to the pinhole.
             let Some((hit, s)) = met(&g, &from_around(&mut stream, 8.0)) else {
                 continue;
             };

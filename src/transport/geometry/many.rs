@@ -1,35 +1,32 @@
-//! Several vectors side by side: their x, y and z each in a row.
+//! Arrays of vectors with separate x, y and z components.
 //!
-//! Where a batch of paths does the same arithmetic, plain loops over such rows become vector instructions; with one vector
-//! a path, most of the time goes into waiting for divisions and roots. The operations and their order are those of `glam`,
-//! so the answers are the same bits as for each vector alone.
+//! If a batch of paths does the same arithmetic, the compiler vectorizes plain loops over such arrays. With
+//! one vector per path, most of the time is spent waiting for divisions and square roots. The operations and
+//! their order are those of `glam`, so the results are bit-identical to those for single vectors.
 
 use glam::{Mat3A, Vec3A};
 
 /// x, y and z of `N` vectors.
 pub type Many<const N: usize> = [[f32; N]; 3];
 
-/// All of them zero.
 #[must_use]
 pub const fn zero<const N: usize>() -> Many<N> {
     [[0.0; N]; 3]
 }
 
-/// Number `i`.
 #[inline(always)]
 #[must_use]
 pub fn get<const N: usize>(v: &Many<N>, i: usize) -> Vec3A {
     Vec3A::new(v[0][i], v[1][i], v[2][i])
 }
 
-/// Makes `value` number `i`.
 #[inline(always)]
 pub fn set<const N: usize>(v: &mut Many<N>, i: usize, value: Vec3A) {
     let [x, y, z] = value.to_array();
     (v[0][i], v[1][i], v[2][i]) = (x, y, z);
 }
 
-/// `m · v`.
+/// Returns `m · v`.
 #[inline(always)]
 #[must_use]
 pub fn turned<const N: usize>(m: &Mat3A, v: &Many<N>) -> Many<N> {
@@ -44,7 +41,7 @@ pub fn turned<const N: usize>(m: &Mat3A, v: &Many<N>) -> Many<N> {
     out
 }
 
-/// `v - w`.
+/// Returns `v - w`.
 #[inline(always)]
 #[must_use]
 pub fn less<const N: usize>(v: &Many<N>, w: Vec3A) -> Many<N> {
@@ -58,7 +55,6 @@ pub fn less<const N: usize>(v: &Many<N>, w: Vec3A) -> Many<N> {
     out
 }
 
-/// Lengths.
 #[inline(always)]
 #[must_use]
 pub fn lengths<const N: usize>(v: &Many<N>) -> [f32; N] {

@@ -1,79 +1,59 @@
 //! Indexed triangle meshes as plain tables.
 //!
-//! A triangle (a, b, c) has the geometric normal (b - a) x (c - a): it faces the side from which its corners run
-//! counter-clockwise. Under an affine map x -> M x + t that vector becomes cof(M) n, where cof(M) = det(M) M^-T is the
-//! cofactor matrix (Turkowski, "Properties of surface-normal transformations", Graphics Gems, 1990).
+//! A triangle (a, b, c) has the geometric normal (b - a) x (c - a): its corners are counter-clockwise as seen
+//! from the front. An affine map x -> M x + t maps the normal n to cof(M) n, where cof(M) = det(M) M^-T is
+//! the cofactor matrix (Turkowski, "Properties of surface-normal transformations", Graphics Gems, 1990).
 
 use glam::{Affine3A, DMat3, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Vertices or triangles that are worth a task of their own.
+/// Minimum number of vertices or triangles per parallel task.
 const SHARE: usize = 1 << 14;
 
-/// A triangle mesh. The fields are open; call [`Mesh::validate`] after filling them by hand.
+/// A triangle mesh. Call [`Mesh::validate`] after filling the fields directly.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Vertex positions, metres.
     pub positions: Vec<Vec3>,
-    /// Unit shading normals, one a vertex, or empty for flat shading.
+    /// Unit shading normals, one per vertex, or empty for flat shading.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates, one a vertex, or empty.
+    /// Texture coordinates, one per vertex, or empty.
     pub uvs: Vec<Vec2>,
-    /// Corners of each triangle, counter-clockwise seen from outside.
+    /// Vertex indices of each triangle, counter-clockwise as seen from outside.
     pub indices: Vec<[u32; 3]>,
 }
 
-/// Why a mesh was refused.
+/// Reasons why a mesh is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeshError {
-    /// No vertex or no triangle.
     #[error("has no triangles of non-zero area; export it with faces, or leave it out")]
     Empty,
-    /// An attribute table is neither empty nor as long as the positions.
     #[error("has {found} {what} for {vertices} vertices; give every vertex one, or none at all")]
     Length {
-        /// Name of the attribute.
         what: &'static str,
-        /// Entries present.
         found: usize,
-        /// Entries needed.
         vertices: usize,
     },
-    /// A coordinate is infinite or not a number.
     #[error("{what} of vertex {vertex} is not finite; repair the mesh where it was made")]
-    NonFinite {
-        /// Name of the attribute.
-        what: &'static str,
-        /// Vertex index, from 0.
-        vertex: usize,
-    },
-    /// A shading normal has no direction.
+    NonFinite { what: &'static str, vertex: usize },
     #[error("normal of vertex {vertex} has length zero; leave all normals out for flat shading")]
-    ZeroNormal {
-        /// Vertex index, from 0.
-        vertex: usize,
-    },
-    /// A triangle refers to a vertex that does not exist.
+    ZeroNormal { vertex: usize },
     #[error("triangle {triangle} uses vertex {index}, but there are only {vertices} (counted from 0)")]
     Index {
-        /// Triangle index, from 0.
         triangle: usize,
-        /// The index it holds.
         index: u32,
-        /// Vertices present.
         vertices: usize,
     },
-    /// More vertices than 32-bit indices can name.
     #[error("has {0} vertices, more than 32-bit indices can name; split it")]
     TooLarge(usize),
 }
 
 impl Mesh {
-    /// Checks every invariant the tracer relies on.
+    /// Checks every invariant that the tracer relies on.
     ///
     /// # Errors
-    /// [`MeshError`] if the mesh is empty, a table has the wrong length, a number is not finite, a normal is zero or
-    /// an index is out of range.
+    /// [`MeshError`] if the mesh is empty, a table has the wrong length, a number is not finite, a normal is
+    /// zero or an index is out of range.
     pub fn validate(&self) -> Result<(), MeshError> {
         let vertices = self.positions.len();
         if vertices == 0 || self.indices.is_empty() {
@@ -112,9 +92,11 @@ impl Mesh {
         }
     }
 
-    /// Moves the mesh by an affine map (metres to metres). Normals turn by the inverse transpose and are renormalized;
-    /// a reflection also flips the winding, so that geometric and shading normals still agree and an outward-facing
-    /// mesh stays outward-facing. A map that flattens space and leaves a normal without direction drops the normals.
+    /// Transforms the mesh by an affine map (metres to metres).
+    ///
+    /// Normals are transformed by the inverse transpose and renormalized. A reflection also flips the
+    /// winding, so that geometric and shading normals still agree and an outward-facing mesh stays
+    /// outward-facing. If a singular map makes a normal zero, all normals are dropped.
     pub fn transform(&mut self, map: &Affine3A) {
         let positions = self.positions.par_iter_mut().with_min_len(SHARE);
         positions.for_each(|p| *p = map.transform_point3(*p));
@@ -144,7 +126,7 @@ impl Mesh {
         }
     }
 
-    /// Exchanges front and back.
+    /// Swaps front and back.
     pub fn flip(&mut self) {
         for normal in &mut self.normals {
             *normal = -*normal;
@@ -154,14 +136,15 @@ impl Mesh {
         }
     }
 
-    /// True if a triangle has no area, as [`Self::drop_degenerate`] judges it.
+    /// Returns true if a triangle has no area, by the criterion of [`Self::drop_degenerate`].
     #[must_use]
     pub fn is_degenerate(&self, triangle: usize) -> bool {
         is_flat(&self.positions, &self.indices[triangle])
     }
 
-    /// Drops triangles without area (repeated or collinear corners, to the precision of the stored positions) and
-    /// returns how many went. Triangles with an index out of range are kept for [`Mesh::validate`] to name.
+    /// Removes triangles without area (repeated or collinear corners, to the precision of the stored
+    /// positions) and returns their number. Triangles with an index out of range are kept for
+    /// [`Mesh::validate`] to report.
     pub fn drop_degenerate(&mut self) -> usize {
         let before = self.indices.len();
         let positions = &self.positions;
@@ -173,8 +156,7 @@ impl Mesh {
         before - self.indices.len()
     }
 
-    /// Drops vertices that no triangle uses, keeping the order of the rest. Call it on valid meshes only: indices out
-    /// of range make it do nothing.
+    /// Removes unused vertices and keeps the order of the others. Does nothing if an index is out of range.
     pub fn compact(&mut self) {
         let n = self.positions.len();
         let mut used = vec![false; n];
@@ -187,7 +169,7 @@ impl Mesh {
         if used.iter().all(|&u| u) {
             return;
         }
-        // The new index of a used vertex is the number of used ones before it.
+        // The new index of a used vertex is the number of used vertices before it.
         let mut renumbered = Vec::with_capacity(n);
         let mut before = 0;
         for &u in &used {
@@ -202,7 +184,7 @@ impl Mesh {
         }
     }
 
-    /// The square [-1, 1]^2 m in the plane z = 0, normal +z, uv from 0 to 1.
+    /// Returns the square [-1, 1]^2 m in the plane z = 0, normal +z, uv from 0 to 1.
     #[must_use]
     pub fn rectangle() -> Self {
         let mut mesh = Self::default();
@@ -210,7 +192,7 @@ impl Mesh {
         mesh
     }
 
-    /// The cube [-1, 1]^3 m, facing outward with flat normals; each face has its own uv from 0 to 1.
+    /// Returns the cube [-1, 1]^3 m, facing outward with flat normals; each face has uv from 0 to 1.
     #[must_use]
     pub fn cube() -> Self {
         let mut mesh = Self::default();
@@ -241,8 +223,8 @@ impl Mesh {
     }
 }
 
-/// True if the triangle's area is zero as far as f32 positions can tell. Non-finite corners count as having area, so
-/// that validation names them.
+/// Returns true if the triangle's area is zero to the precision of f32 positions. Triangles with non-finite
+/// corners count as having area, so that validation reports them.
 fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
     let (ab, ac, bc) = (b - a, c - a, c - b);
     let twice_area = ab.cross(ac).length();
@@ -253,12 +235,12 @@ fn without_area(a: DVec3, b: DVec3, c: DVec3) -> bool {
     twice_area <= (1e-12 * longest_squared).max(f64::from(f32::MIN_POSITIVE))
 }
 
-/// The first entry of which `is` is true.
+/// Returns the index of the first entry for which `is` is true.
 fn first<T: Sync>(table: &[T], is: impl Fn(&T) -> bool + Sync + Send) -> Option<usize> {
     table.par_iter().with_min_len(SHARE).position_first(is)
 }
 
-/// True of a triangle without area; false with an index out of range.
+/// Returns true for a triangle without area; false if an index is out of range.
 fn is_flat(positions: &[Vec3], corners: &[u32; 3]) -> bool {
     match corners.map(|i| positions.get(i as usize).map(|p| p.as_dvec3())) {
         [Some(a), Some(b), Some(c)] => without_area(a, b, c),

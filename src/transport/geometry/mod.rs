@@ -1,7 +1,6 @@
-//! Shapes in space: triangle meshes, exact quadrics, and the tree over all of them.
-//! Lengths are metres.
+//! Shapes in space: triangle meshes, exact quadrics, and the bounding volume hierarchy over all of them.
 //!
-//! Knows nothing of materials beyond their names and numbers.
+//! Lengths are metres. Of materials, this module knows only their indices.
 
 mod binary;
 mod binned;

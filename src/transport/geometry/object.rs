@@ -1,11 +1,12 @@
-//! Which object a hit belongs to, for ground truth: light asks for materials alone.
+//! Maps a hit to its object, for ground truth only; light transport needs materials only.
 
 use super::bvh::{Geometry, QUADRIC};
 use super::ray::Hit;
 
 impl Geometry {
-    /// Number of the object that was hit, as [`GeometryBuilder::object`](super::builder::GeometryBuilder::object) had it; copies
-    /// of a group have those of the group, and are told apart by [`Hit::owner`].
+    /// Returns the index of the object that was hit, as set by
+    /// [`GeometryBuilder::object`](super::builder::GeometryBuilder::object). Copies of a group have the
+    /// indices of the group; [`Hit::owner`] distinguishes them.
     #[must_use]
     pub fn object(&self, hit: &Hit) -> u32 {
         let [triangles, quadrics] = &self.objects;

@@ -1,8 +1,8 @@
-//! Eight triangles or parallelograms that a ray meets at once: the intersection of Möller & Trumbore (1997, "Fast,
-//! minimum storage ray/triangle intersection", J. Graphics Tools 2), lane by lane.
+//! Ray intersection with eight triangles or parallelograms at a time: Möller & Trumbore (1997, "Fast, minimum
+//! storage ray/triangle intersection", J. Graphics Tools 2), one per lane.
 //!
-//! With e1, e2 the edges from the corner v0, p = d × e2, s = o - v0 and q = s × e1,
-//! (t, u, v) = (q·e2, p·s, q·d) / (p·e1); inside are u, v ≥ 0 with u + v ≤ 1, of a parallelogram max(u, v) ≤ 1.
+//! With e1, e2 the edges from the corner v0, p = d × e2, s = o - v0 and q = s × e1, (t, u, v) = (q·e2, p·s,
+//! q·d) / (p·e1). A point is inside if u, v ≥ 0 and u + v ≤ 1, or max(u, v) ≤ 1 for a parallelogram.
 
 use super::eight::{Eight, Mask};
 use super::ray::Ray;
@@ -14,18 +14,18 @@ pub(super) struct Primitive {
     pub(super) v0: Vec3A,
     pub(super) e1: Vec3A,
     pub(super) e2: Vec3A,
-    /// Covers all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1, not just half of it.
+    /// Covers all of v0 + u e1 + v e2, 0 ≤ u, v ≤ 1, not only half of it.
     pub(super) parallelogram: bool,
 }
 
 impl Primitive {
-    /// How far barycentric coordinates may overshoot so that the triangle widens by `width` metres: they run over its
-    /// heights.
+    /// Returns the tolerance of the barycentric coordinates that widens the triangle by `width` metres. It is
+    /// relative to the triangle's height.
     fn skin(&self, width: f32) -> f32 {
         let (e1, e2) = (self.e1, self.e2);
         let longest = e1.length().max(e2.length()).max((e2 - e1).length());
         let height = e1.cross(e2).length() / longest;
-        // A sliver thinner than its skin gets no more than its own width.
+        // A sliver is widened by at most its own width.
         if height > 0.0 {
             (width / height).min(0.5)
         } else {
@@ -34,7 +34,7 @@ impl Primitive {
     }
 }
 
-/// Eight triangles or parallelograms, lane by lane; unused lanes are zero and are never hit.
+/// Eight triangles or parallelograms, one per lane; unused lanes are zero and are never hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pack {
     v0: [Eight; 3],
@@ -96,8 +96,8 @@ impl Pack {
         pack
     }
 
-    /// Möller & Trumbore (1997): bits of the lanes that are hit before `end`; distances and barycentric coordinates of
-    /// the second and third vertex.
+    /// Möller & Trumbore (1997). Returns the bits of the lanes that are hit before `end`, the distances, and
+    /// the barycentric coordinates of the second and third vertex.
     #[inline(always)]
     pub(super) fn intersect(&self, ray: &Wide, end: f32) -> (u32, Eight, Eight, Eight) {
         let p = cross(&ray.d, &self.e2);
@@ -119,7 +119,7 @@ impl Pack {
         (hit.bits(), t, u, v)
     }
 
-    /// Corner and edges of one lane.
+    /// Returns the corner and edges of one lane.
     #[inline]
     pub(super) fn lane(&self, lane: usize) -> [Vec3A; 3] {
         [&self.v0, &self.e1, &self.e2].map(|v| {

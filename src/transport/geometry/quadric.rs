@@ -1,7 +1,8 @@
-//! Sphere, disk and cylinder, intersected exactly in their own space.
+//! Sphere, disk and cylinder, intersected exactly in object space.
 //!
-//! Object space: unit sphere about the origin; unit disk in z = 0 facing +z; open tube of radius 1 from z = 0 to 1
-//! facing outward. An affine map takes them to the world, so ellipsoids and elliptic tubes are possible.
+//! Object space: unit sphere about the origin; unit disk in z = 0 facing +z; open tube of radius 1 from z = 0
+//! to 1 facing outward. An affine map transforms them to the world, including to ellipsoids and elliptic
+//! tubes.
 
 use super::instance::stretch;
 use super::rounding;
@@ -9,7 +10,7 @@ use glam::{Affine3A, Mat3A, Vec3A};
 use optics::sampling::warp;
 use std::f32::consts::{PI, TAU};
 
-/// Which surface.
+/// The kind of surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum QuadricKind {
@@ -24,28 +25,28 @@ pub enum QuadricKind {
 /// A quadric placed in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Quadric {
-    /// Which surface it is in its own space.
     pub kind: QuadricKind,
-    /// Index of the material.
     pub material: u32,
     to_world: Affine3A,
     to_object: Affine3A,
-    /// Inverse transpose of `to_world`, times `facing`: maps normals.
+    /// Inverse transpose of `to_world`, times `facing`: transforms normals.
     normals: Mat3A,
     /// 1, or -1 if the normals point inward.
     facing: f32,
-    /// Centre and radius of a sphere that stays one in the world; no radius (0) for all else.
+    /// Centre and radius if the surface is a sphere in the world; else the radius is 0.
     centre: Vec3A,
     radius: f32,
-    /// Axis that its texture coordinate u runs about.
+    /// Axis of rotation for the texture coordinate u.
     turn: Vec3A,
     /// See [`Surface::rounding`](super::ray::Surface::rounding).
     pub(crate) rounding: f32,
 }
 
-/// Roots of a·t² - 2·b·t + c with the sign convention of the half-b form, without cancellation (Haines et al. 2019,
-/// "Precision improvements for ray/sphere intersection"); `disc` is b² - a·c computed by the caller. From within (c < 0) there
-/// are always two, for grazing rays too, where rounding of `disc` would say otherwise: it is no less than -a·c.
+/// Returns the roots of a·t² - 2·b·t + c in ascending order, without cancellation (Haines et al. 2019,
+/// "Precision improvements for ray/sphere intersection").
+///
+/// `disc` is b² - a·c, computed by the caller. From inside (c < 0) there are always two roots. If rounding
+/// makes `disc` negative for a grazing ray, it is replaced by its lower bound -a·c.
 #[inline]
 fn roots(a: f32, b: f32, c: f32, mut disc: f32) -> Option<[f32; 2]> {
     if disc < 0.0 && c < 0.0 {
@@ -88,7 +89,7 @@ impl Quadric {
         }
     }
 
-    /// The same surface with its front and back exchanged.
+    /// Returns the same surface with front and back swapped.
     #[must_use]
     pub fn flipped(mut self) -> Self {
         self.facing = -self.facing;
@@ -96,7 +97,7 @@ impl Quadric {
         self
     }
 
-    /// The same surface elsewhere, metres.
+    /// Returns the surface translated by `by`, metres.
     pub(super) fn shifted(&self, by: Vec3A) -> Self {
         let mut to_world = self.to_world;
         to_world.translation += by;
@@ -104,13 +105,13 @@ impl Quadric {
         if self.facing < 0.0 { moved.flipped() } else { moved }
     }
 
-    /// Centre and radius, if this is a sphere in the world.
+    /// Returns centre and radius if this is a sphere in the world.
     #[must_use]
     pub fn ball(&self) -> Option<(Vec3A, f32)> {
         (self.radius > 0.0).then_some((self.centre, self.radius))
     }
 
-    /// Nearest distance in (0, tmax) of a ball, infinity for none; see [`roots`] and [`Self::intersect`].
+    /// Returns the nearest distance in (0, tmax) to a sphere, or infinity; see [`roots`].
     #[inline(always)]
     fn meet_ball(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = origin - self.centre;
@@ -139,7 +140,7 @@ impl Quadric {
         }
     }
 
-    /// Nearest distance in (0, tmax), infinity for none; `dir` is a unit vector.
+    /// Returns the nearest distance in (0, tmax), infinity for none; `dir` is a unit vector.
     #[inline(always)]
     #[must_use]
     pub fn intersect(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
@@ -149,7 +150,7 @@ impl Quadric {
         self.meet(origin, dir, tmax)
     }
 
-    /// [`Self::intersect`] for all but balls.
+    /// [`Self::intersect`] for all surfaces except spheres in the world.
     #[inline]
     fn meet(&self, origin: Vec3A, dir: Vec3A, tmax: f32) -> f32 {
         let o = self.to_object.transform_point3a(origin);
@@ -159,7 +160,7 @@ impl Quadric {
             QuadricKind::Sphere => {
                 let a = d.length_squared();
                 let b = -o.dot(d);
-                // Discriminant from the closest approach, exact for far and near origins alike.
+                // Discriminant from the closest approach, accurate for far and near origins.
                 let closest = o + d * (b / a);
                 let disc = a * (1.0 - closest.length_squared());
                 let c = (o.length() - 1.0) * (o.length() + 1.0);
@@ -193,23 +194,24 @@ impl Quadric {
         }
     }
 
-    /// Position (put back on the surface), unit outward normal and ∂p/∂u (unnormalized) at a hit.
+    /// Returns position (projected onto the surface), unit outward normal and ∂p/∂u (unnormalized) at a hit.
     ///
-    /// u runs about the axis of a sphere (v from its +z pole down) and of a cylinder. A disk's u is the radius, but its
-    /// tangent is the object's x axis everywhere, so that a disk of polarizer has one direction.
+    /// u is the azimuth about the axis of a sphere or a cylinder; v of a sphere starts at its +z pole. A
+    /// disk's u is the radius, but its tangent is the object's x axis everywhere, so that a polarizer disk
+    /// has a uniform axis.
     #[inline(always)]
     #[must_use]
     pub fn surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         if self.radius > 0.0 {
             let n = (hit - self.centre).normalize();
-            // About the sphere's own axis, whether or not the map to the world mirrors.
+            // About the sphere's own axis, also if the map to the world is a reflection.
             let u = self.turn.cross(n);
             return (self.centre + n * self.radius, n * self.facing, u);
         }
         self.own_surface(hit)
     }
 
-    /// [`Self::surface`] of all but balls.
+    /// [`Self::surface`] for all surfaces except spheres in the world.
     #[inline]
     fn own_surface(&self, hit: Vec3A) -> (Vec3A, Vec3A, Vec3A) {
         let o = self.to_object.transform_point3a(hit);
@@ -232,7 +234,7 @@ impl Quadric {
         )
     }
 
-    /// Derivative of the unit outward normal by the position on the surface.
+    /// Returns the derivative of the unit outward normal with respect to the position on the surface.
     #[inline]
     #[must_use]
     pub fn bend(&self, p: Vec3A) -> Mat3A {
@@ -248,8 +250,8 @@ impl Quadric {
         normalized_slope(self.normals * n, self.normals * slope * self.to_object.matrix3)
     }
 
-    /// ∂p/∂u and ∂p/∂v of [`Self::uv`] at a point of the surface; 0 at a sphere's poles. Of a disk there is the tangent of
-    /// [`Self::surface`] alone.
+    /// Returns ∂p/∂u and ∂p/∂v of [`Self::uv`] at a point of the surface; 0 at a sphere's poles. For a disk,
+    /// only the tangent of [`Self::surface`] is returned.
     #[must_use]
     pub fn derivatives(&self, p: Vec3A) -> [Vec3A; 2] {
         let o = self.to_object.transform_point3a(p);
@@ -269,7 +271,7 @@ impl Quadric {
         own.map(|d| self.to_world.transform_vector3a(d))
     }
 
-    /// Texture coordinates at a point of the surface.
+    /// Returns the texture coordinates at a point of the surface.
     #[inline]
     #[must_use]
     pub fn uv(&self, p: Vec3A) -> [f32; 2] {
@@ -282,7 +284,7 @@ impl Quadric {
         }
     }
 
-    /// How much larger the surface is in the world than in its own space, at a point of its own space.
+    /// Returns the ratio of surface area in the world to that in object space, at a point in object space.
     #[inline]
     fn growth(&self, o: Vec3A) -> f32 {
         let m = self.to_world.matrix3;
@@ -296,7 +298,7 @@ impl Quadric {
         }
     }
 
-    /// A point, uniform in its own space, and the unit normal there.
+    /// Samples a point, uniformly in object space, and returns it with its unit normal.
     #[must_use]
     pub fn point(&self, u: [f32; 2]) -> (Vec3A, Vec3A) {
         let o = match self.kind {
@@ -311,7 +313,7 @@ impl Quadric {
         (p, n)
     }
 
-    /// Density of [`Self::point`] per area, 1/m².
+    /// Returns the density of [`Self::point`] per area, 1/m².
     #[must_use]
     pub fn density(&self, p: Vec3A) -> f32 {
         let o = self.to_object.transform_point3a(p);
@@ -323,7 +325,7 @@ impl Quadric {
         1.0 / (own * self.growth(o))
     }
 
-    /// True if the point is inside of it (of a tube, between its ends), `grown` times as large about its middle.
+    /// Returns true if the point is inside the surface (or tube), scaled by `grown` about its centre.
     #[must_use]
     pub fn holds(&self, p: Vec3A, grown: f32) -> bool {
         let o = self.to_object.transform_point3a(p);
@@ -334,7 +336,7 @@ impl Quadric {
         }
     }
 
-    /// Square metres.
+    /// Returns the area, m².
     #[must_use]
     pub fn area(&self) -> f32 {
         const N: usize = 64;
@@ -346,24 +348,24 @@ impl Quadric {
         ((0..N * N).map(one).sum::<f64>() / (N * N) as f64) as f32
     }
 
-    /// World bounds (min, max).
+    /// Returns the world bounds (min, max).
     #[must_use]
     pub fn bounds(&self) -> (Vec3A, Vec3A) {
         let m = self.to_world.matrix3;
         let t = self.to_world.translation;
         let (half, centre) = match self.kind {
-            // Support of an ellipsoid along each world axis: the length of the matrix row.
+            // Half extent of an ellipsoid along each world axis: the length of the matrix row.
             QuadricKind::Sphere => (rows_length(m, true), t),
             QuadricKind::Disk => (rows_length(m, false), t),
             QuadricKind::Cylinder => (rows_length(m, false) + (m.z_axis * 0.5).abs(), t + m.z_axis * 0.5),
         };
-        // A hair of padding so that flat and rounded surfaces never fall outside their box.
+        // Padding, so that flat and rounded surfaces stay inside their box.
         let pad = half * 1e-5 + centre.abs() * 1e-6 + Vec3A::splat(1e-9);
         (centre - half - pad, centre + half + pad)
     }
 }
 
-/// Derivative of a normalized vector, from the vector and its own derivative.
+/// Returns the derivative of a normalized vector, from the vector and its derivative.
 #[inline]
 pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
     let length = v.length().max(f32::MIN_POSITIVE);
@@ -372,7 +374,7 @@ pub(super) fn normalized_slope(v: Vec3A, slope: Mat3A) -> Mat3A {
     Mat3A::from_cols(across(slope.x_axis), across(slope.y_axis), across(slope.z_axis))
 }
 
-/// The factor of a map that scales all directions alike, 0 if it does not.
+/// Returns the scale factor of a similarity transform; 0 for other maps.
 pub(super) fn similarity(m: Mat3A) -> f32 {
     let r = m.x_axis.length();
     let uneven = [
@@ -389,7 +391,7 @@ pub(super) fn similarity(m: Mat3A) -> f32 {
     }
 }
 
-/// Length of every matrix row over all three, or the first two, columns.
+/// Returns the length of every matrix row over all three, or the first two, columns.
 fn rows_length(m: Mat3A, three: bool) -> Vec3A {
     let sq = |v: Vec3A| v * v;
     let s = sq(m.x_axis) + sq(m.y_axis) + if three { sq(m.z_axis) } else { Vec3A::ZERO };
@@ -402,7 +404,7 @@ mod tests {
     use glam::{Quat, Vec3};
     use optics::sampling::stream::Stream;
 
-    /// A ball is met where its own space says, and has the same normals and tangents, mirrored or not.
+    /// A sphere has the same hits, normals and tangents as in object space, reflected or not.
     #[test]
     fn balls_are_spheres() {
         let mut stream = Stream::new(4, 0, 0);
@@ -423,7 +425,6 @@ mod tests {
                 let [a, b] = [&ball, &plain].map(|q| q.intersect(o, d, f32::INFINITY));
                 let p = (o + d * a - centre).length();
                 if a.is_infinite() != b.is_infinite() {
-                    // Grazing.
                     assert!((p - 0.7).abs() < 1e-3 || !p.is_finite());
                     continue;
                 }
@@ -441,7 +442,7 @@ mod tests {
         assert!(Quadric::new(QuadricKind::Sphere, uneven, 0).ball().is_none());
     }
 
-    /// The derivative of the normal is what differences of normals say.
+    /// Compares the derivative of the normal with finite differences.
     #[test]
     fn normals_bend_as_their_derivative_says() {
         let mut stream = Stream::new(5, 0, 0);

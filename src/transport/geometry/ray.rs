@@ -1,25 +1,25 @@
-//! Rays, and hits before anything but their distance is known.
+//! Rays, hits and surface points.
 
 use glam::{Mat3A, Vec3A};
 use std::num::NonZeroU32;
 
-/// A ray; `dir` is a unit vector, distances are metres.
+/// A ray; distances are metres.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Where it starts, world, metres.
+    /// Origin in world space, metres.
     pub origin: Vec3A,
-    /// Where it goes, a unit vector.
+    /// Direction, a unit vector.
     pub dir: Vec3A,
 }
 
-/// The nearest hit of a ray: enough to find the rest.
+/// The nearest hit of a ray, from which the surface point is computed.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// Distance along the ray, metres.
     pub t: f32,
     /// Index of the primitive in BVH leaf order.
     pub leaf: u32,
-    /// What the primitive belongs to.
+    /// The world or the instance that contains the primitive.
     pub owner: Owner,
     /// Barycentric coordinate of a triangle's second vertex (0 for quadrics).
     pub u: f32,
@@ -27,22 +27,21 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// What a primitive belongs to: the world itself, or an instance. Never 0, so that a hit and no hit take no more room.
+/// The world or an instance as the owner of a primitive. Never 0, so that `Option<Hit>` is as small as `Hit`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Owner(NonZeroU32);
 
 impl Owner {
-    /// The world itself.
     pub const WORLD: Self = Self(NonZeroU32::MIN);
 
-    /// The instance of a number, below 2³¹.
+    /// Returns the owner for an instance index below 2³¹.
     #[inline]
     #[must_use]
     pub const fn instance(number: u32) -> Self {
         Self(NonZeroU32::MIN.saturating_add(number).saturating_add(1))
     }
 
-    /// The instance's number; `None` for the world itself.
+    /// Returns the index of the instance; `None` for the world.
     #[inline(always)]
     #[must_use]
     pub fn number(self) -> Option<u32> {
@@ -59,22 +58,20 @@ pub struct Surface {
     pub ng: Vec3A,
     /// Unit shading normal, in the hemisphere of `ng`.
     pub ns: Vec3A,
-    /// Direction in which the texture coordinate u grows (∂p/∂u), neither unit nor exactly perpendicular to `ns`; see
-    /// [`Surface::tangent_frame`].
+    /// Direction of increasing texture coordinate u (∂p/∂u), not normalized and not exactly perpendicular to
+    /// `ns`; see [`Surface::tangent_frame`].
     pub tangent: Vec3A,
-    /// ∂p/∂v, and `tangent` is then ∂p/∂u in length too, in scenes with bump maps; else 0.
+    /// ∂p/∂v in scenes with bump maps, where `tangent` also has the length of ∂p/∂u; else 0.
     pub bitangent: Vec3A,
-    /// Texture coordinates.
     pub uv: [f32; 2],
-    /// Index of the material.
     pub material: u32,
-    /// How far rounding may put points and hits off the surface, in units of 2⁻²⁴ of their coordinates.
+    /// Maximum rounding error of points and hits off the surface, in units of 2⁻²⁴ of their coordinates.
     pub rounding: f32,
 }
 
 impl Surface {
-    /// Orthonormal x (along ∂p/∂u), y and z = `ns`: what element angles and normal maps count from. Columns take local
-    /// directions to the world.
+    /// Returns the orthonormal frame x (along ∂p/∂u), y and z = `ns` to which element angles and normal maps
+    /// refer. It maps local directions to the world.
     #[inline]
     #[must_use]
     pub fn tangent_frame(&self) -> Mat3A {

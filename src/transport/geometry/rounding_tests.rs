@@ -1,4 +1,4 @@
-//! Rays start and end just off surfaces: none meets what it left, and none gets lost between neighbours or through them.
+//! Tests that rays start and end just off surfaces: they do not hit that surface or pass through others.
 
 use super::builder::GeometryBuilder;
 use super::bvh::Geometry;
@@ -11,7 +11,7 @@ use optics::polarization::frame::basis;
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Where scenes of a metre stand, metres off the origin.
+/// Distances from the origin of scenes of 1 m, metres.
 const OFFSETS: [f32; 4] = [0.1, 1.0, 100.0, 1e4];
 
 fn turned(stream: &mut Stream) -> Quat {
@@ -20,7 +20,7 @@ fn turned(stream: &mut Stream) -> Quat {
     Quat::from_axis_angle(axis.into(), stream.uniform() * 6.0)
 }
 
-/// A ball of triangles about the origin, `n` rows of 2 n.
+/// A unit ball of triangles at the origin, with `n` rows of 2 n.
 fn ball(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..=n {
@@ -54,7 +54,7 @@ fn ball(n: u32) -> Mesh {
     mesh
 }
 
-/// A direction on the side of `n`; every fourth one grazes.
+/// Samples a direction on the side of `n`; every fourth is grazing.
 fn away(n: Vec3A, stream: &mut Stream) -> Vec3A {
     let v = warp::sphere(stream.uniform2());
     let side = v - n * (2.0 * v.dot(n).min(0.0));
@@ -66,7 +66,7 @@ fn away(n: Vec3A, stream: &mut Stream) -> Vec3A {
     }
 }
 
-/// A ray from about a place to about a place, and what it meets.
+/// Samples a ray near a target and returns it with its hit.
 fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(Ray, Hit, Surface)> {
     let target = centre + warp::sphere(stream.uniform2()) * (size * stream.uniform());
     let origin = centre + warp::sphere(stream.uniform2()) * (size * (0.1 + 5.0 * stream.uniform()));
@@ -78,8 +78,9 @@ fn met(g: &Geometry, centre: Vec3A, size: f32, stream: &mut Stream) -> Option<(R
     Some((ray, hit, g.surface(&ray, &hit)))
 }
 
-/// Flat primitives and quadrics of all sizes at all places: a ray never meets what it leaves, and a line to a point of a surface is
-/// not blocked by that surface. What is curved is met again at its other side, or from within, and nowhere nearer.
+/// For flat primitives and quadrics of all sizes and positions: a ray never hits the surface that it leaves,
+/// and that surface does not block a line to one of its points. A ray may hit the other side of a curved
+/// surface, or its inside, but nothing nearer.
 #[test]
 fn nothing_meets_itself() {
     let mut stream = Stream::new(41, 0, 0);
@@ -96,7 +97,6 @@ fn nothing_meets_itself() {
             0 | 1 => {
                 let mut mesh = Mesh::rectangle();
                 if shape == 1 {
-                    // Two triangles.
                     mesh.indices.swap(0, 1);
                 }
                 mesh.transform(&place(Vec3::new(size, size * (0.05 + stream.uniform()), 1.0)));
@@ -117,7 +117,7 @@ fn nothing_meets_itself() {
         }
         let g = builder.build();
         if shape > 1 && size < 1e4 * UNIT * offset {
-            // Single precision knows no such shape there.
+            // The shape is below f32 resolution there.
             continue;
         }
         for _ in 0..400 {
@@ -131,19 +131,19 @@ fn nothing_meets_itself() {
                     dir,
                 };
                 left += 1;
-                // On flat surfaces nothing is met again, on convex ones nothing from outside.
+                // On a flat surface nothing is hit again; on a convex surface, nothing from outside.
                 let flat = matches!(shape, 0 | 1 | 3);
                 let next = g.intersect(&on, f32::INFINITY);
                 if flat || n == s.ng {
                     again[shape] += u32::from(next.is_some());
                 } else if shape != 4 {
-                    // From within the other side is met, at a chord's length.
+                    // From inside, the other side is hit at the length of a chord.
                     let chord = next.map_or(0.0, |h| h.t);
                     let cos = dir.dot(n);
                     again[shape] += u32::from(chord < 0.05 * size * cos);
                 }
             }
-            // Back to where the ray came from, both ways.
+            // Back to the origin of the ray, in both directions.
             let length = s.p.distance(ray.origin);
             let aim = g.reach(&s, -ray.dir, length);
             let to = aim - ray.origin;
@@ -163,7 +163,7 @@ fn nothing_meets_itself() {
     assert_eq!((again, blocked), ([0; 6], [0; 6]));
 }
 
-/// Walks inside of closed meshes and quadrics, at all places and sizes: every ray meets a wall, from its inside.
+/// Random walks inside closed meshes and quadrics, at all positions and sizes: every ray hits from inside.
 #[test]
 fn closed_rooms_lose_no_light() {
     let mut stream = Stream::new(42, 0, 0);
@@ -179,7 +179,7 @@ fn closed_rooms_lose_no_light() {
         ] {
             let centre = warp::sphere(stream.uniform2()) * offset;
             let turn = turned(&mut stream);
-            // Copies are of a group of another size, so that all rooms are a metre large.
+            // Groups have other sizes, which instances scale so that every closed shape is 1 m large.
             let place = Affine3A::from_scale_rotation_translation(Vec3::ONE, turn, centre.into());
             let mut builder = GeometryBuilder::default();
             let mut mesh = ball(32);
@@ -226,7 +226,6 @@ fn closed_rooms_lose_no_light() {
                     };
                     let s = g.surface(&ray, &hit);
                     if s.ng.dot(ray.dir) < 0.0 {
-                        // From outside.
                         back += 1;
                         break;
                     }
@@ -236,14 +235,14 @@ fn closed_rooms_lose_no_light() {
                 }
             }
             println!("{what} {scale} at {offset}: {rays} rays, {lost} lost, {back} from outside");
-            // Points of a corner that are nearer to the other wall than coordinates can tell may be behind it.
+            // Near a corner, points that are closer to the other wall than f32 resolution may be behind it.
             let known = (UNIT * offset * rays as f32) as i32;
             assert!(lost + back <= known, "{what} {scale} at {offset}: {lost}, {back}");
         }
     }
 }
 
-/// A ray that runs along the inside of something round meets it again, however small the angle.
+/// A ray along the inside of a round shape hits it again, at any small angle.
 #[test]
 fn round_rooms_are_closed_to_grazing_rays() {
     let mut stream = Stream::new(44, 0, 0);
@@ -271,7 +270,7 @@ fn round_rooms_are_closed_to_grazing_rays() {
                 continue;
             };
             let s = g.surface(&ray, &hit);
-            // Around it, where a tube is curved.
+            // Around the axis of a tube, where it is curved.
             let round = match kind {
                 QuadricKind::Cylinder => s.tangent.normalize(),
                 _ => (basis(s.ng) * warp::sphere(stream.uniform2()).with_z(0.0)).normalize_or(s.tangent),
@@ -288,7 +287,7 @@ fn round_rooms_are_closed_to_grazing_rays() {
     }
 }
 
-/// Two parallel sheets a micrometre apart, a metre off: the one behind is met from the one before it, and the other way round.
+/// Two parallel sheets with a gap of 1 µm at a distance of 1 m: rays from each sheet hit the other.
 #[test]
 fn a_micrometre_is_seen_at_a_metre() {
     let mut stream = Stream::new(43, 0, 0);
@@ -334,9 +333,9 @@ fn a_micrometre_is_seen_at_a_metre() {
                 dir: away(-turn.z_axis, &mut stream),
             };
             let sheet = g.intersect(&back, f32::INFINITY).map(|h| g.surface(&back, &h));
-            // Light that grazes runs past the sheet's rim.
+            // Grazing rays may pass the rim of the sheet.
             let near = sheet.is_some_and(|s| s.material == 1) || back.dir.dot(turn.z_axis).abs() < 1e-3;
-            // Lines to the wall are stopped by the sheet, lines to the sheet are not.
+            // The sheet blocks lines to the wall, but not lines to itself.
             let stops = |at: &Surface| {
                 let to = g.reach(at, -dir, at.p.length());
                 let length = to.length();

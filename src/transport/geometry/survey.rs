@@ -1,5 +1,5 @@
-//! What stands in every small pyramid of directions from a point: bounds on the depths of what is nearest, of all else, and of
-//! what hides everything behind it. All are conservative.
+//! Computes conservative bounds for every small pyramid of directions from a point: the depths of the nearest
+//! primitive, of all others, and of the primitive that hides everything behind it.
 
 use super::bvh::{Geometry, Outline, QUADRIC};
 use super::instance::Instance;
@@ -8,48 +8,48 @@ use arrayvec::ArrayVec;
 use glam::{Mat3A, Vec2, Vec3A};
 use obvhs::aabb::Aabb;
 
-/// Pyramids are taken this much larger than they are, in their own width, against rounding.
+/// Pyramids are enlarged by this fraction of their width, against rounding.
 const MARGIN: f32 = 0.02;
 /// Relative margin of depths.
 pub(super) const DEPTH_MARGIN: f32 = 1e-4;
-/// No primitive.
+/// Index of no primitive.
 pub(super) const NOTHING: u32 = u32::MAX;
-/// What comes nearer than this, relative to the scene, is too close for a view.
+/// Minimum distance of primitives for a view, relative to the scene's extent.
 const NEAR: f32 = 1e-3;
-/// An outline whose area on the plane at distance 1 is below this, over its length there, is a sliver: rounding decides which
-/// way round it is.
+/// An outline with a smaller ratio of area to length, on the plane at distance 1, is a sliver: rounding
+/// determines its orientation.
 const SLIVER: f32 = 1e-5;
-/// A plane at less than this sine to the line to one of its corners is seen edge-on: its depths are not to be trusted.
+/// A plane at less than this sine to the line to a corner is seen edge-on: its depths are unreliable.
 const EDGE_ON: f32 = 1e-3;
-/// Balls are taken this much larger than they are, against rounding of their hits.
+/// Relative enlargement of spheres, against rounding of their hits.
 const ROUND_MARGIN: f32 = 1e-3;
-/// Rounding of angles between directions, radians: arc tangents of single precision stay a hundred times below.
+/// Rounding of angles between directions, radians: f32 arc tangents are accurate to a hundredth of this.
 const ANGLE_MARGIN: f32 = 1e-4;
-/// Boxes of an instance are taken this much larger than they are, in units of its group's size.
+/// Enlargement of the boxes of an instance, in units of its group's size.
 const BOX_MARGIN: f32 = 1e-5;
-/// Triangles from which on they are entered by the boxes of the tree where these are small.
+/// From this number of triangles on, small boxes of the tree are entered instead of their triangles.
 const MANY: usize = 1 << 16;
-/// A box that is no wider than this many pyramids is small.
+/// A box at most this many pyramids wide is small.
 const SMALL: f32 = 0.5;
-/// A direction this share of a ball's rim off its middle still hits it for certain.
+/// A direction within this fraction of a sphere's angular radius certainly hits it.
 const WELL_INSIDE: f32 = 0.99;
-/// Beyond this angle off the axis a tangent is as good as infinite: just below π/2, where single precision changes its sign.
+/// Beyond this angle the tangent is treated as infinite: just below π/2, where the f32 tangent changes sign.
 const RIGHT_ANGLE: f32 = 1.57;
 
-/// What one pyramid holds; depths are along the axis of the pinhole, metres.
+/// The bounds of one pyramid; depths are along the axis of the pinhole, metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
-    /// The primitive that may be nearest, and the least depth at which it may be.
+    /// The primitive that may be nearest, and the minimum depth at which it may be.
     pub leaf: u32,
     pub nearest: f32,
-    /// Least depth of anything else.
+    /// Minimum depth of all other primitives.
     pub others: f32,
     /// Depth behind which everything is hidden.
     pub cover: f32,
 }
 
 impl Bounds {
-    /// Of an empty pyramid.
+    /// The bounds of an empty pyramid.
     const NOTHING: Self = Self {
         leaf: NOTHING,
         nearest: f32::INFINITY,
@@ -58,7 +58,7 @@ impl Bounds {
     };
 }
 
-/// How directions are divided into pyramids.
+/// The division of directions into pyramids.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
     /// First corner, and pyramids per unit, on the plane at distance 1.
@@ -81,7 +81,6 @@ struct Window {
 }
 
 impl Window {
-    /// The bounds of points.
     fn about(points: &[Vec2]) -> Self {
         let nothing = Self {
             lo: Vec2::INFINITY,
@@ -100,8 +99,8 @@ impl Window {
 }
 
 impl Survey {
-    /// Enters all primitives of a geometry, seen from `origin` with world directions turned by `to_local`; `None` where something
-    /// is so close that nothing could be said.
+    /// Enters all primitives of a geometry, seen from `origin` with world directions rotated by `to_local`.
+    /// Returns `None` if a primitive is so close that the view would be useless.
     pub fn of(geometry: &Geometry, grid: Grid, origin: Vec3A, to_local: Mat3A) -> Option<Self> {
         let mut survey = Self {
             grid,
@@ -139,7 +138,7 @@ impl Survey {
         }
     }
 
-    /// Enters the world by its tree. What is in a box that is smaller than a pyramid hides none, and is entered as the box.
+    /// Enters the world by its tree. A box smaller than a pyramid is entered as a box and hides nothing.
     fn world(&mut self, geometry: &Geometry, place: impl Fn(Vec3A) -> Vec3A, near: f32) -> Option<()> {
         let pad = Vec3A::splat(BOX_MARGIN * geometry.extent());
         let mut todo = vec![0];
@@ -172,8 +171,8 @@ impl Survey {
         Some(())
     }
 
-    /// Enters the boxes of an instance's tree, the first ones that are not too close; what `place` does to the group's points
-    /// makes them right, down, forward of the pinhole.
+    /// Enters the boxes of an instance's tree, from the top down to the first that are not too close. `place`
+    /// maps points of the group to right, down, forward of the pinhole.
     fn boxes(
         &mut self,
         geometry: &Geometry,
@@ -191,7 +190,6 @@ impl Survey {
                 }
                 match child {
                     Child::Branch(node) => todo.push(node),
-                    // A quadric.
                     Child::Leaf(leaf) if leaf & 1 == 1 => return None,
                     Child::Leaf(leaf) => {
                         for place_in_pack in 0..8 {
@@ -208,8 +206,8 @@ impl Survey {
         Some(())
     }
 
-    /// Enters something of unknown shape inside the hull of corners; false, and nothing is entered, where that is too close, or wider
-    /// than `most` pyramids.
+    /// Enters an unknown shape inside the convex hull of corners. Returns false and enters nothing if the
+    /// hull is too close, or wider than `most` pyramids.
     fn cuboid(&mut self, corners: [Vec3A; 8], near: f32, most: f32) -> bool {
         let all = |f: &dyn Fn(&Vec3A) -> f32| corners.iter().all(|c| f(c) > 0.0);
         let whole = self.whole();
@@ -239,7 +237,7 @@ impl Survey {
         true
     }
 
-    /// Enters a primitive into a pyramid: least depth, and the depth that it surely hides all behind.
+    /// Enters a primitive into a pyramid: its minimum depth, and the depth behind which it hides everything.
     fn enter(&mut self, column: u32, row: u32, leaf: u32, depth: f32, cover: f32) {
         let p = &mut self.bounds[(row * self.grid.size[0] + column) as usize];
         if depth < p.nearest {
@@ -252,7 +250,7 @@ impl Survey {
         p.cover = p.cover.min(cover);
     }
 
-    /// Columns and rows of the pyramids that a window touches, widened by `more`.
+    /// Returns the columns and rows of the pyramids that a window touches, widened by `more`.
     fn touched(&self, window: Window, more: f32) -> [std::ops::Range<u32>; 2] {
         let pad = Vec2::splat(2.0 * MARGIN) + self.grid.density * more;
         let lo = (window.lo - self.grid.first) * self.grid.density - pad;
@@ -263,7 +261,7 @@ impl Survey {
         })
     }
 
-    /// A pyramid, widened by `margin` of its width and `more`.
+    /// Returns the window of a pyramid, widened by `MARGIN` of its width and by `more`.
     fn window(&self, column: u32, row: u32, more: f32) -> Window {
         let (a, n) = (Vec2::new(column as f32, row as f32), self.grid.density);
         let wider = Vec2::splat(MARGIN) + n * more;
@@ -273,10 +271,10 @@ impl Survey {
         }
     }
 
-    /// A flat primitive; one of an instance has no number, and nothing counts as hidden by it.
+    /// Enters a flat primitive. A primitive of an instance has no index and does not hide anything.
     fn flat(&mut self, leaf: Option<u32>, corners: [Vec3A; 4], near: f32, skin: f32) -> Option<()> {
         let behind = corners.iter().all(|c| c.z <= near);
-        // What lies between the pinhole and the near plane must be outside of the whole image.
+        // The part between the pinhole and the near plane must be outside the image.
         if corners.iter().any(|c| c.z <= near) {
             let whole = self.whole();
             let close = clip(&clip(&corners, |c| near - c.z), |c| c.z);
@@ -301,7 +299,7 @@ impl Survey {
         let area: f32 = (1..points.len())
             .map(|i| (points[i - 1] - points[0]).perp_dot(points[i] - points[0]))
             .sum();
-        // Which way round is not known of a sliver: its box must do.
+        // The orientation of a sliver is unknown, so its bounding box is used.
         let turn = if area.abs() > SLIVER * (bounds.hi - bounds.lo).length() {
             area.signum()
         } else {
@@ -309,14 +307,14 @@ impl Survey {
         };
         let normal = (corners[1] - corners[0]).cross(corners[3] - corners[0]);
         let height = normal.dot(corners[0]);
-        // Nor is the depth of a plane that is seen edge-on.
+        // The depth of a plane that is seen edge-on is also unknown.
         let sloped = height.abs() > EDGE_ON * normal.length() * corners[0].length();
         let more = skin / least;
         let [columns, rows] = self.touched(bounds, more);
         for row in rows {
             for column in columns.clone() {
                 let window = self.window(column, row, more);
-                // Outside one edge with all corners: no overlap. Inside all edges with all: covered.
+                // No overlap if all corners are outside one edge. Covered if all are inside all edges.
                 let (mut apart, mut inside) = (false, turn != 0.0);
                 for i in 0..points.len() {
                     let (a, b) = (points[i], points[(i + 1) % points.len()]);
@@ -328,7 +326,7 @@ impl Survey {
                 if apart {
                     continue;
                 }
-                // 1/z is linear over the image, so that its extremes are at the corners.
+                // 1/z is linear over the image, so its extremes are at the corners.
                 let inverse = window
                     .corners()
                     .map(|p| normal.dot(p.extend(1.0).into()) / height);
@@ -361,7 +359,7 @@ impl Survey {
         Some(())
     }
 
-    /// A sphere about `c` (right, down, forward), or something of unknown shape inside it.
+    /// Enters a sphere at `c` (right, down, forward), or an unknown shape inside it.
     fn round(&mut self, leaf: u32, c: Vec3A, radius: f32, solid: bool) -> Option<()> {
         let distance = c.length();
         let radius = radius * (1.0 + ROUND_MARGIN);
@@ -391,7 +389,7 @@ impl Survey {
                     continue;
                 }
                 let covered = solid && off < rim * WELL_INSIDE - half;
-                // The near half's depth exceeds the centre's by no more than the slant of the rays.
+                // The depth of the near half exceeds that of the centre by at most the slant of the rays.
                 let cover = if covered {
                     c.z + radius * (1.0 - middle.z * middle.z).sqrt() + half * radius
                 } else {
@@ -414,7 +412,7 @@ impl Survey {
     }
 }
 
-/// What a disk about (x, z) covers of the line z = 1, seen from the origin outside of it: least and greatest x.
+/// Returns the interval of x that a disk at (x, z) covers on the line z = 1, seen from the origin outside it.
 fn shadow(x: f32, z: f32, radius: f32) -> [f32; 2] {
     let (middle, distance) = (x.atan2(z), x.hypot(z));
     if distance <= radius {
@@ -431,18 +429,17 @@ fn shadow(x: f32, z: f32, radius: f32) -> [f32; 2] {
     [end(middle - half), end(middle + half)]
 }
 
-/// The corners of a box that is padded on all sides.
+/// Returns the corners of a box that is padded on all sides.
 fn corners(aabb: &Aabb, pad: Vec3A) -> [Vec3A; 8] {
     let (lo, hi) = (aabb.min - pad, aabb.max + pad);
     [0, 1, 2, 3, 4, 5, 6, 7].map(|i| Vec3A::from_array([0, 1, 2].map(|k| [lo, hi][i >> k & 1][k])))
 }
 
-/// The angle between two directions.
 fn angle(a: Vec3A, b: Vec3A) -> f32 {
     a.cross(b).length().atan2(a.dot(b))
 }
 
-/// The part of a convex polygon where `f` is not negative (Sutherland & Hodgman 1974).
+/// Returns the part of a convex polygon where `f` is not negative (Sutherland & Hodgman 1974).
 fn clip(polygon: &[Vec3A], f: impl Fn(&Vec3A) -> f32) -> ArrayVec<Vec3A, 8> {
     let mut out = ArrayVec::new();
     for (i, b) in polygon.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Builder and tree together: rays hit what they should.
+//! Tests of the builder and the tree together: rays hit the expected surfaces.
 
 use super::builder::GeometryBuilder;
 use super::mesh::Mesh;
@@ -8,7 +8,7 @@ use glam::{Affine3A, Vec3, Vec3A};
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Distance and the least barycentric coordinate of a ray in a triangle's plane.
+/// Returns the distance to a triangle's plane along a ray, and the smallest barycentric coordinate.
 fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
     let [a, b, c] = corners.map(glam::Vec3::as_dvec3);
     let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
@@ -20,7 +20,7 @@ fn reference(corners: [Vec3; 3], ray: &Ray) -> (f64, f64) {
     (t, u.min(v).min(1.0 - u - v))
 }
 
-/// A rectangle of two triangles is one primitive with the surface of the two.
+/// A rectangle of two triangles becomes one primitive with the same surface.
 #[test]
 fn rectangles_are_one_primitive() {
     let place = Affine3A::from_scale_rotation_translation(
@@ -31,7 +31,7 @@ fn rectangles_are_one_primitive() {
     let mut mesh = Mesh::rectangle();
     mesh.transform(&place);
     let mut apart = mesh.clone();
-    // In another order the two triangles are not recognized.
+    // In another order, the two triangles are not recognized as a parallelogram.
     apart.indices.swap(0, 1);
     let [one, two] = [&mesh, &apart].map(|m| {
         let mut builder = GeometryBuilder::default();
@@ -51,7 +51,7 @@ fn rectangles_are_one_primitive() {
         let (Some(a), Some(b)) = (a, b) else {
             continue;
         };
-        // Rounding along a grazing ray is not small.
+        // Along a grazing ray, rounding errors are large.
         if a.ng.dot(dir).abs() < 0.1 {
             continue;
         }
@@ -63,7 +63,7 @@ fn rectangles_are_one_primitive() {
     assert!(hits > 1000);
 }
 
-/// A soup of triangles and spheres: the BVH finds exactly what a loop over all primitives finds.
+/// For random triangles and spheres, the BVH finds the same hits as a loop over all primitives.
 #[test]
 fn bvh_equals_brute_force() {
     let mut stream = Stream::new(5, 0, 0);
@@ -94,7 +94,7 @@ fn bvh_equals_brute_force() {
         let round = quadrics
             .map(|q| q.intersect(origin, dir, f32::INFINITY))
             .fold(f32::INFINITY, f32::min);
-        // Triangles in double precision: those hit for certain, and those that may be.
+        // Triangles in double precision: those that are certainly hit, and those that may be.
         let [mut certain, mut possible] = [f64::from(round); 2];
         for tri in &mesh.indices {
             let (t, margin) = reference(tri.map(|i| mesh.positions[i as usize]), &ray);
@@ -130,7 +130,7 @@ fn bvh_equals_brute_force() {
     assert!(hits > 5000);
 }
 
-/// Rays aimed at the shared edge of two triangles, from near and far, steep and grazing: none slips through.
+/// Rays aimed at the shared edge of two triangles, near and far, steep and grazing: none passes between them.
 #[test]
 fn shared_edges_are_closed() {
     let mut stream = Stream::new(6, 0, 0);
@@ -142,7 +142,7 @@ fn shared_edges_are_closed() {
         let (x, y) = (frame.x_axis * size, frame.y_axis * size);
         let corners = [centre - x - y, centre + x - y, centre + x + y, centre - x + y];
         let mut builder = GeometryBuilder::default();
-        // Something else spans the scene, as around any small object.
+        // A far object makes the scene large, as around any small object.
         for (points, indices) in [
             (corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]),
             (
@@ -184,8 +184,8 @@ fn an_empty_scene_is_hit_by_nothing() {
     assert!(!g.occluded(&ray, f32::INFINITY));
 }
 
-/// The code for AVX2, that for any processor, and what other processors would compile (feature `portable`) meet every ray at
-/// the same bits. Only sums, products, quotients and roots are in them, which round the same everywhere.
+/// The AVX2 code, the generic code and the code for other processors (feature `portable`) give bit-identical
+/// hits. They use only sums, products, quotients and square roots, which round equally everywhere.
 #[test]
 fn every_processor_meets_the_same() {
     let mut stream = Stream::new(21, 0, 0);

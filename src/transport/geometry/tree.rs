@@ -1,7 +1,8 @@
-//! A bounding volume hierarchy whose nodes hold eight boxes, tested against a ray at once.
+//! A bounding volume hierarchy with eight boxes per node, which a ray tests at a time.
 //!
-//! A binary tree ([`super::binary`]) is collapsed to width eight by opening the child with the largest surface (Wald, Benthin &
-//! Boulos 2008, "Getting rid of packets"). Boxes stay in full precision: scenes of a rig are small enough that decoding compressed boxes costs more than reading them.
+//! A binary tree ([`super::binary`]) is collapsed to width eight by opening the child with the largest
+//! surface (Wald, Benthin & Boulos 2008, "Getting rid of packets"). Boxes have full precision: scenes of a
+//! rig are so small that decoding compressed boxes would cost more than reading full ones.
 
 use super::binary::{Binary, Part};
 use super::eight::Eight;
@@ -10,20 +11,20 @@ use arrayvec::ArrayVec;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 
-/// Set in a child that is a leaf; the rest is the leaf's number.
+/// Flag of a child that is a leaf; the other bits are the leaf's index.
 const LEAF: u32 = 1 << 31;
-/// A place without a child. Its box is inside out, so that no ray meets it.
+/// An unused child. Its box is inverted, so that no ray hits it.
 const NONE: u32 = u32::MAX;
-/// Boxes that can be waiting during a traversal.
+/// Maximum number of boxes on the traversal stack.
 const STACK: usize = 192;
-/// Widens the far side of boxes by more than the rounding of their distances (Ize 2013).
+/// Factor that enlarges the exit distance of boxes by more than rounding (Ize 2013).
 const ROBUST: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// Eight boxes and what is in them.
+/// Eight boxes and their children.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct Node {
-    /// Least x, y, z, then greatest x, y, z.
+    /// Minimum x, y, z, then maximum x, y, z.
     bounds: [Eight; 6],
     child: [u32; 8],
 }
@@ -50,17 +51,17 @@ impl Node {
     }
 }
 
-/// What a traversal does at a leaf. A trait, because a closure cannot be forced into the loop that was compiled for the
-/// processor at hand.
+/// The operations of a traversal at a leaf. A trait instead of a closure, because a closure cannot be
+/// force-inlined into the loop that is compiled with particular target features.
 pub trait Visit {
-    /// Meets leaf number `leaf`, hits beyond `end` being of no interest; returns the new end, 0 or less to stop.
+    /// Processes leaf `leaf`; hits beyond `end` are irrelevant. Returns the new end, 0 or less to stop.
     fn leaf(&mut self, leaf: u32, end: f32) -> f32;
-    /// Is told that leaf number `leaf` will probably be met, so that it can have it fetched from memory.
+    /// Announces that leaf `leaf` will probably be visited, so that it can be prefetched.
     fn expect(&self, leaf: u32);
 }
 
-/// Has the processor fetch a value from memory into its cache. In large meshes most of the time is spent waiting for
-/// boxes and triangles; those of children that wait their turn can come meanwhile.
+/// Prefetches a value into the cache. In large meshes, most of the time is spent waiting for boxes and
+/// triangles; those of children on the stack can be loaded meanwhile.
 #[inline(always)]
 pub fn fetch<T>(at: &T) {
     #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -68,7 +69,7 @@ pub fn fetch<T>(at: &T) {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         let first = std::ptr::from_ref(at).cast::<i8>();
         for line in 0..size_of::<T>().div_ceil(64) {
-            // SAFETY: fetching changes nothing but the cache, and faults nowhere.
+            // SAFETY: prefetching only affects the cache and never faults.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(64 * line)) };
         }
     }
@@ -76,12 +77,12 @@ pub fn fetch<T>(at: &T) {
     let _ = at;
 }
 
-/// What a box of a tree holds.
+/// The content of a box of a tree.
 #[derive(Clone, Copy, Debug)]
 pub enum Child {
-    /// Leaf of this number.
+    /// Leaf index.
     Leaf(u32),
-    /// Further boxes, those of this node.
+    /// Index of the node with further boxes.
     Branch(u32),
 }
 
@@ -91,7 +92,7 @@ pub struct Tree {
     nodes: Vec<Node>,
 }
 
-/// A node of a binary tree that becomes a child, for now.
+/// A node of a binary tree that is currently a candidate child.
 struct Member<'a> {
     node: u32,
     part: Part<'a>,
@@ -109,8 +110,10 @@ impl<'a> Member<'a> {
 }
 
 impl Tree {
-    /// Builds the tree over `count` boxes. Neighbouring primitives (by index, as `bounds` counts) come together, up to eight,
-    /// where `fits` says that they may share a leaf; `leaf` takes them over and returns the leaf's number (below 2³¹ - 1).
+    /// Builds the tree over `count` boxes.
+    ///
+    /// Up to eight nearby primitives (by index in `bounds`) share a leaf if `fits` allows. `leaf` stores them
+    /// and returns the leaf's index (below 2³¹ - 1).
     pub fn build(
         count: usize,
         bounds: impl Fn(usize) -> Aabb + Sync,
@@ -123,7 +126,7 @@ impl Tree {
         Self::of(Binary::of(count, &bounds, &fits), bounds, fits, leaf)
     }
 
-    /// The tree that a binary one becomes.
+    /// Converts a binary tree.
     fn of(
         binary: Binary,
         bounds: impl Fn(usize) -> Aabb,
@@ -131,14 +134,14 @@ impl Tree {
         mut leaf: impl FnMut(&[u32]) -> u32,
     ) -> Self {
         let tree = Self::collapsed(&binary, &fits, &mut leaf);
-        // A traversal leaves up to seven boxes waiting a level. Trees that deep come of thousands of equal boxes only;
-        // halving them in order is as good there.
+        // A traversal leaves up to seven boxes per level on the stack. Only thousands of equal boxes make
+        // trees too deep for that; repeated halving in order is as good for these.
         tree.filter(|t| 7 * t.depth() + 8 <= STACK)
             .or_else(|| Self::collapsed(&binary.halved(&bounds), &fits, &mut leaf))
             .unwrap_or_default()
     }
 
-    /// The tree of width eight; `None` if there is nothing.
+    /// Returns the tree of width eight; `None` if the binary tree is empty.
     fn collapsed(
         binary: &Binary,
         fits: &impl Fn(&[u32]) -> bool,
@@ -148,7 +151,7 @@ impl Tree {
         let mut tree = Self {
             nodes: vec![Node::EMPTY],
         };
-        // The root is a branch even if one leaf holds all.
+        // The root is a branch even if one leaf contains everything.
         let mut todo = vec![(0_u32, 0_usize)];
         while let Some((from, into)) = todo.pop() {
             let mut members: ArrayVec<Member, 8> = ArrayVec::new();
@@ -178,7 +181,7 @@ impl Tree {
         Some(tree)
     }
 
-    /// Boxes and contents of a node's children; node 0 is the root. Nothing of a tree over nothing.
+    /// Iterates over the boxes and contents of a node's children; node 0 is the root. An empty tree has none.
     pub fn children(&self, node: u32) -> impl Iterator<Item = (Aabb, Child)> + '_ {
         let node = self.nodes.get(node as usize);
         node.into_iter().flat_map(|n| {
@@ -194,13 +197,13 @@ impl Tree {
         })
     }
 
-    /// Bounds of all.
+    /// Returns the bounds of all boxes.
     pub fn extent(&self) -> Aabb {
         let all = self.children(0).map(|(aabb, _)| aabb);
         all.fold(Aabb::empty(), |a, b| a.union(&b))
     }
 
-    /// Memory that the nodes take, bytes.
+    /// Returns the memory used by the nodes, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.nodes[..])
     }
@@ -216,13 +219,13 @@ impl Tree {
         depth.into_iter().max().unwrap_or(0)
     }
 
-    /// Visits leaves along a ray, near ones first if `ORDERED`, as far as the visitor wants.
+    /// Visits leaves along a ray, near ones first if `ORDERED`, until the visitor stops.
     #[inline(always)]
     pub fn traverse<const ORDERED: bool>(&self, ray: &Ray, tmax: f32, visitor: &mut impl Visit) {
         if self.nodes.is_empty() {
             return;
         }
-        // 1/0 would make 0·∞: a direction component too small to matter is one of 1e-30.
+        // Avoid 0·∞: smaller direction components count as 1e-30.
         let tiny = ray.dir.abs().cmplt(Vec3A::splat(1e-30));
         let inverse = Vec3A::select(tiny, Vec3A::splat(1e30).copysign(ray.dir), ray.dir.recip()).to_array();
         let origin = ray.origin.to_array().map(Eight::splat);
@@ -247,7 +250,7 @@ impl Tree {
                     let lane = bits.trailing_zeros() as usize & 7;
                     bits &= bits - 1;
                     let mut nearest = (node.child[lane], enter.0[lane]);
-                    // The nearest goes on, the others wait, sorted so that the next nearest is on top.
+                    // Continue with the nearest; push the others, sorted so that the next nearest is on top.
                     let first = stack.len();
                     while bits != 0 {
                         let lane = bits.trailing_zeros() as usize & 7;

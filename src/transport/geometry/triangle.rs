@@ -1,34 +1,35 @@
-//! What shading needs of a triangle beside its hit: corner, edges, normal and tangent in rows that load at once.
+//! Shading data of a triangle: corner, edges, normal and tangent in rows of one SIMD load each.
 //!
-//! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for both edges e with their steps (u, v) of texture coordinates.
+//! The tangent ∂p/∂u solves e = u·∂p/∂u + v·∂p/∂v for both edges e with differences (u, v) of texture
+//! coordinates.
 
 use super::quadric::normalized_slope;
 use super::rounding;
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3A, Vec3A, Vec4};
 
-/// One triangle. Its vectors are rows of four, which load at once; the fourth number of each is an index, see
-/// [`INDEX`].
+/// One triangle. Vectors are rows of four for single loads; the fourth component is an index ([`INDEX`]).
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Triangle {
     /// First corner; material.
     pub(super) v0: [f32; 4],
-    /// Edges to the others; indices of the first two corners into `normals`, `u32::MAX` in the first for a flat triangle.
+    /// Edges to the other corners; indices of the first two corners into `normals`, `u32::MAX` in the first
+    /// for a flat triangle.
     pub(super) e1: [f32; 4],
     pub(super) e2: [f32; 4],
     /// Unit normal; index of the third corner into `normals`.
     pub(super) normal: [f32; 4],
-    /// ∂p/∂u up to a factor; index of the first corner into `uvs`, `u32::MAX` where there are none.
+    /// ∂p/∂u up to a factor; index of the first corner into `uvs`, `u32::MAX` if there are none.
     pub(super) tangent: [f32; 4],
-    /// Indices of the others into `uvs`.
+    /// Indices of the other corners into `uvs`.
     uvs: [u32; 2],
     /// See [`Surface::rounding`](super::ray::Surface::rounding).
     pub(super) rounding: f32,
 }
 
-/// Bits that are turned in an index beside a vector: arithmetic on the vector takes the index along, and small integers
-/// would be denormal numbers, which are slow.
+/// Mask that is XORed into an index stored next to a vector. Vector arithmetic also processes the fourth
+/// component, and small integers would be slow denormal numbers.
 const INDEX: u32 = 0x4000_0000;
 
 #[inline(always)]
@@ -36,15 +37,15 @@ fn index(row: &[f32; 4]) -> u32 {
     row[3].to_bits() ^ INDEX
 }
 
-/// The vector of a row.
+/// Returns the vector of a row.
 #[inline(always)]
 pub(super) fn vector(row: [f32; 4]) -> Vec3A {
     Vec3A::from_vec4(Vec4::from_array(row))
 }
 
 impl Triangle {
-    /// `uvs` are the texture coordinates of the corners, if there are any; `normals` and `uv_indices` as the methods of
-    /// these names say.
+    /// Creates a triangle. `uvs` are the texture coordinates of the corners, if any; `normals` and
+    /// `uv_indices` are the results of [`Self::normals`] and [`Self::uvs()`].
     pub(super) fn new(
         corners: [Vec3A; 3],
         uvs: Option<[[f32; 2]; 3]>,
@@ -55,7 +56,8 @@ impl Triangle {
         let [v0, e1, e2] = [corners[0], corners[1] - corners[0], corners[2] - corners[0]];
         let tangent = uvs.map_or(e1, |[a, b, c]| {
             let ([u1, v1], [u2, v2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-            // Solves e = u·∂p/∂u + v·∂p/∂v for both edges; only the direction is wanted, so the size of det is not.
+            // Solves e = u·∂p/∂u + v·∂p/∂v for both edges. Only the direction and thus the sign of det is
+            // needed.
             (e1 * v2 - e2 * v1) * (u1 * v2 - u2 * v1).signum()
         });
         let row = |v: Vec3A, index: u32| v.extend(f32::from_bits(index ^ INDEX)).to_array();
@@ -70,7 +72,7 @@ impl Triangle {
         }
     }
 
-    /// Moves it, metres.
+    /// Translates the triangle, metres.
     pub(super) fn shift(&mut self, by: Vec3A) {
         for (v, by) in self.v0.iter_mut().zip(by.to_array()) {
             *v += by;
@@ -82,8 +84,8 @@ impl Triangle {
         index(&self.v0)
     }
 
-    /// ∂p/∂u and ∂p/∂v of texture coordinates at the corners, or of the barycentric ones where there are none; those of coordinates that
-    /// do not spread over the triangle are 0.
+    /// Returns ∂p/∂u and ∂p/∂v of the texture coordinates, or of the barycentric coordinates if there are
+    /// none. They are 0 for degenerate texture coordinates.
     pub(super) fn derivatives(&self, uvs: &[[f32; 2]]) -> [Vec3A; 2] {
         let [e1, e2] = [self.e1, self.e2].map(vector);
         let Some(corners) = self.uvs() else {
@@ -98,14 +100,14 @@ impl Triangle {
         [(e1 * v2 - e2 * v1) / det, (e2 * u1 - e1 * u2) / det]
     }
 
-    /// Indices into `normals`; `None` for a flat triangle.
+    /// Returns the indices into `normals`; `None` for a flat triangle.
     #[inline(always)]
     pub(super) fn normals(&self) -> Option<[u32; 3]> {
         let [a, b, c] = [index(&self.e1), index(&self.e2), index(&self.normal)];
         (a != u32::MAX).then_some([a, b, c])
     }
 
-    /// Indices into `uvs`; `None` where there are none.
+    /// Returns the indices into `uvs`; `None` if there are none.
     #[inline(always)]
     pub(super) fn uvs(&self) -> Option<[u32; 3]> {
         let a = index(&self.tangent);
@@ -113,8 +115,8 @@ impl Triangle {
     }
 }
 
-/// Derivative of the unit shading normal by the position on a triangle, of the normals at its corners, its edges and
-/// barycentric coordinates; `ns` says which way the normal points.
+/// Returns the derivative of the unit shading normal with respect to position on a triangle, from the normals
+/// at its corners, its edges and barycentric coordinates. `ns` sets the sign of the normal.
 #[inline]
 pub(super) fn bend([a, b, c]: [Vec3A; 3], [e1, e2]: [Vec3A; 2], [u, v]: [f32; 2], ns: Vec3A) -> Mat3A {
     let n = e1.cross(e2);

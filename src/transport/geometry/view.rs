@@ -1,9 +1,10 @@
-//! What a pinhole sees: for every small pyramid of directions, which primitive comes first and what may hide it.
+//! Visibility from a pinhole: for every small pyramid of directions, the nearest primitive and possible
+//! occluders.
 //!
-//! A projector's and a camera's pinhole stand still while millions of rays start or end there. Most pyramids hold one
-//! primitive alone, or one in front of all others; there a connection is known to be free or blocked, and a first hit
-//! known, without a ray. Where a pyramid holds an edge the view says nothing, and a ray must be sent. Every bound is
-//! conservative, so that the answers are those of rays.
+//! The pinholes of projector and camera are fixed while millions of rays start or end there. Most pyramids
+//! contain a single primitive, or one in front of all others. There, visibility and first hits are known
+//! without tracing a ray. Pyramids that contain an edge are undecided and need a ray. Every bound is
+//! conservative, so that the results equal those of rays.
 
 use super::bvh::{Geometry, QUADRIC};
 use super::many::{Many, turned};
@@ -12,10 +13,10 @@ use super::survey::{Bounds, DEPTH_MARGIN, Grid, Survey};
 use super::tree::fetch;
 use glam::{Mat3A, Vec2, Vec3A};
 
-/// Most pyramids along an axis: beyond, the table is too large to stay near the processor.
+/// Maximum number of pyramids along an axis. A larger table would not fit into the processor's caches.
 const MOST: u32 = 256;
-/// What is asked of a pyramid, in eight bytes, because the answers come from memory: depths as the upper halves of
-/// their `f32`, rounded to the careful side.
+/// The bounds of a pyramid in eight bytes, because the table is read from memory. Depths are the upper halves
+/// of `f32`, rounded conservatively.
 #[derive(Clone, Copy, Debug)]
 struct Pyramid {
     leaf: u32,
@@ -28,7 +29,7 @@ impl Pyramid {
         Self {
             leaf: bounds.leaf,
             others: (bounds.others.to_bits() >> 16) as u16,
-            // The next larger one; that of infinity would not be a number.
+            // Round up; incrementing infinity would give NaN.
             cover: if bounds.cover < f32::MAX / 2.0 {
                 (bounds.cover.to_bits() >> 16) as u16 + 1
             } else {
@@ -48,22 +49,22 @@ impl Pyramid {
     }
 }
 
-/// No pyramid's number.
+/// Index of no pyramid.
 const OUTSIDE: u32 = u32::MAX;
 
 /// The pyramids of a pinhole.
 pub struct View {
     grid: Grid,
     origin: Vec3A,
-    /// Takes world directions to right, down, forward.
+    /// World to right, down, forward.
     to_local: Mat3A,
     pyramids: Vec<Pyramid>,
 }
 
 impl View {
-    /// The view from `origin` through the directions `lo` to `hi` (right/forward, down/forward; the columns of `axes`
-    /// are right, down, forward), with a pyramid per cell of a grid of at most `size`. `None` where something is so
-    /// close to the pinhole that the view would say nothing.
+    /// Computes the view from `origin` through the directions `lo` to `hi` (right/forward, down/forward),
+    /// with a pyramid per cell of a grid of at most `size`. The columns of `axes` are right, down, forward.
+    /// Returns `None` if an object is too close to the pinhole for the view to be useful.
     #[must_use]
     pub fn new(
         geometry: &Geometry,
@@ -88,8 +89,9 @@ impl View {
         })
     }
 
-    /// Numbers of the pyramids that points lie in, which stand right, down and forward of the pinhole (x, y, z of all);
-    /// some that no pyramid has for those outside. Plain numbers in a loop, which the compiler turns into vectors.
+    /// Returns the indices of the pyramids that contain points, given as right, down and forward coordinates
+    /// (x, y, z arrays). Points outside get an index of no pyramid. Plain loops over numbers, which the
+    /// compiler vectorizes.
     #[inline(always)]
     #[must_use]
     pub fn cells<const N: usize>(&self, local: &Many<N>) -> [u32; N] {
@@ -109,14 +111,14 @@ impl View {
         cells
     }
 
-    /// [`Self::cells`] of world directions.
+    /// [`Self::cells`] for world directions.
     #[inline(always)]
     #[must_use]
     pub fn cells_toward<const N: usize>(&self, dir: &Many<N>) -> [u32; N] {
         self.cells(&turned(&self.to_local, dir))
     }
 
-    /// Has what is known of a pyramid fetched from memory.
+    /// Prefetches a pyramid.
     #[inline(always)]
     pub fn expect(&self, cell: u32) {
         if let Some(pyramid) = self.pyramids.get(cell as usize) {
@@ -124,8 +126,8 @@ impl View {
         }
     }
 
-    /// True if nothing is between the pinhole and a hit, false if something is, `None` if that takes a ray. The hit lies
-    /// in pyramid number `cell` at a depth (distance forward of the pinhole).
+    /// Returns true if a hit is visible from the pinhole, false if it is hidden, `None` if a ray is needed.
+    /// The hit is in pyramid `cell` at a depth (distance forward of the pinhole).
     #[inline(always)]
     #[must_use]
     pub fn sees(&self, cell: u32, depth: f32, hit: &Hit, surface: &Surface) -> Option<bool> {
@@ -139,12 +141,12 @@ impl View {
         (own && depth * (1.0 + DEPTH_MARGIN) < pyramid.others()).then_some(true)
     }
 
-    /// The first hit of a ray that starts at the pinhole and runs in pyramid number `cell`, if the view knows what it is.
+    /// Returns the first hit of a ray from the pinhole in pyramid `cell`, if the view determines it.
     #[inline(always)]
     #[must_use]
     pub fn first_hit(&self, cell: u32, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
         let pyramid = self.pyramids.get(cell as usize)?;
-        // Whatever covers and is nearer than all others is the nearest.
+        // A primitive that covers the pyramid in front of all others is the nearest.
         if pyramid.cover() < pyramid.others() {
             geometry.meet(ray, pyramid.leaf)
         } else {
@@ -163,7 +165,7 @@ mod tests {
     use optics::sampling::stream::Stream;
     use optics::sampling::warp;
 
-    /// A room with balls, a tube, a disk and a crowd of triangles.
+    /// A room with balls, a tube, a disk and many triangles.
     fn room(stream: &mut Stream) -> Geometry {
         let mut builder = GeometryBuilder::default();
         let quarter = std::f32::consts::FRAC_PI_2;
@@ -208,7 +210,8 @@ mod tests {
         builder.build()
     }
 
-    /// Waves of so many triangles that views take them by the boxes of the tree, between two balls, before a wall.
+    /// A wavy mesh between two balls in front of a wall. It is large enough to be entered by the tree's
+    /// boxes.
     fn waves() -> Geometry {
         let n = 190_u32;
         let point = |i: u32| {
@@ -246,7 +249,7 @@ mod tests {
         builder.build()
     }
 
-    /// Whatever a view says of a point, a ray says too; and it speaks of most.
+    /// The view agrees with rays wherever it decides, and decides most points.
     #[test]
     fn views_agree_with_rays() {
         let mut stream = Stream::new(11, 0, 0);
@@ -259,7 +262,7 @@ mod tests {
         assert!(firsts > 90_000, "{firsts}");
     }
 
-    /// Of what stands beside or before a large mesh it speaks as well.
+    /// The view also decides most points next to or in front of a large mesh.
     #[test]
     fn views_of_large_meshes_agree_with_rays() {
         let mut stream = Stream::new(13, 0, 0);
@@ -272,7 +275,8 @@ mod tests {
         );
     }
 
-    /// Asks a view and rays; how many questions there were, answers, those that nothing is between, and first hits.
+    /// Compares a view with rays. Returns the numbers of queries, decisions, unoccluded points and first
+    /// hits.
     fn agree(g: &Geometry, stream: &mut Stream, size: [u32; 2]) -> [u32; 4] {
         let (lo, hi) = (Vec2::new(-0.9, -0.8), Vec2::new(0.8, 0.7));
         let [mut asked, mut spoken, mut free, mut firsts] = [0_u32; 4];
@@ -285,7 +289,7 @@ mod tests {
                 * Mat3A::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
             let view = View::new(g, origin, axes, [lo, hi], size).expect("a view");
             for _ in 0..100_000 {
-                // From anywhere in the room to any surface.
+                // From random points in the room to the surfaces that rays hit.
                 let at = Vec3A::new(stream.uniform(), stream.uniform(), stream.uniform()) * 3.8 - 1.9;
                 let ray = Ray {
                     origin: at,
@@ -335,7 +339,7 @@ mod tests {
         [asked, spoken, free, firsts]
     }
 
-    /// A pinhole in a ball, or just before a wall, has no view.
+    /// A pinhole inside a ball, or just in front of a wall, has no view.
     #[test]
     fn what_is_too_close_is_left_to_rays() {
         let mut stream = Stream::new(12, 0, 0);

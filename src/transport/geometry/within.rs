@@ -1,12 +1,13 @@
-//! What rays meet in copies of groups: the second level of the tree.
+//! Ray queries in instances of groups: the second level of the tree.
 //!
-//! A group has a tree over its own packs and quadrics, in its own coordinates, and is there once. An instance is a leaf of
-//! the world's tree: an affine map that takes the group to its place. A ray is met in the group's coordinates, where the
-//! copy's surfaces are as exact as those of the group, and the hit is taken to the world.
+//! A group has a tree over its packs and quadrics, in its own coordinates, and is stored once. An instance is
+//! a leaf of the world's tree: an affine map from the group to the world. Rays are intersected in the group's
+//! coordinates, where the surfaces of the instance are as exact as those of the group; the hit is transformed
+//! to the world.
 //!
-//! What a hit says is what it would say of a copy that [`Mesh::transform`](super::mesh::Mesh::transform) made: normals
-//! turn by the inverse transpose, corner by corner before they are interpolated, and what faces outward does so in a
-//! mirror image too.
+//! Hits equal those of a copy made by [`Mesh::transform`](super::mesh::Mesh::transform): normals are
+//! transformed by the inverse transpose, at each corner before interpolation, and outward surfaces stay
+//! outward in reflections.
 
 use super::bvh::{Any, Geometry, Nearest, Outline, QUADRIC};
 use super::instance::{Instance, stretch};
@@ -18,7 +19,7 @@ use super::triangle::{Triangle, bend, vector};
 use glam::{Affine3A, Mat3A, Vec3A};
 
 impl Outline {
-    /// Where an affine map takes it.
+    /// Returns the outline transformed by an affine map.
     #[must_use]
     pub fn placed(&self, map: &Affine3A) -> Self {
         let grown = similarity(map.matrix3);
@@ -39,7 +40,7 @@ impl Outline {
 }
 
 impl Geometry {
-    /// Every instance: its number, that of its group, and its place.
+    /// Iterates over the instances: index, index of the group, and transform to the world.
     pub fn instances(&self) -> impl Iterator<Item = (u32, u32, Affine3A)> + '_ {
         self.instances.iter().zip(0..).map(|(i, number)| {
             let place = Affine3A {
@@ -50,7 +51,7 @@ impl Geometry {
         })
     }
 
-    /// Every primitive of a group, in the group's coordinates, with the number that [`Hit::leaf`] gives it.
+    /// Returns every primitive of a group, in the group's coordinates, with its index in [`Hit::leaf`].
     #[must_use]
     pub fn group_outlines(&self, group: u32) -> Vec<(u32, Outline)> {
         let tree = &self.groups[group as usize].tree;
@@ -68,19 +69,19 @@ impl Geometry {
         found.into_iter().filter_map(outline).collect()
     }
 
-    /// [`Geometry::intersect`] where there are instances: compiled apart, so that worlds without them are no slower.
+    /// [`Geometry::intersect`] with instances. Separate, so that scenes without instances are not slower.
     #[cold]
     #[inline(never)]
     pub(super) fn intersect_instances(&self, ray: &Ray, tmax: f32) -> Option<Hit> {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
         if self.avx2 {
-            // SAFETY: the processor was asked when the geometry was built.
+            // SAFETY: `avx2` is set only if the processor supports AVX2.
             return unsafe { self.intersect_instances_avx2(ray, tmax) };
         }
         self.intersect_any::<true>(ray, tmax)
     }
 
-    /// [`Geometry::occluded`] likewise.
+    /// [`Geometry::occluded`] with instances.
     #[cold]
     #[inline(never)]
     pub(super) fn occluded_instances(&self, ray: &Ray, tmax: f32) -> bool {
@@ -104,7 +105,7 @@ impl Geometry {
         self.occluded_any::<true>(ray, tmax)
     }
 
-    /// The nearest hit closer than `tmax` in an instance.
+    /// Returns the nearest hit closer than `tmax` in an instance.
     #[inline]
     pub(super) fn nearest_in(&self, number: u32, ray: &Ray, tmax: f32) -> Option<Hit> {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -115,7 +116,7 @@ impl Geometry {
         self.nearest_in_any(number, ray, tmax)
     }
 
-    /// True if anything of an instance lies strictly between the origin and `tmax`.
+    /// Returns true if an instance intersects the ray strictly between the origin and `tmax`.
     #[inline(never)]
     pub(super) fn any_in(&self, number: u32, ray: &Ray, tmax: f32) -> bool {
         #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
@@ -179,7 +180,7 @@ impl Geometry {
         any.found
     }
 
-    /// [`Geometry::surface`] of a hit in an instance.
+    /// [`Geometry::surface`] for a hit in an instance.
     #[cold]
     #[inline(never)]
     pub(super) fn surface_in_instance(&self, number: u32, ray: &Ray, hit: &Hit) -> Surface {
@@ -223,7 +224,7 @@ impl Geometry {
                 let [a, b, c] = corners.map(|i| self.uvs[i as usize]);
                 uv = [0, 1].map(|k| a[k] * w + b[k] * u + c[k] * v);
             }
-            // A mirror image runs the other way round its corners: its first edge is the group's second.
+            // A reflection reverses the winding: its first edge is the group's second.
             None if instance.mirrors() => (tangent, uv) = (e2, [v, u]),
             None => {}
         }
@@ -246,14 +247,14 @@ impl Geometry {
         }
     }
 
-    /// Unit shading normals at the corners of a copy of a triangle; `None` for a flat one.
+    /// Returns the unit shading normals at the corners of an instance of a triangle; `None` for a flat one.
     #[inline]
     fn corner_normals(&self, instance: &Instance, tri: &Triangle) -> Option<[Vec3A; 3]> {
         let corners = tri.normals()?;
         Some(corners.map(|i| instance.normal(Vec3A::from_array(self.normals[i as usize]))))
     }
 
-    /// [`Geometry::bend`] of a hit in an instance.
+    /// [`Geometry::bend`] for a hit in an instance.
     #[cold]
     #[inline(never)]
     pub(super) fn bend_in_instance(&self, number: u32, hit: &Hit, surface: &Surface) -> Mat3A {
@@ -261,7 +262,7 @@ impl Geometry {
         if hit.leaf & QUADRIC != 0 {
             let quadric = &self.quadrics[(hit.leaf ^ QUADRIC) as usize];
             let slope = quadric.bend(instance.to_local * (surface.p - instance.origin));
-            // n' = N n(A⁻¹ p'), normalized, with N = A⁻ᵀ: the local unit normal is N⁻¹ n' = Aᵀ n', up to its length.
+            // n' = N n(A⁻¹ p'), normalized, with N = A⁻ᵀ: the local normal is N⁻¹ n' = Aᵀ n', unnormalized.
             let turn = instance.to_local.transpose();
             let n = (instance.to_world.transpose() * surface.ng).normalize();
             return normalized_slope(turn * n, turn * slope * instance.to_local);

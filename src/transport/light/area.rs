@@ -1,8 +1,8 @@
-//! Surfaces that shine: the same radiance in all directions of their front, or of both sides.
+//! Area lights: emissive surfaces with the same radiance in all directions, on the front or on both sides.
 //!
-//! A triangle of a mesh is chosen by the light tree ([`super::tree`]) and its points by area; a mesh of at most two triangles is
-//! sampled by area as a whole. On balls, directions are drawn within the cone that a ball fills as seen from outside (Shirley,
-//! Wang & Zimmerman 1996).
+//! The light tree ([`super::tree`]) chooses a triangle of a mesh, and its points are sampled by area. A mesh
+//! of at most two triangles is sampled by area as a whole. For spheres, directions are sampled in the cone
+//! that the sphere subtends as seen from outside (Shirley, Wang & Zimmerman 1996).
 
 use super::bounds::Bounds;
 use super::drawn::Drawn;
@@ -17,29 +17,29 @@ use glam::{Vec2, Vec3A};
 use optics::spectrum::{Spectral, max_lane};
 use std::f32::consts::TAU;
 
-/// A triangle of a shining mesh.
+/// A triangle of an emissive mesh.
 #[derive(Clone, Copy, Debug)]
 struct Facet {
     corner: Vec3A,
     edges: [Vec3A; 2],
-    /// Unit normal, toward its front.
+    /// Unit normal of the front.
     normal: Vec3A,
     /// As [`Surface::rounding`].
     rounding: f32,
     uvs: [Vec2; 3],
-    /// Share of the area up to the end of this one.
+    /// Cumulative fraction of the area, including this triangle.
     until: f32,
 }
 
 impl Facet {
-    /// Square metres; never 0.
+    /// Returns the area, m²; never 0.
     #[inline]
     fn area(&self) -> f32 {
         let [a, b] = self.edges;
         (0.5 * a.cross(b).length()).max(f32::MIN_POSITIVE)
     }
 
-    /// Mean radiance over it, in the brightest lane.
+    /// Returns the mean radiance over the triangle, in the brightest lane.
     fn mean_radiance(&self, radiance: &Spectrum, textures: &Textures) -> f32 {
         const N: u32 = 4;
         let [a, b, c] = self.uvs;
@@ -60,24 +60,22 @@ enum Form {
     Quadric(Box<Quadric>),
 }
 
-/// A surface that shines.
+/// An emissive surface.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
     /// Radiance, W/(m² sr nm), which may be an image over the texture coordinates.
     pub radiance: Spectrum,
-    /// It shines to both sides, not to its front alone.
     pub two_sided: bool,
-    /// Its frame and filter.
     pub polarized: Polarized,
-    /// Each triangle is a light of its own in the light tree.
+    /// True if each triangle is a separate light in the light tree.
     split: bool,
     form: Form,
-    /// Square metres.
+    /// m².
     area: f32,
 }
 
 impl AreaLight {
-    /// A mesh in world space.
+    /// Creates a light from a mesh in world space.
     #[must_use]
     pub fn mesh(mesh: &Mesh, radiance: Spectrum, two_sided: bool, polarized: Polarized) -> Self {
         let mut facets = Vec::with_capacity(mesh.indices.len());
@@ -88,7 +86,7 @@ impl AreaLight {
             let cross = edges[0].cross(edges[1]);
             area += 0.5 * f64::from(cross.length());
             let uvs = if mesh.uvs.is_empty() {
-                // As the tracer numbers the points of triangles without coordinates.
+                // The default texture coordinates of the tracer.
                 [Vec2::ZERO, Vec2::X, Vec2::Y]
             } else {
                 triangle.map(|i| mesh.uvs[i as usize])
@@ -115,7 +113,7 @@ impl AreaLight {
         }
     }
 
-    /// A sphere, disk or cylinder.
+    /// Creates a light from a sphere, disk or cylinder.
     #[must_use]
     pub fn quadric(quadric: Quadric, radiance: Spectrum, two_sided: bool, polarized: Polarized) -> Self {
         let area = quadric.area();
@@ -129,19 +127,19 @@ impl AreaLight {
         }
     }
 
-    /// Square metres.
+    /// Returns the area, m².
     #[must_use]
     pub fn area(&self) -> f32 {
         self.area
     }
 
-    /// Makes every triangle a light of its own if there are more than two and `numbered` says that hits on them can be told
-    /// apart ([`crate::geometry::bvh::Geometry::facet`]).
+    /// Makes every triangle a separate light if there are more than two and hits on them can be distinguished
+    /// (`numbered`, see [`crate::geometry::bvh::Geometry::facet`]).
     pub(super) fn split(&mut self, numbered: bool) {
         self.split = numbered && matches!(&self.form, Form::Mesh(facets) if facets.len() > 2);
     }
 
-    /// Number of lights that it is in the light tree.
+    /// Returns the number of its lights in the light tree.
     #[must_use]
     pub fn parts(&self) -> usize {
         match &self.form {
@@ -161,7 +159,7 @@ impl AreaLight {
                     let (_, normal) = quadric.point([0.5; 2]);
                     Bounds::flat(low, high, normal, self.two_sided, self.area * mean)
                 } else {
-                    // Convex bodies show a fourth of their surface in the mean over all directions (Cauchy).
+                    // The mean projected area of a convex body is a quarter of its surface (Cauchy).
                     Bounds::all_around(low, high, 0.25 * self.area * mean)
                 });
                 return;
@@ -171,7 +169,7 @@ impl AreaLight {
             let [a, b, c] = [Vec3A::ZERO, facet.edges[0], facet.edges[1]].map(|edge| facet.corner + edge);
             let (low, high) = (a.min(b).min(c), a.max(b).max(c));
             let radiance = if self.split && self.radiance.texture.is_some() {
-                // What few samples of an image show is not all of it.
+                // The few samples of the image may miss bright texels, so the overall mean is mixed in.
                 0.5 * (mean + facet.mean_radiance(&self.radiance, textures))
             } else {
                 mean
@@ -185,7 +183,7 @@ impl AreaLight {
         }
     }
 
-    /// Mean radiance over the unit square of texture coordinates, in the brightest lane.
+    /// Returns the mean radiance over the unit square of texture coordinates, in the brightest lane.
     fn mean_radiance(&self, textures: &Textures) -> f32 {
         const N: u32 = 16;
         if self.radiance.texture.is_none() {
@@ -196,7 +194,7 @@ impl AreaLight {
         radiances.sum::<f32>() / (N * N) as f32
     }
 
-    /// Radiance that leaves the surface along the unit direction `to`.
+    /// Returns the radiance that leaves the surface along the unit direction `to`.
     #[inline]
     #[must_use]
     pub fn toward(&self, textures: &Textures, normal: Vec3A, uv: [f32; 2], to: Vec3A) -> Spectral {
@@ -207,18 +205,18 @@ impl AreaLight {
         }
     }
 
-    /// Least cosine of the cone that a ball fills as seen from `p`, outside of it.
+    /// Returns axis and minimum cosine of the cone that a sphere subtends from `p` outside it.
     #[inline]
     fn cone(quadric: &Quadric, p: Vec3A) -> Option<(Vec3A, f32)> {
         let (centre, radius) = quadric.ball()?;
         let to = centre - p;
         let sin2 = radius * radius / to.length_squared();
-        // Close to the surface rounding would make rays miss.
+        // Close to the surface, rounding would make rays miss.
         (sin2 < 0.999).then(|| (to.normalize(), (1.0 - sin2).sqrt()))
     }
 
-    /// Draws a point of a part toward `p` by three uniforms, where the part is chosen with the probability `chance`; `None` where
-    /// its back is turned.
+    /// Samples a point of a part toward `p` with three uniforms. `chance` is the probability of choosing the
+    /// part. Returns `None` if the point emits no light toward `p`.
     #[inline]
     #[must_use]
     pub(super) fn draw(
@@ -266,7 +264,7 @@ impl AreaLight {
         };
         let to = at - p;
         let wi = to.try_normalize()?;
-        // Off the surface, which would hide itself.
+        // Off the surface, which would otherwise occlude itself.
         let off = rounding * UNIT * at.abs().max_element().max(to.length());
         let position = at + normal * off.copysign(-normal.dot(wi));
         let radiance = self.toward(textures, normal, uv, -wi);
@@ -290,7 +288,8 @@ impl AreaLight {
         })
     }
 
-    /// Density per steradian with which [`Self::draw`] of a part finds, from `p`, its point `at` in the unit direction `dir`.
+    /// Returns the density per steradian with which [`Self::draw`] of a part, from `p`, samples its point
+    /// `at` in the unit direction `dir`.
     #[inline]
     #[must_use]
     pub(super) fn density(&self, p: Vec3A, dir: Vec3A, at: &Surface, part: usize) -> f32 {

@@ -1,32 +1,31 @@
-//! Where a group of lights is, and where it can shine: what the light tree knows of it.
+//! Spatial and directional bounds of a group of lights, for the light tree.
 //!
-//! Bounds of position, emission directions and intensity as in Conty Estévez & Kulla, "Importance sampling of many lights with
-//! adaptive tree splitting" (2018), sect. 4.
+//! Bounds of position, emission directions and intensity as in Conty Estévez & Kulla, "Importance sampling of
+//! many lights with adaptive tree splitting" (2018), sect. 4.
 
 use glam::Vec3A;
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// Bounds of one light or of several.
+/// Bounds of one or several lights.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
-    /// Lowest corner, world, metres.
+    /// Minimum corner, world, metres.
     pub low: Vec3A,
-    /// Highest corner, world, metres.
+    /// Maximum corner, world, metres.
     pub high: Vec3A,
-    /// Unit axis of a cone that holds all surface normals.
+    /// Unit axis of a cone that contains all surface normals.
     pub axis: Vec3A,
     /// Half angle of that cone, radians; π for all directions.
     pub spread: f32,
-    /// Largest angle between a normal and a direction that it emits into, radians.
+    /// Maximum angle between a normal and a direction of emission, radians.
     pub reach: f32,
-    /// Both sides of the surfaces emit.
     pub two_sided: bool,
-    /// Radiant intensity along the brightest direction, W/(sr nm), of all lights together.
+    /// Radiant intensity along the brightest direction, W/(sr nm), summed over the lights.
     pub intensity: f32,
 }
 
 impl Bounds {
-    /// Lights that emit into all directions, between two corners.
+    /// Returns the bounds of lights between two corners that emit in all directions.
     #[must_use]
     pub fn all_around(low: Vec3A, high: Vec3A, intensity: f32) -> Self {
         Self {
@@ -40,7 +39,7 @@ impl Bounds {
         }
     }
 
-    /// Flat surfaces with one unit normal.
+    /// Returns the bounds of flat surfaces with one unit normal.
     #[must_use]
     pub fn flat(low: Vec3A, high: Vec3A, normal: Vec3A, two_sided: bool, intensity: f32) -> Self {
         Self {
@@ -51,7 +50,6 @@ impl Bounds {
         }
     }
 
-    /// Bounds of both.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         let (axis, spread) = self.union_of_cones(other);
@@ -88,20 +86,20 @@ impl Bounds {
         (wide.axis * cos + across * sin, spread)
     }
 
-    /// Middle of the box, metres.
+    /// Returns the centre of the box, metres.
     #[must_use]
     pub fn centre(&self) -> Vec3A {
         (self.low + self.high) * 0.5
     }
 
-    /// Radius of the sphere about the box, metres.
+    /// Returns the radius of the sphere about the box, metres.
     #[must_use]
     pub fn radius(&self) -> f32 {
         0.5 * (self.high - self.low).length()
     }
 
-    /// What keeping these lights together costs: their intensity times the area and the solid angle that they are spread over
-    /// (the surface area orientation heuristic; the area is that of the sphere about them).
+    /// Returns the cost of a group of these lights: intensity times area times solid angle of emission (the
+    /// surface area orientation heuristic; the area is that of the bounding sphere).
     pub(super) fn cost(&self) -> f32 {
         let spread = self.spread;
         let end = (spread + self.reach).min(PI);

@@ -1,4 +1,4 @@
-//! Light with one direction: from afar, or a collimated beam.
+//! Light with a single direction: distant light or a beam.
 
 use super::drawn::Drawn;
 use super::filter::Polarized;
@@ -6,44 +6,34 @@ use glam::Vec3A;
 use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
-/// The irradiance across.
+/// The irradiance profile across the direction of light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Across {
-    /// The same everywhere, W/(m² nm).
+    /// Uniform, W/(m² nm).
     Even(Spectral),
-    /// Power `power` (W/nm) evenly over a disk of this radius (metres) about the axis through the origin.
-    Disk {
-        /// W/nm.
-        power: Spectral,
-        /// Metres.
-        radius: f32,
-    },
-    /// A Gaussian of this radius (metres), where its irradiance is e⁻² of that on the axis.
-    Gaussian {
-        /// W/nm.
-        power: Spectral,
-        /// Metres.
-        radius: f32,
-    },
+    /// Power `power` (W/nm) uniform over a disk of this radius (metres) about the axis through the origin.
+    Disk { power: Spectral, radius: f32 },
+    /// A Gaussian of this radius (metres), at which the irradiance is e⁻² of that on the axis.
+    Gaussian { power: Spectral, radius: f32 },
 }
 
-/// Light with one direction.
+/// Light with a single direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Distant {
-    /// Unit direction in which it travels.
+    /// Unit direction of propagation.
     pub dir: Vec3A,
-    /// A point of the plane that it leaves; travel time counts from there. `None`: from infinitely far, without a time.
+    /// A point of the starting plane, from which travel time counts. `None`: from infinity, without travel
+    /// time.
     pub origin: Option<Vec3A>,
-    /// How fast a beam widens: its radius at 1 m over that at its origin, less 1; 0 if it is collimated.
+    /// Divergence of a beam: radius at 1 m over radius at the origin, minus 1; 0 if collimated.
     pub spread: f32,
-    /// Its irradiance; of a beam that widens, at its origin.
+    /// Irradiance; for a diverging beam, at its origin.
     pub across: Across,
-    /// Its frame and filter.
     pub polarized: Polarized,
 }
 
 impl Distant {
-    /// Irradiance at normal incidence, W/(m² nm), so far from the axis at the origin (metres, squared).
+    /// Returns the irradiance at normal incidence, W/(m² nm), at a squared distance from the axis, m².
     #[inline]
     fn irradiance(&self, aside2: f32) -> Spectral {
         match self.across {
@@ -59,7 +49,7 @@ impl Distant {
         }
     }
 
-    /// What comes to the point `p` if nothing is in between; `far` metres away is outside of the scene.
+    /// Returns the light that arrives at `p` if unoccluded. A distance of `far` metres is outside the scene.
     #[inline]
     #[must_use]
     pub fn toward(&self, p: Vec3A, far: f32) -> Option<Drawn> {
@@ -80,8 +70,9 @@ impl Distant {
         if along <= 0.0 {
             return None;
         }
-        // Rays of a beam that widens come from a point 1/spread behind the origin; they leave the plane through the origin
-        // where they cross it, on a spherical front that touches it there.
+        // Rays of a diverging beam come from a point 1/spread behind the origin. They start where they cross
+        // the plane through the origin. Path lengths are relative to a spherical wavefront that touches this
+        // plane at the origin.
         let growth = 1.0 + along * self.spread;
         let aside = (to - self.dir * along) / growth;
         let aside2 = aside.length_squared();

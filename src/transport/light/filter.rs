@@ -1,8 +1,8 @@
-//! The polarization of what an emitter sends.
+//! The polarization of emitted light.
 //!
-//! Every Mueller matrix of a path ends at its emitter: T takes the Stokes vector that the emitter is fed with, in its own
-//! frame. A stated Stokes vector s (s₀ = 1) makes the first column T s and the others 0: the light is what it is. A filter F
-//! makes it T F, every column of it.
+//! Every Mueller matrix of a path ends at its emitter: T acts on the Stokes vector that drives the emitter,
+//! in the emitter's frame. For an emitter with a given Stokes vector s (s₀ = 1), the first column is T s and
+//! the others are 0. A filter F gives T F with all columns.
 
 use glam::Vec3A;
 use optics::polarization::chain::Chain;
@@ -13,21 +13,22 @@ use optics::polarization::scatter::Scatter;
 /// Frame and filter of emitted light.
 #[derive(Clone, Copy, Debug)]
 pub struct Polarized {
-    /// The horizontal of its Stokes vectors is this axis projected perpendicular to the ray.
+    /// The horizontal direction of its Stokes vectors is this axis projected perpendicular to the ray.
     pub axis: Vec3A,
-    /// What stands before the emitter, in that frame.
+    /// Mueller matrix of the filter in front of the emitter, in that frame.
     pub filter: Option<Mueller>,
 }
 
 impl Polarized {
-    /// The frame of light that travels along the unit vector `d`.
+    /// Returns the frame of light that travels along the unit vector `d`.
     #[inline]
     #[must_use]
     pub fn frame(&self, d: Vec3A) -> Vec3A {
         project(self.axis, d)
     }
 
-    /// Ends a product that takes in light travelling along `d` in `frame`: afterwards it takes what the emitter is fed with.
+    /// Ends a product that acts on light travelling along `d` in `frame`; afterwards it acts on the emitter's
+    /// input.
     #[inline]
     pub fn end(&self, chain: &mut Chain, d: Vec3A, frame: Vec3A) {
         let own = self.frame(d);
@@ -47,7 +48,8 @@ impl Polarized {
         }
     }
 
-    /// Begins a product at the emitter, for light that travels along `d`: the transpose, as walks from the light have it.
+    /// Begins a product at the emitter for light that travels along `d`. It applies the transpose, as walks
+    /// from the light require.
     #[inline]
     pub fn begin(&self, chain: &mut Chain, d: Vec3A) -> Vec3A {
         let own = self.frame(d);

@@ -1,8 +1,9 @@
-//! Emitters that are more than a point: shining surfaces, an image of the sky, light from afar and beams.
+//! Extended and directional emitters: area lights, environment maps, distant light and beams.
 //!
-//! Paths reach surfaces and sky from the camera's side in two ways, which share each path by the power heuristic (Veach
-//! 1997, sect. 9.2): by chance, and by one connection a point to light drawn here. Light from afar and beams have one
-//! direction, which chance never finds; they are connected to always.
+//! Paths from the camera reach area lights and the sky in two ways, which are combined by the power heuristic
+//! (Veach 1997, sect. 9.2): by sampling the material, and by one connection per vertex to light sampled here.
+//! Distant light and beams have a single direction, which material sampling never finds; they are always
+//! connected.
 
 pub mod area;
 pub mod bounds;
@@ -26,46 +27,43 @@ use receiver::Receiver;
 use sky::Sky;
 use tree::{Choice, LightTree};
 
-/// No light, in [`Lights::of_material`].
+/// Index of no light, in [`Lights::of_material`].
 pub const NONE: u32 = u32::MAX;
-/// Number of the sky among what is chosen.
+/// Index of the sky as a chosen light.
 const SKY: u32 = NONE >> 1;
 
-/// All of them.
+/// All lights of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
-    /// Shining surfaces.
     pub areas: Vec<AreaLight>,
-    /// Number of the shining surface that a material stands for, by the material's number; [`NONE`] for all others.
+    /// Index of the area light of a material, by the material's index; [`NONE`] for all others.
     pub of_material: Vec<u32>,
-    /// An image of the sky.
     pub sky: Option<Sky>,
-    /// Light with one direction.
     pub distant: Vec<Distant>,
-    /// Probability that the sky is drawn.
+    /// Probability of sampling the sky.
     sky_chance: f32,
-    /// Over the parts of all shining surfaces; `None` if there is one part at most, or none that shines.
+    /// Over the parts of all area lights; `None` if there is at most one part, or none that emits.
     tree: Option<LightTree>,
-    /// Shining surface and part of each light of the tree.
+    /// Area light and part of each light of the tree.
     parts: Vec<(u32, u32)>,
-    /// Number of the first part of each shining surface.
+    /// Index of the first part of each area light.
     firsts: Vec<u32>,
 }
 
-/// Where a path met a shining surface.
+/// A hit of a path on an area light.
 #[derive(Clone, Copy, Debug)]
 pub struct Found<'a> {
-    /// Number of the shining surface.
+    /// Index of the area light.
     pub number: u32,
-    /// The place on it.
+    /// The point on it.
     pub surface: &'a Surface,
-    /// Number of its triangle in the mesh ([`Geometry::facet`]).
+    /// Index of its triangle in the mesh ([`Geometry::facet`]).
     pub facet: Option<u32>,
 }
 
 impl Lights {
-    /// Prepares how lights are chosen: surfaces by what they contribute at a point, the sky half of the time beside surfaces, since
-    /// what hides it is not known.
+    /// Prepares light sampling: area lights by their contribution at a point. The sky is sampled with
+    /// probability ½ if there are area lights, since its occlusion is unknown.
     pub fn prepare(&mut self, geometry: &Geometry, textures: &Textures) {
         for (material, number) in self.of_material.iter().enumerate() {
             if let Some(light) = self.areas.get_mut(*number as usize) {
@@ -88,21 +86,20 @@ impl Lights {
         };
     }
 
-    /// True if there is nothing that paths meet by chance.
+    /// Returns true if there are no area lights and no sky, so that material sampling finds no light.
     #[inline]
     #[must_use]
     pub fn is_dark(&self) -> bool {
         self.areas.is_empty() && self.sky.is_none()
     }
 
-    /// True if there is none of them.
     #[inline]
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.is_dark() && self.distant.is_empty()
     }
 
-    /// The light that surfaces of a material are, and its number.
+    /// Returns the area light of a material, and its index.
     #[inline]
     #[must_use]
     pub fn of(&self, material: u32) -> Option<(u32, &AreaLight)> {
@@ -110,7 +107,7 @@ impl Lights {
         Some((number, self.areas.get(number as usize)?))
     }
 
-    /// Begins to choose a light by the uniform number `which`; [`Self::choose`] goes on.
+    /// Begins the choice of a light by the uniform number `which`; [`Self::choose`] completes it.
     #[inline]
     #[must_use]
     pub fn begin(&self, which: f32) -> Choice {
@@ -126,7 +123,7 @@ impl Lights {
         }
     }
 
-    /// Chooses lights for some points.
+    /// Chooses lights for several points.
     #[inline(always)]
     pub fn choose<const N: usize>(&self, at: &[Receiver; N], choices: &mut [Choice; N]) {
         if let Some(tree) = &self.tree {
@@ -134,7 +131,7 @@ impl Lights {
         }
     }
 
-    /// Draws a place of the chosen light by two more uniforms; `far` metres away is outside of the scene.
+    /// Samples a point of the chosen light with two more uniforms; `far` metres is outside the scene.
     #[inline]
     #[must_use]
     pub fn draw(
@@ -154,12 +151,13 @@ impl Lights {
         self.areas[number as usize].draw(textures, at.p, [choice.which, u, v], chosen)
     }
 
-    /// Density per steradian with which [`Self::draw`] finds, from a point, what was found in the unit direction `dir`.
+    /// Returns the density per steradian with which [`Self::draw`] samples, from a point, the hit `found` in
+    /// the unit direction `dir`.
     #[inline]
     #[must_use]
     pub fn density(&self, at: &Receiver, dir: Vec3A, found: &Found) -> f32 {
         let light = &self.areas[found.number as usize];
-        // Of a mesh whose triangles are not numbered there is one part.
+        // A mesh without numbered triangles has one part.
         let part = if light.parts() > 1 {
             found.facet.unwrap_or(0)
         } else {
@@ -168,14 +166,14 @@ impl Lights {
         let number = (self.firsts[found.number as usize] + part) as usize;
         let chance = match &self.tree {
             Some(tree) => tree.chance(at, number),
-            // Only the first is drawn.
+            // Only the first light is sampled.
             None if number == 0 => 1.0,
             None => return 0.0,
         };
         (1.0 - self.sky_chance) * chance * light.density(at.p, dir, found.surface, part as usize)
     }
 
-    /// Density per steradian with which [`Self::draw`] finds the sky in the unit direction `dir`.
+    /// Returns the density per steradian of [`Self::draw`] for the sky in the unit direction `dir`.
     #[inline]
     #[must_use]
     pub fn sky_density(&self, dir: Vec3A) -> f32 {
@@ -185,7 +183,8 @@ impl Lights {
     }
 }
 
-/// Share of a path that was made with density `own` where another way makes it with density `other`: the power heuristic.
+/// Returns the weight of the power heuristic for a path sampled with density `own` that another technique
+/// samples with density `other`.
 #[inline]
 #[must_use]
 pub fn share(own: f32, other: f32) -> f32 {

@@ -1,42 +1,41 @@
-//! How much a point emitter sends in which direction, over its greatest intensity (of a frustum: over that on its axis).
+//! Angular intensity profiles of point emitters, relative to the maximum (for a frustum: to the axis).
 
 use glam::{Mat3A, Vec2, Vec3A};
 use optics::sampling::warp;
 use std::f32::consts::{PI, TAU};
 
-/// The directions that a point emitter shines in.
+/// The angular profile of a point emitter.
 #[derive(Clone, Debug, Default)]
 pub enum Profile {
-    /// All alike.
+    /// Isotropic.
     #[default]
     Even,
-    /// A cone: full within `beam`, falling linearly with the angle to nothing at `cutoff` (Mitsuba's `spot`).
+    /// A cone: full intensity within `beam`, then linear in the angle to zero at `cutoff` (Mitsuba's `spot`).
     Spot {
-        /// Unit axis.
         axis: Vec3A,
         /// Half angle of full intensity, radians.
         beam: f32,
-        /// Half angle beyond which there is none, radians.
+        /// Half angle of zero intensity, radians.
         cutoff: f32,
     },
     /// A measured table.
     Table(Box<Table>),
-    /// A projector's pyramid of light: the same irradiance all over a rectangle before the point.
+    /// A projector's pyramid of light, with uniform irradiance over a rectangle.
     Frustum(Frustum),
 }
 
-/// The directions from a point through a rectangle before it, in which an image stands.
+/// The directions from a point through a rectangle, which may carry an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Frustum {
     /// World to device axes: right, down, forward.
     pub to_local: Mat3A,
-    /// Half width and half height of the rectangle where it is 1 m away.
+    /// Half width and half height of the rectangle at a distance of 1 m.
     pub half: Vec2,
 }
 
 impl Frustum {
-    /// Where a direction passes the plane of the rectangle: (0, 0) is its lower left corner, (1, 1) its upper right one; `None`
-    /// behind it.
+    /// Returns the intersection of a direction with the plane of the rectangle: (0, 0) is its lower left
+    /// corner, (1, 1) its upper right one. Returns `None` behind the point.
     #[inline]
     #[must_use]
     pub fn uv(&self, dir: Vec3A) -> Option<Vec2> {
@@ -44,7 +43,7 @@ impl Frustum {
         (d.z > 0.0).then(|| 0.5 + 0.5 * Vec2::new(d.x, -d.y) / (d.z * self.half))
     }
 
-    /// Cosine between the axis and a direction through the rectangle.
+    /// Returns the cosine between the axis and a direction through the rectangle.
     #[inline]
     fn cosine(&self, dir: Vec3A) -> Option<f32> {
         let uv = self.uv(dir)?;
@@ -52,27 +51,27 @@ impl Frustum {
         inside.then(|| (self.to_local * dir).z)
     }
 
-    /// Cosine between the axis and the rectangle's corners.
+    /// Returns the cosine between the axis and the rectangle's corners.
     #[must_use]
     pub fn corner(&self) -> f32 {
         (1.0 + self.half.length_squared()).sqrt().recip()
     }
 }
 
-/// A luminaire's intensities over its greatest one (IES LM-63), linear between entries.
+/// A luminaire's intensities relative to the maximum (IES LM-63), linear between entries.
 #[derive(Clone, Debug)]
 pub struct Table {
     /// World to luminaire: its z axis is the direction of vertical angle 0, x that of horizontal angle 0.
     pub to_local: Mat3A,
-    /// Vertical angles, degrees, rising within 0..180.
+    /// Vertical angles, degrees, ascending within 0..180.
     pub vertical: Vec<f32>,
-    /// Horizontal angles, degrees, rising from 0 to 0, 90, 180 or 360: the rest follows by symmetry.
+    /// Horizontal angles, degrees, ascending from 0 to 0, 90, 180 or 360; the rest follows by symmetry.
     pub horizontal: Vec<f32>,
-    /// Values, one row of vertical angles for each horizontal one.
+    /// Values, one row of vertical angles per horizontal angle.
     pub values: Vec<f32>,
 }
 
-/// Where `x` lies among rising numbers: the one below, and the way to the next.
+/// Locates `x` in an ascending list: the index of the entry below, and the fraction of the way to the next.
 fn place(list: &[f32], x: f32) -> (usize, f32) {
     let next = list.partition_point(|v| *v <= x).clamp(1, list.len().max(2) - 1);
     if list.len() < 2 {
@@ -97,7 +96,7 @@ impl Table {
         if end <= 0.0 {
             phi = 0.0;
         } else if end < 360.0 {
-            // Mirrored about the plane of 0 and 180 degrees, and if need be about that of 90 and 270.
+            // Mirrored at the plane of 0 and 180 degrees, and if necessary at that of 90 and 270.
             phi = phi.min(360.0 - phi);
             if end <= 90.0 {
                 phi = phi.min(180.0 - phi);
@@ -115,7 +114,7 @@ impl Table {
 }
 
 impl Profile {
-    /// Intensity along the unit direction `dir` over the greatest, or of a frustum over that on its axis.
+    /// Returns the relative intensity along the unit direction `dir`.
     #[inline]
     #[must_use]
     pub fn value(&self, dir: Vec3A) -> f32 {
@@ -136,7 +135,7 @@ impl Profile {
         }
     }
 
-    /// Draws a direction in which there may be light.
+    /// Samples a direction among those that may have light.
     #[inline]
     #[must_use]
     pub fn sample(&self, u: [f32; 2]) -> Vec3A {
@@ -150,7 +149,7 @@ impl Profile {
         }
     }
 
-    /// Density of [`Self::sample`] per steradian.
+    /// Returns the density of [`Self::sample`] per steradian.
     #[inline]
     #[must_use]
     pub fn density(&self, dir: Vec3A) -> f32 {
@@ -168,7 +167,7 @@ impl Profile {
         }
     }
 
-    /// Integral of [`Self::value`] over all directions, steradians.
+    /// Returns the integral of [`Self::value`] over all directions, steradians.
     #[must_use]
     pub fn solid_angle(&self) -> f32 {
         const N: usize = 128;
@@ -184,7 +183,7 @@ impl Profile {
     }
 }
 
-/// A direction within a cone of least cosine `least` about a unit axis, all alike.
+/// Samples a direction uniformly in a cone with minimum cosine `least` about a unit axis.
 #[inline]
 #[must_use]
 pub fn cone(axis: Vec3A, least: f32, [u, v]: [f32; 2]) -> Vec3A {

@@ -9,12 +9,12 @@ use glam::Vec3A;
 pub struct Receiver {
     /// World, metres.
     pub p: Vec3A,
-    /// Unit normal of the side from which light can arrive; zero if it can arrive from everywhere.
+    /// Unit normal of the side from which light can arrive; zero if it can arrive from all directions.
     pub normal: Vec3A,
 }
 
 impl Receiver {
-    /// A point in a medium, or one of which nothing else is known.
+    /// Returns a receiver for a point in a medium, or for an unknown surface.
     #[inline]
     #[must_use]
     pub fn anywhere(p: Vec3A) -> Self {
@@ -24,7 +24,7 @@ impl Receiver {
         }
     }
 
-    /// A point of a surface that sends light along the unit direction `wo`.
+    /// Returns a receiver for a surface point that sends light along the unit direction `wo`.
     #[inline]
     #[must_use]
     pub fn on(materials: &Materials, surface: &Surface, wo: Vec3A) -> Self {
@@ -33,7 +33,7 @@ impl Receiver {
             | Material::RoughConductor(_)
             | Material::Plastic(_)
             | Material::Measured(_) => facing(surface, wo).unwrap_or(Vec3A::ZERO),
-            // They transmit, or turn their normals.
+            // These materials transmit light or perturb normals.
             _ => Vec3A::ZERO,
         };
         Self { p: surface.p, normal }

@@ -1,10 +1,12 @@
-//! An environment map: radiance by direction, sampled in proportion to its brightness.
+//! An environment map: radiance by direction, importance-sampled by brightness.
 //!
-//! Equirectangular: the column runs with atan2(x, -z)/2π and the row with acos(y)/π of a direction in the map's own frame,
-//! from the top (Mitsuba's `envmap`). [`Rows`] states where the rows lie. Values between texels are bilinear, periodic in the
-//! columns. Directions are sampled from a table that is constant over each cell: the brightness of all texels that
-//! contribute there, so that the density is positive wherever there is light, times the solid angle (Pharr et al. 2023,
-//! sect. 12.5.2).
+//! The map is equirectangular. In its local frame, the column is proportional to atan2(x, -z)/2π and the row
+//! to acos(y)/π, from the top (Mitsuba's `envmap`). [`Rows`] defines the positions of the rows. Values
+//! between texels are bilinear and periodic in the columns.
+//!
+//! Directions are sampled from a table that is constant over each cell: the brightness of all texels that
+//! contribute there, so that the density is positive wherever there is light, times the solid angle (Pharr et
+//! al. 2023, sect. 12.5.2).
 
 use super::drawn::Drawn;
 use super::filter::Polarized;
@@ -14,40 +16,39 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::{PI, TAU};
 
-/// Where the rows of an environment map lie.
+/// Positions of the rows of an environment map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rows {
-    /// Row j of h at the polar angle π (j + ½)/h, as in OpenEXR's latitude-longitude maps; constant from the first and the
-    /// last row to the poles.
+    /// Row j of h is at the polar angle π (j + ½)/h, as in OpenEXR's latitude-longitude maps. Values are
+    /// constant from the first and the last row to the poles.
     #[default]
     Centres,
-    /// Row j of h at the polar angle π j/(h - 1): the first and the last row are at the poles, as in Mitsuba's `envmap`.
+    /// Row j of h is at the polar angle π j/(h - 1): the first and the last row are at the poles, as in
+    /// Mitsuba's `envmap`.
     Poles,
 }
 
-/// An environment map.
 #[derive(Clone, Debug)]
 pub struct Sky {
     width: usize,
     height: usize,
     placed: Rows,
-    /// Cells of the sampling table along the polar angle.
+    /// Number of cells of the sampling table along the polar angle.
     cells: usize,
     /// Radiances, top row first, W/(m² sr nm).
     texels: Vec<[f32; 4]>,
-    /// Share of all weight up to the end of each row, and within each row up to the end of each column.
+    /// Cumulative fraction of the total weight at the end of each row, and of each column within its row.
     rows: Vec<f32>,
     columns: Vec<f32>,
-    /// World to the map's own frame.
+    /// World to the map's local frame.
     to_local: Mat3A,
-    /// Its frame and filter.
     pub polarized: Polarized,
 }
 
 impl Sky {
-    /// Returns the map of `width` × `height` texels, top row first; `to_world` rotates or mirrors its own frame. `None` if
-    /// it is black.
+    /// Creates a map of `width` × `height` texels, top row first; `to_world` rotates or mirrors its local
+    /// frame. Returns `None` if the map is black.
     #[must_use]
     pub fn new(
         [width, height]: [usize; 2],
@@ -56,7 +57,7 @@ impl Sky {
         to_world: Mat3A,
         polarized: Polarized,
     ) -> Option<Self> {
-        // One row is constant from pole to pole, wherever it lies.
+        // A single row is constant from pole to pole.
         let placed = if height == 1 { Rows::Centres } else { placed };
         let cells = match placed {
             Rows::Centres => height,
@@ -104,31 +105,30 @@ impl Sky {
         })
     }
 
-    /// Width and height in texels.
+    /// Returns width and height in texels.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// Radiances, top row first, W/(m² sr nm).
+    /// Returns the radiances, top row first, W/(m² sr nm).
     #[must_use]
     pub fn texels(&self) -> &[[f32; 4]] {
         &self.texels
     }
 
-    /// Where its rows lie.
     #[must_use]
     pub fn rows(&self) -> Rows {
         self.placed
     }
 
-    /// Maps its own frame to the world's.
+    /// Returns the map from its local frame to the world.
     #[must_use]
     pub fn to_world(&self) -> Mat3A {
         self.to_local.transpose()
     }
 
-    /// Column and cell row, continuous, of a unit direction.
+    /// Returns the continuous column and cell row of a unit direction.
     #[inline]
     fn place(&self, dir: Vec3A) -> [f32; 2] {
         let d = self.to_local * dir;
@@ -139,7 +139,7 @@ impl Sky {
         ]
     }
 
-    /// Radiance from a unit direction.
+    /// Returns the radiance from a unit direction.
     #[inline]
     #[must_use]
     pub fn radiance(&self, dir: Vec3A) -> Spectral {
@@ -162,7 +162,7 @@ impl Sky {
         lerp(top, bottom, fy)
     }
 
-    /// Density of [`Self::sample`] per steradian.
+    /// Returns the density of [`Self::sample`] per steradian.
     #[inline]
     #[must_use]
     pub fn density(&self, dir: Vec3A) -> f32 {
@@ -176,7 +176,6 @@ impl Sky {
         share * (self.width * self.cells) as f32 / (PI * TAU * sin.max(1e-6))
     }
 
-    /// Samples a direction.
     #[inline]
     #[must_use]
     pub fn sample(&self, [u, v]: [f32; 2]) -> Vec3A {
@@ -191,11 +190,12 @@ impl Sky {
         let x = choose(&self.columns[j * self.width..(j + 1) * self.width], u);
         let (theta, phi) = (PI * y / self.cells as f32, TAU * x / self.width as f32);
         let (sin, cos) = theta.sin_cos();
-        // The columns of the frame's transpose are its rows.
+        // The transpose of `to_local` maps to the world.
         (self.to_local.transpose() * Vec3A::new(sin * phi.sin(), cos, -sin * phi.cos())).normalize()
     }
 
-    /// Draws light toward `p`; it comes from `far` metres away. `chance`: with which the sky is drawn at all.
+    /// Samples light toward `p` from a distance of `far` metres. `chance` is the probability of sampling the
+    /// sky.
     #[inline]
     pub(super) fn draw(&self, p: Vec3A, u: [f32; 2], far: f32, chance: f32) -> Option<Drawn> {
         let wi = self.sample(u);

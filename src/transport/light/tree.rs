@@ -1,9 +1,9 @@
-//! A tree over many lights that chooses one by what it can contribute at a point.
+//! A light tree that samples one of many lights by its estimated contribution at a point.
 //!
-//! Conty Estévez & Kulla, "Importance sampling of many lights with adaptive tree splitting" (2018), without the splitting, and
-//! pbrt-v4's `BVHLightSampler`: going down from the root, a child is chosen with a probability proportional to an upper estimate
-//! of its contribution, intensity · cosθ · cosθ' / distance². A node has eight children, whose estimates are
-//! arithmetic on rows of eight.
+//! Conty Estévez & Kulla, "Importance sampling of many lights with adaptive tree splitting" (2018), without
+//! the splitting, and pbrt-v4's `BVHLightSampler`. From the root down, a child is sampled with a probability
+//! proportional to an upper estimate of its contribution, intensity · cosθ · cosθ' / distance². A node has
+//! eight children, whose estimates are computed in eight lanes.
 
 use super::bounds::Bounds;
 use super::receiver::Receiver;
@@ -14,73 +14,72 @@ use std::f32::consts::PI;
 
 /// Children of a node.
 const WIDTH: usize = 8;
-/// Set in a child's number if it is a light.
+/// Flag of a child index that is a light.
 const LEAF: u32 = 1 << 31;
 /// Parent of the root.
 const NONE: u32 = u32::MAX;
-/// Intervals along each axis at whose ends lights may be divided.
+/// Number of intervals along each axis at whose ends lights may be divided.
 const BINS: usize = 12;
 /// Largest `f32` below 1.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// One number of each child.
+/// One number for each child.
 type Row = Eight;
 const ZERO: Row = Eight::splat(0.0);
 const ONE: Row = Eight::splat(1.0);
 
-/// Groups of lights, as rows of numbers.
+/// Groups of lights, one per lane.
 #[derive(Clone, Debug)]
 struct Node {
     centre: [Row; 3],
     /// Radius of the sphere about each, and 3/radius².
     radius: Row,
     nearest: Row,
-    /// Over the largest of all lights; 0 where there is no child.
+    /// Relative to the maximum of all lights; 0 for an unused child.
     intensity: Row,
-    /// Number of a node, or of a light with [`LEAF`].
+    /// Index of a node, or of a light with [`LEAF`].
     child: [u32; WIDTH],
-    /// Number of the parent node times [`WIDTH`] plus the place among its children.
+    /// Index of the parent node times [`WIDTH`], plus the position among its children.
     parent: u32,
-    /// All children have normals in all directions.
+    /// True if all children have normals in all directions.
     all_around: bool,
     axis: [Row; 3],
-    /// Of the angle of the cone of normals.
+    /// Of the half angle of the cone of normals.
     cos_spread: Row,
     sin_spread: Row,
     /// Of [`Bounds::reach`].
     cos_reach: Row,
-    /// 1 if both sides emit, 0 otherwise.
+    /// 1 if both sides emit, else 0.
     two_sided: Row,
 }
 
-/// The tree.
 #[derive(Clone, Debug)]
 pub struct LightTree {
     nodes: Vec<Node>,
-    /// The place of each light, as [`Node::parent`].
+    /// The position of each light, in the format of [`Node::parent`].
     places: Vec<u32>,
 }
 
-/// A light that is being chosen, or has been.
+/// A choice of a light, in progress or complete.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
-    /// The node that it has come to, or with [`LEAF`] the light.
+    /// The current node, or with [`LEAF`] the light.
     number: u32,
-    /// Probability of having come there; 0 where no light can reach the point.
+    /// Probability of this choice so far; 0 if no light can reach the point.
     pub chance: f32,
-    /// A uniform number that is left.
+    /// The remaining uniform number.
     pub which: f32,
 }
 
 impl Choice {
-    /// Of nothing.
+    /// The choice of no light.
     pub const NONE: Self = Self {
         number: LEAF,
         chance: 0.0,
         which: 0.0,
     };
 
-    /// Of a tree's lights, by the uniform number `which`; `chance`: that the tree is asked.
+    /// Begins a choice by the uniform number `which`. `chance` is the probability of using the tree.
     #[inline]
     #[must_use]
     pub fn open(which: f32, chance: f32) -> Self {
@@ -91,7 +90,7 @@ impl Choice {
         }
     }
 
-    /// One that needs no tree.
+    /// Returns a complete choice that needs no tree.
     #[inline]
     #[must_use]
     pub fn made(light: u32, which: f32, chance: f32) -> Self {
@@ -102,7 +101,7 @@ impl Choice {
         }
     }
 
-    /// Number of the light, once it is chosen; `None` where no light can reach the point.
+    /// Returns the index of the light of a complete choice; `None` if no light can reach the point.
     #[inline]
     #[must_use]
     pub fn light(&self) -> Option<u32> {
@@ -115,7 +114,7 @@ impl Choice {
     }
 }
 
-/// cos(a - b) of two angles in [0, π], given by cosine and sine; 1 where a < b.
+/// Returns cos(a - b) of two angles in [0, π], given by cosine and sine; 1 where a < b.
 #[inline(always)]
 fn cos_less([cos_a, sin_a]: [Eight; 2], [cos_b, sin_b]: [Eight; 2]) -> Eight {
     let cos = cos_a * cos_b + sin_a * sin_b;
@@ -155,7 +154,7 @@ impl Node {
         let radius = bounds.radius();
         self.radius.0[i] = radius;
         self.nearest.0[i] = 3.0 / (radius * radius).max(3e-30);
-        // A cosine of -2 is less than that of any angle: rounding leaves no direction out.
+        // A cosine of -2 is less than that of any angle, so that rounding excludes no direction.
         let (sin, cos) = if bounds.spread >= PI {
             (0.0, -2.0)
         } else {
@@ -169,7 +168,7 @@ impl Node {
         self.intensity.0[i] = bounds.intensity * scale;
     }
 
-    /// Estimates of what each child contributes, up to a factor that they share.
+    /// Returns estimates of the contribution of each child, up to a common factor.
     #[inline(always)]
     fn importances(&self, at: &Receiver) -> [f32; WIDTH] {
         if self.all_around {
@@ -193,18 +192,18 @@ impl Node {
         let emits = if AROUND {
             ONE
         } else {
-            // Least angle between a normal and a direction to the point.
+            // Minimum angle between a normal and a direction to the point.
             let axis = &self.axis;
             let along = (axis[0] * d[0] + axis[1] * d[1] + axis[2] * d[2]) * over.neg();
             let along = ZERO.lt(self.two_sided).select(along.max(along.neg()), along);
             let middle = cos_less([along, sine(along)], [self.cos_spread, self.sin_spread]);
-            // Over the sphere a cosine is at most so much larger: cos(a - b) ≤ cos a + sin b.
+            // Upper bound of the cosine over the sphere: cos(a - b) ≤ cos a + sin b.
             let most = inside.select(ONE, (middle + sin_ball).min(ONE));
-            // A group counts by the mean of the bound and its middle, since not all of it is where it is best.
+            // Use the mean of the bound and the value at the centre, since a group's lights are spread out.
             let emits = half * (most + middle.max(ZERO));
             self.cos_reach.lt(most).select(emits, ZERO)
         };
-        // The same between the receiver's normal and the direction to the lights.
+        // The same for the angle between the receiver's normal and the direction to the lights.
         let receives = if at.normal == Vec3A::ZERO {
             ONE
         } else {
@@ -212,28 +211,27 @@ impl Node {
             let most = inside.select(ONE, (up + sin_ball).min(ONE)).max(ZERO);
             half * (most + up.max(ZERO))
         };
-        // Of a group about the point the mean of 1/distance² is that of a ball, 3/radius².
+        // For a group that contains the point, the mean of 1/distance² is that of a ball, 3/radius².
         let near = (over * over).min(self.nearest);
         (self.intensity * emits * receives * near).0
     }
 
-    /// Goes down to one of the children.
     #[inline(always)]
     fn descend(&self, at: &Receiver, choice: &mut Choice) {
         let weights = self.importances(at);
-        // Where the share of each child begins, and the last one ends.
+        // The start of each child's interval, and the end of the last.
         let mut begins = [0.0; WIDTH + 1];
         for i in 0..WIDTH {
             begins[i + 1] = begins[i] + weights[i];
         }
         let all = begins[WIDTH];
-        // Not a number where estimates overflow.
+        // NaN if estimates overflow.
         if !(all > 0.0 && all < f32::INFINITY) {
             *choice = Choice::NONE;
             return;
         }
         let target = choice.which * all;
-        // One of weight 0 ends where it begins, and is passed over.
+        // A child of weight 0 has an empty interval and is skipped.
         let mut i: usize = begins[1..WIDTH]
             .iter()
             .map(|end| usize::from(target >= *end))
@@ -248,7 +246,7 @@ impl Node {
 }
 
 impl LightTree {
-    /// A tree over lights, which keep their numbers. `None` of fewer than two, and where no light shines.
+    /// Builds a tree over lights, which keep their indices. `None` for fewer than two, or if none emits.
     #[must_use]
     pub fn new(lights: &[Bounds]) -> Option<Self> {
         let most = lights.iter().map(|b| b.intensity).fold(0.0, f32::max);
@@ -264,11 +262,11 @@ impl LightTree {
         Some(tree)
     }
 
-    /// Adds a node with all it holds; returns its number.
+    /// Adds a node with all its descendants; returns its index.
     fn add(&mut self, items: &mut [(u32, Bounds)], parent: u32, scale: f32) -> u32 {
         let number = self.nodes.len() as u32;
         self.nodes.push(Node::empty(parent));
-        // The costliest group is divided until there are enough.
+        // Divide the group of highest cost until there are enough groups.
         let mut groups = vec![items];
         while groups.len() < WIDTH {
             let costs = groups.iter().map(|g| (g.len() > 1).then(|| bounds_of(g).cost()));
@@ -295,7 +293,8 @@ impl LightTree {
         number
     }
 
-    /// Makes the choices of some points. They go down together: what one waits for, another works on.
+    /// Completes the choices of several points. They descend in lockstep, so that the latency of one overlaps
+    /// with the work of others.
     #[inline(always)]
     pub fn choose<const N: usize>(&self, at: &[Receiver; N], choices: &mut [Choice; N]) {
         let mut open: ArrayVec<u8, N> = (0..N as u8).filter(|i| choices[*i as usize].is_open()).collect();
@@ -312,7 +311,7 @@ impl LightTree {
         }
     }
 
-    /// Probability with which [`Self::choose`] chooses a light for a point.
+    /// Returns the probability with which [`Self::choose`] chooses a light for a point.
     #[inline]
     #[must_use]
     pub fn chance(&self, at: &Receiver, light: usize) -> f32 {
@@ -331,7 +330,6 @@ impl LightTree {
     }
 }
 
-/// Bounds of several lights.
 fn bounds_of(items: &[(u32, Bounds)]) -> Bounds {
     let [(_, first), rest @ ..] = items else {
         unreachable!("groups are divided into two that are not empty");
@@ -339,7 +337,7 @@ fn bounds_of(items: &[(u32, Bounds)]) -> Bounds {
     rest.iter().fold(*first, |all, (_, b)| all.union(b))
 }
 
-/// Orders lights so that those before the returned number and those from there on are cheap together.
+/// Partitions lights at minimum total cost, and returns the index of the first light of the second part.
 fn divide(items: &mut [(u32, Bounds)]) -> usize {
     let mut low = items[0].1.centre();
     let mut high = low;
@@ -368,7 +366,7 @@ fn divide(items: &mut [(u32, Bounds)]) -> usize {
         };
         let before: Vec<_> = bins.iter().scan(None, |all, bin| Some(join(all, bin))).collect();
         let mut after = None;
-        // Thin groups are no good whatever they cost.
+        // Penalize thin groups.
         let thin = extent.max_element() / extent[axis];
         for at in (1..BINS).rev() {
             let (Some(left), Some(right)) = (before[at - 1], join(&mut after, &bins[at])) else {
@@ -381,7 +379,7 @@ fn divide(items: &mut [(u32, Bounds)]) -> usize {
         }
     }
     let Some((_, axis, at)) = best else {
-        // All in one place.
+        // All lights are at one position.
         return items.len() / 2;
     };
     let mut middle = 0;

@@ -1,4 +1,4 @@
-//! What ground truth says of a material at a point: the plain material that is seen there, its normal, and its albedo.
+//! Ground-truth quantities of a material at a point: the visible plain material, its normal and its albedo.
 
 use super::{Lobe, Material, Materials, Specular};
 use crate::geometry::ray::Surface;
@@ -6,8 +6,10 @@ use glam::Vec3A;
 use optics::spectrum::Spectral;
 
 impl Materials {
-    /// The plain material that is seen from `wo`, and the surface with its normal there: the side of a two-sided material, that
-    /// with the larger share of a blend, what a normal map turns and a depolarizer covers; `None` for a side that absorbs all light.
+    /// Returns the plain material seen from `wo`, and the surface with the normal of that material.
+    ///
+    /// Resolves composites: the side of a two-sided material that faces `wo`, the larger share of a blend,
+    /// and the material under a normal map or a depolarizer. Returns `None` for an absorbing side.
     #[must_use]
     pub fn foremost(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<(u32, Surface)> {
         match &self.list[id as usize] {
@@ -22,9 +24,12 @@ impl Materials {
         }
     }
 
-    /// Albedo, by wavelength: of a diffuse surface, of the body of plastic, of a blend the mean by shares, 0 of a side that absorbs
-    /// all light. `None` of what has no such number: metals, glass, sheets and crystals reflect by angle, and what a table of
-    /// measurements reflects is not parted into body and surface.
+    /// Returns the albedo per wavelength.
+    ///
+    /// This is the albedo of a diffuse surface or of the body of plastic, the mean by share of a blend, and 0
+    /// for a side that absorbs all light. Returns `None` for metals, glass, sheets and crystals, whose
+    /// reflection depends on angle, and for measured tables, which do not separate body and surface
+    /// reflection.
     #[must_use]
     pub fn albedo(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Spectral> {
         match &self.list[id as usize] {
@@ -59,8 +64,8 @@ impl Materials {
         }
     }
 
-    /// How a smooth interface or a sheet lets light through to `wo`, for the wavelength of `lane`; `None` where the material that is
-    /// foremost is none, or reflects all light.
+    /// Returns the transmission of a smooth interface or a sheet to `wo` at the wavelength of `lane`. Returns
+    /// `None` if the foremost material does not transmit or reflects all light.
     #[must_use]
     pub fn see_through(&self, id: u32, at: &Surface, wo: Vec3A, lane: usize) -> Option<Specular> {
         let (id, at) = self.foremost(id, at, wo)?;

@@ -1,4 +1,4 @@
-//! Two materials side by side, finer than a pixel can tell: their Mueller matrices mixed by area.
+//! A mixture of two materials below pixel resolution: their Mueller matrices, weighted by area.
 
 use super::lanes::Lanes;
 use super::lobe::{Lobe, Sampled, Specular};
@@ -13,15 +13,13 @@ use optics::spectrum::Spectral;
 /// (1 - w)·a + w·b.
 #[derive(Clone, Copy, Debug)]
 pub struct Blend {
-    /// Number of the first material.
     pub a: u32,
-    /// Number of the second.
     pub b: u32,
     /// Share w of `b`, clamped to 0..1.
     pub weight: Scalar,
 }
 
-/// The sum of what two materials do with the light between two directions.
+/// Adds the interactions of two materials between the same two directions.
 #[inline]
 fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
     match (a, b) {
@@ -31,14 +29,12 @@ fn sum(a: Option<Scatter>, b: Option<Scatter>, wo: Vec3A, wi: Vec3A) -> Option<S
 }
 
 impl Blend {
-    /// Both materials with their shares.
     #[inline]
     pub(super) fn shares(&self, materials: &impl Parts, at: &Surface) -> [(u32, f32); 2] {
         let w = self.weight.at(materials.textures(), at.uv).clamp(0.0, 1.0);
         [(self.a, 1.0 - w), (self.b, w)]
     }
 
-    /// See [`Parts::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -51,7 +47,6 @@ impl Blend {
         sum(a, b, wo, wi)
     }
 
-    /// See [`Parts::pdf`].
     #[inline]
     #[must_use]
     pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -61,7 +56,7 @@ impl Blend {
             .sum()
     }
 
-    /// Chooses a material by its share and samples that one: share and probability cancel.
+    /// Samples a material by its share, then a direction from it. Share and probability cancel.
     #[inline]
     pub fn sample(
         &self,
@@ -76,8 +71,7 @@ impl Blend {
         materials.sample(id, at, wo, lanes, stream)
     }
 
-    /// See [`Parts::specular`]: where both materials have the lobe they must agree about its direction, else the
-    /// first one's is given.
+    /// See [`Parts::specular`]. If the lobes of both have different directions, only the first is returned.
     #[inline]
     #[must_use]
     pub fn specular(

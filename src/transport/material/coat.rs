@@ -1,18 +1,21 @@
-//! Light that enters a dielectric coat and leaves it again: through the mean surface, or through its facets.
+//! Transmission of light into and out of a dielectric coat, through the mean surface or through its facets.
 //!
-//! The body of [`super::plastic`] is lit through the coat. Three models of the share of power that passes at an angle θ:
+//! The body of [`super::plastic`] is illuminated through the coat. There are three models of the power
+//! transmittance at an angle θ:
 //!
-//! - smooth: Fresnel's transmittance of the mean surface, whatever the roughness (Baek et al. 2018; Mitsuba's `pplastic`);
-//! - facets: all that the facets do not reflect, T(θ) = 1 - E(θ), with E the directional albedo of the coat. Coat and a
-//!   white body together reflect all light;
-//! - single passage: what one facet refracts and no other facet masks, and inside likewise what one facet reflects
-//!   (Mitsuba's `roughplastic`). Light that meets a second facet is lost, 2 % of it at α = 0.1 and two thirds at α = 1.
+//! - smooth: Fresnel's transmittance of the mean surface, for any roughness (Baek et al. 2018; Mitsuba's
+//!   `pplastic`);
+//! - facets: all light that the facets do not reflect, T(θ) = 1 - E(θ), with E the directional albedo of the
+//!   coat. A coat over a white body reflects all light;
+//! - single passage: light refracted by one facet and not masked by another, and inside light reflected by
+//!   one facet (Mitsuba's `roughplastic`). Light that meets a second facet is lost: 2 % at α = 0.1, two
+//!   thirds at α = 1.
 //!
-//! With D_v the density of the normals h that are visible from `wo`,
-//! E = ∫ D_v F(wo·h) G2/G1 dh and T_single = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The degree to which light is polarized by its
-//! passage is the mean over facets too, Σ D_v T_b(wo·h) cos 2φ, with φ the angle between the planes of incidence.
+//! With D_v the density of the normals h that are visible from `wo`, E = ∫ D_v F(wo·h) G2/G1 dh and T_single
+//! = ∫ D_v (1 - F(wo·h)) G1(wt) dh. The diattenuation of the passage is also a mean over facets, Σ D_v
+//! T_b(wo·h) cos 2φ, with φ the angle between the planes of incidence.
 //!
-//! Both are tabulated over cosθ, and over α where that is an image: texels of two [`Textures`] images.
+//! Both are tabulated over cosθ, and over α if α is an image, as texels of two [`Textures`] images.
 
 use super::facets::{Roughness, refract};
 use super::texture::{Filter, Image, Textures, Wrap};
@@ -22,28 +25,28 @@ use optics::polarization::fresnel::FresnelBlock;
 use optics::sampling::microfacet::{Masking, Microfacet};
 use optics::spectrum::Spectral;
 
-/// How light passes a coat.
+/// Model of transmission through a coat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Passage {
     /// Through the mean surface.
     #[default]
     Smooth,
-    /// Through the facets: what they do not reflect.
+    /// All light that the facets do not reflect.
     Facets,
-    /// Through one facet.
+    /// Through a single facet.
     Single,
 }
 
 /// Columns of a table: cosines.
 const COSINES: u32 = 64;
-/// Rows of a table of all α.
+/// Rows of a table over α.
 const ALPHAS: u32 = 16;
-/// Directions drawn in each of the two dimensions for one entry.
+/// Sample directions per dimension for one table entry.
 const DRAWN: u32 = 32;
-/// The same from inside, where total reflection sets in at an angle.
+/// The same from inside, where total reflection makes the integrand discontinuous.
 const DRAWN_INSIDE: u32 = 64;
 
-/// What passes a coat in power: M00 and M01 of the passage in the frame perpendicular to the plane of incidence.
+/// Power transmission of a coat: M00 and M01 in the frame perpendicular to the plane of incidence.
 #[derive(Clone, Copy, Debug)]
 pub struct Passed {
     /// M00.
@@ -59,17 +62,17 @@ impl From<FresnelBlock> for Passed {
     }
 }
 
-/// Tables of what passes a rough coat.
+/// Tables of the transmission of a rough coat.
 #[derive(Clone, Copy, Debug)]
 pub struct Table {
-    /// Image of M00 and of M01.
+    /// Images of M00 and M01.
     images: [u32; 2],
-    /// Of a single passage, not of all that the facets do not reflect.
+    /// True for the single-passage model, false for the facets model.
     pub single: bool,
 }
 
 impl Table {
-    /// What passes at a cosine above 0 and a width α.
+    /// Returns the transmission at a cosine above 0 and a width α.
     #[inline]
     #[must_use]
     pub fn at(&self, textures: &Textures, cos: f32, alpha: f32) -> Passed {
@@ -87,7 +90,7 @@ impl Table {
         };
         let mut entries = vec![];
         for row in 0..rows {
-            // Textures count v from the last row.
+            // Texture coordinate v counts from the last row.
             let alpha = match rows {
                 1 => roughness.alpha.value,
                 _ => 1.0 - (row as f32 + 0.5) / rows as f32,
@@ -126,12 +129,12 @@ fn model(roughness: &Roughness, alpha: f32) -> Microfacet {
     }
 }
 
-/// A direction in the plane y = 0.
+/// Returns the unit vector with z = `cos` in the plane y = 0.
 fn toward(cos: f32) -> Vec3A {
     Vec3A::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos)
 }
 
-/// The mean of a function over the normals that are visible from `wo`.
+/// Calls `f` for normals sampled among those visible from `wo`, on an n × n grid.
 fn over_visible(model: &Microfacet, wo: Vec3A, n: u32, mut f: impl FnMut(Vec3A)) {
     for i in 0..n * n {
         let u = [i % n, i / n].map(|k| (k as f32 + 0.5) / n as f32);
@@ -139,7 +142,7 @@ fn over_visible(model: &Microfacet, wo: Vec3A, n: u32, mut f: impl FnMut(Vec3A))
     }
 }
 
-/// Share of power that the facets reflect, of light that leaves or arrives at a cosine: the directional albedo of the coat.
+/// Returns the directional albedo of the coat: the fraction of power at cosine `cos` that the facets reflect.
 #[must_use]
 pub fn reflected(model: &Microfacet, eta: Spectral, cos: f32, n: u32) -> Spectral {
     let wo = toward(cos);
@@ -155,7 +158,7 @@ pub fn reflected(model: &Microfacet, eta: Spectral, cos: f32, n: u32) -> Spectra
     sum / Spectral::splat((n * n) as f32)
 }
 
-/// What passes the facets at a cosine.
+/// Returns the transmission of the facets at a cosine.
 fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
     let wo = toward(cos);
     let (mut a, mut b) = (Spectral::ZERO, Spectral::ZERO);
@@ -163,7 +166,7 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
         let cos = wo.dot(h);
         let mut through = fresnel::dielectric(cos, eta).transmission;
         if single {
-            // Light of each wavelength has its own way inside.
+            // The refracted direction differs between wavelengths.
             let kept = eta.to_array().map(|eta| match refract(wo, h, eta) {
                 Some(wt) if wt.z < 0.0 => model.g1(wt),
                 _ => 0.0,
@@ -171,7 +174,7 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
             through = through.scaled(Spectral::new(kept));
         }
         a += through.a;
-        // The facet's s direction against the mean surface's, which is y: cos 2φ.
+        // cos 2φ of the facet's s direction against that of the mean surface, which is y.
         let s = h.cross(wo);
         let length2 = s.length_squared();
         if length2 > 1e-12 {
@@ -189,9 +192,10 @@ fn passed(model: &Microfacet, eta: Spectral, cos: f32, single: bool) -> Passed {
     }
 }
 
-/// ∫ R(θ) 2 cosθ d(cosθ), the share of a Lambertian body's light that the coat throws back into it, for a roughness of
-/// one α (of an image: that of half its range). Reciprocity gives that of all facets without an integral inside: what
-/// enters, leaves.
+/// Returns ∫ R(θ) 2 cosθ d(cosθ), the fraction of a Lambertian body's light that the coat reflects back.
+///
+/// The roughness has one α; for an image, half its range is used. In the facets model, reciprocity gives the
+/// result from outside directions, without an integral inside.
 #[must_use]
 pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passage) -> Spectral {
     if passage == Passage::Smooth {
@@ -209,11 +213,11 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
     let mut sum = Spectral::ZERO;
     if passage == Passage::Single {
         let inside = Microfacet {
-            // Facets are masked separately there (Walter et al. 2007).
+            // Inside, the two directions are masked independently (Walter et al. 2007).
             masking: Masking::Separable,
             ..model
         };
-        // Mitsuba's mean, over cosines that include both ends: 2 % below the integral in 1 - F at small α.
+        // Mitsuba's quadrature, with cosines that include both ends: 1 - F is 2 % too low at small α.
         for k in 0..COSINES {
             let cos = (k as f32 / (COSINES - 1) as f32).max(1e-6);
             let weight = Spectral::splat(2.0 * cos / COSINES as f32);
@@ -229,11 +233,13 @@ pub fn internal_reflectance(roughness: &Roughness, eta: Spectral, passage: Passa
     Spectral::ONE - sum / (eta * eta)
 }
 
-/// ∫ R(θ) 2 cosθ d(cosθ) from inside of an interface of relative index `eta`, by the midpoint rule to 1e-6 or better.
+/// Returns ∫ R(θ) 2 cosθ d(cosθ) from inside an interface of relative index `eta`. The midpoint rule is
+/// accurate to 1e-6 or better.
 #[must_use]
 pub fn smooth_internal_reflectance(eta: Spectral) -> Spectral {
     const N: u32 = 4096;
-    // Outside angles: (1 - F) η² = ∫ T(θ) 2 cosθ d(cosθ), which is smooth, whereas inside total reflection sets in.
+    // Integrate over outside angles, (1 - F) η² = ∫ T(θ) 2 cosθ d(cosθ), because this integrand is smooth.
+    // The integrand inside is not, because of total reflection.
     let mut sum = Spectral::ZERO;
     for k in 0..N {
         let cos = (k as f32 + 0.5) / N as f32;
@@ -256,7 +262,7 @@ mod tests {
         }
     }
 
-    /// Facets that barely differ from the mean surface pass what Fresnel's equations say.
+    /// Facets close to the mean surface transmit according to Fresnel's equations.
     #[test]
     fn smooth_facets_pass_as_the_mean_surface() {
         let eta = Spectral::splat(1.5);
@@ -280,8 +286,8 @@ mod tests {
         }
     }
 
-    /// Values of Mitsuba 3.9.1's `eval_transmittance` and `eval_reflectance`, which `roughplastic` tabulates (GGX, relative
-    /// index 1.49), evaluated by a script of their formulas with 65,536 normals.
+    /// Compares with Mitsuba 3.9.1's `eval_transmittance` and `eval_reflectance`, which `roughplastic`
+    /// tabulates (GGX, relative index 1.49). A script evaluated their formulas with 65,536 normals.
     #[test]
     fn a_single_passage_is_that_of_roughplastic() {
         let eta = Spectral::splat(1.49);
@@ -306,7 +312,7 @@ mod tests {
         }
     }
 
-    /// No more is polarized than passes, whatever the facets.
+    /// The diattenuation never exceeds the transmission.
     #[test]
     fn passages_are_realizable() {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {

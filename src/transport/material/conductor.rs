@@ -14,15 +14,14 @@ use optics::spectrum::Spectral;
 /// Smooth conductor of complex index n + i·k, relative to the outside.
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor {
-    /// Real part of the index.
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
-    /// Factor of all that is reflected, 0..1.
+    /// Factor applied to the reflected light, 0..1.
     pub reflectance: Spectrum,
 }
 
-/// Mirror reflection at a smooth opaque surface whose Fresnel matrix is a function of the cosine of incidence.
+/// Returns mirror reflection at a smooth opaque surface. `fresnel` takes the cosine of incidence.
 #[inline]
 pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> FresnelBlock) -> Option<Specular> {
     let n = facing(at, wo)?;
@@ -39,7 +38,6 @@ pub(super) fn mirror(at: &Surface, wo: Vec3A, fresnel: impl FnOnce(f32) -> Fresn
 }
 
 impl Conductor {
-    /// The one direction there is.
     #[inline]
     #[must_use]
     pub fn specular(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<Specular> {

@@ -1,14 +1,14 @@
-//! Optical constants n + i·k of common substances by name, from the table `pbrdf/optical_constants.csv` built into the
-//! program (refractiveindex.info, CC0; the paper of each is in the table and in `pbrdf/README.md`).
+//! Optical constants n + i·k of common substances by name.
 //!
-//! Between the table's wavelengths n and k are interpolated linearly, as refractiveindex.info does with tabulated
-//! sources.
+//! The values come from the table `pbrdf/optical_constants.csv`, which is compiled into the program
+//! (refractiveindex.info, CC0). The table and `pbrdf/README.md` cite the paper of each substance. Between the
+//! table's wavelengths, n and k are interpolated linearly, as refractiveindex.info does.
 
 use std::sync::OnceLock;
 
 const TABLE: &str = include_str!("../../../pbrdf/optical_constants.csv");
 
-/// Other names that a substance is looked up by.
+/// Aliases of substance names.
 const ALIASES: [(&str, &str); 20] = [
     ("gold", "Au"),
     ("silver", "Ag"),
@@ -32,43 +32,32 @@ const ALIASES: [(&str, &str); 20] = [
     ("h2o", "water"),
 ];
 
-/// What is known of one substance.
+/// The optical constants of one substance.
 #[derive(Clone, Debug)]
 pub struct OpticalConstants {
     /// Name in the table.
     pub name: String,
-    /// Authors and year of the paper that the values come from.
+    /// Authors and year of the source paper.
     pub source: String,
-    /// Vacuum wavelength in nanometres, n and k; wavelengths rise.
+    /// Vacuum wavelength in nanometres, n and k, in ascending order of wavelength.
     pub samples: Vec<[f64; 3]>,
 }
 
-/// Why a refractive index cannot be looked up.
+/// Reasons why a lookup fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstantsError {
-    /// The name is neither in the table nor an alias.
     #[error("there are no optical constants of `{name}`; known are {known}")]
-    Unknown {
-        /// What was asked for.
-        name: String,
-        /// All names there are.
-        known: String,
-    },
-    /// The wavelength lies outside what the source covers.
+    Unknown { name: String, known: String },
     #[error("the optical constants of {name} cover {first} to {last} nm, not {nm} nm")]
     Range {
-        /// The substance.
         name: String,
-        /// What was asked for, nm.
         nm: f64,
-        /// Shortest wavelength of the source, nm.
         first: f64,
-        /// Longest wavelength of the source, nm.
         last: f64,
     },
 }
 
-/// All substances, in the order of the table.
+/// Returns all substances, in the order of the table.
 #[must_use]
 pub fn all() -> &'static [OpticalConstants] {
     static ALL: OnceLock<Vec<OpticalConstants>> = OnceLock::new();
@@ -94,12 +83,12 @@ fn parse(text: &str) -> Result<Vec<OpticalConstants>, csv::Error> {
     Ok(all)
 }
 
-/// Lower case, with `_` for spaces and hyphens: what names are compared by.
+/// Normalizes a name for comparison: lower case, with `_` for spaces and hyphens.
 fn plain(name: &str) -> String {
     name.trim().to_lowercase().replace([' ', '-'], "_")
 }
 
-/// The substance of that name or alias, in any case.
+/// Finds a substance by name or alias, ignoring case.
 ///
 /// # Errors
 /// [`ConstantsError::Unknown`], which lists all names.
@@ -122,7 +111,7 @@ pub fn find(name: &str) -> Result<&'static OpticalConstants, ConstantsError> {
         })
 }
 
-/// Refractive index n and extinction coefficient k ≥ 0 of a substance at a vacuum wavelength in nanometres.
+/// Returns refractive index n and extinction coefficient k ≥ 0 at a vacuum wavelength in nanometres.
 ///
 /// # Errors
 /// [`ConstantsError`] if the substance or the wavelength is not in the table.
@@ -131,7 +120,7 @@ pub fn lookup(name: &str, nm: f64) -> Result<(f64, f64), ConstantsError> {
 }
 
 impl OpticalConstants {
-    /// n and k at a vacuum wavelength in nanometres.
+    /// Returns n and k at a vacuum wavelength in nanometres.
     ///
     /// # Errors
     /// [`ConstantsError::Range`] outside the table.
@@ -160,8 +149,8 @@ impl OpticalConstants {
 mod tests {
     use super::*;
 
-    /// n and k at 450, 550, 635 and 660 nm as printed by an independent evaluation of the database; the unit of the
-    /// last printed digit bounds the difference.
+    /// n and k at 450, 550, 635 and 660 nm as printed by an independent evaluation of the database. The
+    /// tolerance is about half a unit of the last printed digit.
     #[test]
     fn the_table_holds_the_published_numbers() {
         const FACTS: [(&str, [&str; 4], [&str; 4]); 17] = [
@@ -221,14 +210,14 @@ mod tests {
                 ["1.14e-5", "4.6e-6", "5.0e-6", "5.0e-6"],
             ),
             ("casein", ["1.503"; 4], ["0"; 4]),
-            // Born & Wolf's choice of lines: the D line of fused silica.
+            // Fused silica at its D line, as in Born & Wolf.
             ("SiO2", ["1.4656", "1.4599", "1.4570", "1.4563"], ["0"; 4]),
         ];
         let same = |got: f64, printed: &str| {
             let (mantissa, power) = printed.split_once('e').unwrap_or((printed, "0"));
             let digits = mantissa.split_once('.').map_or(0, |(_, d)| d.len() as i32);
             let unit = 10_f64.powi(power.parse::<i32>().unwrap() - digits);
-            // 0.55: one number of the source was rounded twice.
+            // 0.55 instead of 0.5: one number of the source was rounded twice.
             (got - printed.parse::<f64>().unwrap()).abs() <= 0.55 * unit
         };
         for (name, n, k) in FACTS {

@@ -1,29 +1,39 @@
-//! A closed surface filled with a uniaxial crystal: joined-ray model (with rough faces: [`super::rough_crystal`]).
+//! A closed surface filled with a uniaxial crystal, in the joined-ray model (with rough faces:
+//! [`super::rough_crystal`]).
 //!
-//! Light refracts and reflects at the faces as at glass of index (n_o + n_e)/2. Along each straight way of length L
-//! inside, the two eigenwaves get out of step by
+//! The faces refract and reflect like glass of index (n_o + n_e)/2. Along each straight path segment of
+//! length L inside, the two eigenwaves accumulate the phase difference
 //!
 //! > δ = 2π L (n_e(ψ) - n_o)/λ,   1/n_e(ψ)² = cos²ψ/n_o² + sin²ψ/n_e²
 //!
-//! with ψ the angle between ray and optic axis c (Born & Wolf 1999, 15.3.3). The ordinary wave vibrates along k × c, the
-//! extraordinary one in the plane of k and c, so the way is a retarder whose fast axis is k × c if δ > 0 (quartz), and
-//! whose slow axis that is if δ < 0 (calcite): one matrix with δ signed.
+//! with ψ the angle between ray and optic axis c (Born & Wolf 1999, 15.3.3). The ordinary wave vibrates along
+//! k × c, the extraordinary one in the plane of k and c. The segment is therefore a retarder. Its fast axis
+//! is k × c if δ > 0 (quartz); k × c is its slow axis if δ < 0 (calcite). One matrix with signed δ covers
+//! both cases.
 //!
-//! Light of a Gaussian spectrum of full width Δλ at half maximum sees the mean of e^{iδ(λ)}. With δ(λ) linear across the
-//! line, dδ/dλ = -δ/λ, and σ = Δλ/√(8 ln 2), that is e^{iδ}·e^{-(δ σ/λ)²/2}: the cos δ and sin δ terms shrink by
+//! A Gaussian spectral line of full width Δλ at half maximum averages e^{iδ(λ)}. With δ(λ) linear across the
+//! line, dδ/dλ = -δ/λ, and σ = Δλ/√(8 ln 2), the mean is e^{iδ}·e^{-(δ σ/λ)²/2}. The cos δ and sin δ terms
+//! decrease by
 //!
 //! > γ = exp(-(δ Δλ/λ)²/(16 ln 2)),
 //!
-//! so a plate much thicker than the coherence length λ²/(Δλ |n_e - n_o|) depolarizes what is not along its axes.
+//! so a plate much thicker than the coherence length λ²/(Δλ |n_e - n_o|) depolarizes all light that is not
+//! polarized along its axes.
 //!
-//! Neglected (see [`super::double_refraction`] for the opposite approximation): that the rays of the two waves part (walk-off, double images), that faces treat them differently (Fresnel
-//! factors are those of the mean index), the wavelength dependence of n_e - n_o within the line, coherence between
-//! successive ways (each is averaged over the line by itself), optical activity (quartz along its axis), and absorption.
-//! Time of flight counts the mean index.
+//! Neglected:
 //!
-//! Precision: the phase is computed in f64, but points are f32: a coordinate of 1 m is known to 60 nm, which is a
-//! retardance of 0.4° in quartz and 7° in calcite. Where the order of a thick plate matters, keep the crystal within
-//! centimetres of the origin.
+//! - the separation of the two rays (walk-off, double images); [`super::double_refraction`] makes the
+//!   opposite approximation,
+//! - different Fresnel factors for the two waves (those of the mean index are used),
+//! - the wavelength dependence of n_e - n_o within the line,
+//! - coherence between successive segments (each is averaged over the line separately),
+//! - optical activity (quartz along its axis) and absorption.
+//!
+//! Time of flight uses the mean index.
+//!
+//! Precision: the phase is computed in f64, but points are f32. A coordinate of 1 m has a resolution of 60
+//! nm, which is a retardance of 0.4° in quartz and 7° in calcite. If the order of a thick plate matters,
+//! place the crystal within centimetres of the origin.
 
 use super::dielectric::Dielectric;
 use super::filling::{Filling, NO_CRYSTAL};
@@ -40,7 +50,7 @@ use std::f64::consts::{LN_2, TAU};
 /// A uniaxial crystal and its faces.
 #[derive(Clone, Copy, Debug)]
 pub struct Crystal {
-    /// The faces: mean index inside against the outside.
+    /// The faces: mean index inside, and the index outside.
     pub faces: Dielectric,
     /// Optic axis, a unit vector in world space.
     pub axis: Vec3A,
@@ -50,13 +60,13 @@ pub struct Crystal {
     pub n_e: [f64; MAX_WAVELENGTHS],
     /// Waves in vacuum per metre, 1/λ (0 in unused lanes).
     pub waves_per_m: [f64; MAX_WAVELENGTHS],
-    /// Full width of the spectral line at half maximum, over its wavelength: Δλ/λ.
+    /// Relative full width of the spectral line at half maximum, Δλ/λ.
     pub bandwidth: [f64; MAX_WAVELENGTHS],
-    /// True if its two rays part ways, incoherently, instead of being joined with a retardance.
+    /// True if the two rays separate incoherently instead of being joined with a retardance.
     pub split: bool,
 }
 
-/// Cosine and sine of ψ's retardance δ for `waves` = L/λ, times the coherence factor γ.
+/// Returns γ cos δ and γ sin δ, with cos²ψ = `cos2` and L/λ = `waves`.
 #[inline]
 fn retardance(n_o: f64, n_e: f64, cos2: f64, waves: f64, bandwidth: f64) -> (f64, f64) {
     let n_psi = (cos2 / (n_o * n_o) + (1.0 - cos2) / (n_e * n_e)).sqrt().recip();
@@ -68,7 +78,7 @@ fn retardance(n_o: f64, n_e: f64, cos2: f64, waves: f64, bandwidth: f64) -> (f64
 }
 
 impl Crystal {
-    /// What a straight way of `length` metres inside does to light that travels along ±`dir`.
+    /// Returns the retarder matrix of a straight path of `length` metres for light that travels along ±`dir`.
     #[inline]
     #[must_use]
     pub fn propagate(&self, dir: Vec3A, length: f64) -> Scatter {
@@ -97,7 +107,7 @@ impl Crystal {
         }
     }
 
-    /// The medium beyond the face, which is this crystal, number `id`, if `wo` is outside.
+    /// Sets the crystal of the medium beyond the face: this crystal, index `id`, if `wo` is outside.
     #[inline]
     pub(super) fn filling(&self, id: u32, at: &Surface, wo: Vec3A, filling: Filling) -> Filling {
         let inward = at.ng.dot(wo) > 0.0;
@@ -107,7 +117,7 @@ impl Crystal {
         }
     }
 
-    /// See [`super::Materials::sample`]; `id` is this material's number.
+    /// See [`super::Materials::sample`]; `id` is this material's index.
     #[inline]
     pub fn sample(
         &self,
@@ -125,8 +135,9 @@ impl Crystal {
         Some(s)
     }
 
-    /// See [`super::Materials::specular`]; `id` is this material's number. A crystal that splits light has two lobes of
-    /// a kind inside, so it gives none but its outer reflection.
+    /// See [`super::Materials::specular`]; `id` is this material's index.
+    ///
+    /// A crystal that splits light has two lobes of each kind inside; only its outer reflection is returned.
     #[inline]
     #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
@@ -138,7 +149,7 @@ impl Crystal {
         Some(s)
     }
 
-    /// See [`super::Materials::beyond`]; `id` is this material's number.
+    /// See [`super::Materials::beyond`]; `id` is this material's index.
     #[inline]
     #[must_use]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {

@@ -1,8 +1,9 @@
-//! Smooth dielectric interface: reflection and refraction, chosen by their power.
+//! Smooth dielectric interface: reflection and refraction, sampled by their power.
 //!
-//! Radiance is scaled by the squared ratio of the indices when it crosses. Where the index depends on wavelength,
-//! refracted wavelengths part ways: one of them, drawn uniformly, goes on and carries the weight of all (Wilkie et al.
-//! 2014, "Hero wavelength spectral sampling"); reflection keeps them all.
+//! Radiance is scaled by the squared ratio of the indices when it crosses. If the index depends on
+//! wavelength, refraction separates the wavelengths. One of them, sampled uniformly, continues and carries
+//! the weight of all (Wilkie et al. 2014, "Hero wavelength spectral sampling"). Reflection keeps all
+//! wavelengths.
 
 use super::facets::{reflect, refract};
 use super::filling::Filling;
@@ -17,30 +18,31 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Smooth interface between the inside of a closed surface and what is outside it.
+/// Smooth interface between the inside and the outside of a closed surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Dielectric {
     /// Refractive index inside per wavelength (1 in unused lanes).
     pub interior: Spectral,
     /// Refractive index outside per wavelength (1 in unused lanes).
     pub exterior: Spectral,
-    /// True if a living lane's index differs from another's.
+    /// True if the indices of used lanes differ.
     pub dispersive: bool,
 }
 
-/// An interface as light that leaves along `wo` met it.
+/// An interface at one point for light that leaves along `wo`.
 pub(super) struct Interface {
     /// Shading normal on the side of `wo`.
     n: Vec3A,
     wo: Vec3A,
-    /// Index on the far side, and that over the near side's.
+    /// Index on the far side; `eta` is its ratio to the index on the near side.
     far: Spectral,
     eta: Spectral,
     fresnel: DielectricFresnel,
 }
 
-/// Where light comes from that is refracted along `wo`, `eta` being the far index over the near one; `None` under total
-/// reflection, or if shading and geometry disagree about the side.
+/// Returns the direction from which light arrives that is refracted along `wo`. `eta` is the far index over
+/// the near one. Returns `None` under total reflection, or if shading and geometric normals disagree about
+/// the side.
 #[inline]
 fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
     let wi = refract(wo, n, eta)?.normalize();
@@ -48,7 +50,7 @@ fn through(at: &Surface, n: Vec3A, wo: Vec3A, eta: f32) -> Option<Vec3A> {
 }
 
 impl Interface {
-    /// One of its two lobes, refracted as wavelength `lane` is.
+    /// Returns one of the two lobes; the refracted direction is that of wavelength `lane`.
     #[inline]
     pub(super) fn specular(&self, at: &Surface, lobe: Lobe, lane: usize) -> Option<Specular> {
         let Self { n, wo, .. } = *self;
@@ -64,7 +66,7 @@ impl Interface {
                 filling: None,
             });
         }
-        // Radiance per squared index is what travels unchanged; power transmittance is the same both ways.
+        // Radiance over the squared index is invariant; power transmittance is equal in both directions.
         Some(Specular {
             wi: through(at, n, wo, self.eta.to_array()[lane])?,
             scatter: Scatter::Fresnel {
@@ -80,7 +82,7 @@ impl Interface {
 }
 
 impl Dielectric {
-    /// Index on the side of `wo`, and on the other.
+    /// Returns the index on the side of `wo`, and on the other side.
     #[inline]
     pub(super) fn sides(&self, at: &Surface, wo: Vec3A) -> (Spectral, Spectral) {
         if at.ng.dot(wo) > 0.0 {
@@ -90,15 +92,16 @@ impl Dielectric {
         }
     }
 
-    /// The medium on the other side than `wo`.
+    /// Returns the medium on the side opposite to `wo`.
     #[inline]
     #[must_use]
     pub fn beyond(&self, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {
         Filling::clear(self.sides(at, wo).1.to_array()[lanes.nth(0)])
     }
 
-    /// The direction on the other side whose light leaves along `wo`, and the ratio of the indices, that on the side of `wo`
-    /// over the other; `None` under total reflection, or if shading and geometry disagree.
+    /// Returns the direction on the other side from which light is refracted along `wo`, and the index on the
+    /// side of `wo` over that on the other side. Returns `None` under total reflection, or if shading and
+    /// geometric normals disagree.
     #[inline]
     pub(super) fn refracted(&self, at: &Surface, wo: Vec3A, lane: usize) -> Option<(Vec3A, f32)> {
         let n = facing(at, wo)?;
@@ -107,7 +110,8 @@ impl Dielectric {
         Some((through(at, n, wo, far / near)?, near / far))
     }
 
-    /// What light that leaves along `wo` met; `None` if shading and geometry disagree about the side.
+    /// Returns the interface for light that leaves along `wo`; `None` if shading and geometric normals
+    /// disagree about the side.
     #[inline]
     pub(super) fn interface(&self, at: &Surface, wo: Vec3A) -> Option<Interface> {
         let n = facing(at, wo)?;
@@ -122,7 +126,6 @@ impl Dielectric {
         })
     }
 
-    /// See [`super::Materials::sample`].
     #[inline]
     pub fn sample(&self, at: &Surface, wo: Vec3A, lanes: &mut Lanes, stream: &mut Stream) -> Option<Sampled> {
         let interface = self.interface(at, wo)?;
@@ -140,7 +143,7 @@ impl Dielectric {
         Some(s)
     }
 
-    /// The wavelength whose refraction a path follows, and the weight that makes it stand for all that it leaves behind.
+    /// Selects the wavelength that a refracted path follows, with the weight that represents all live ones.
     #[inline]
     pub(super) fn refracted_lane(&self, lanes: &mut Lanes, stream: &mut Stream) -> (usize, Spectral) {
         if self.dispersive && lanes.count() > 1 {

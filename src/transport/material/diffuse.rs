@@ -1,4 +1,4 @@
-//! Lambert's law: depolarizing, radiance ρ/π whatever the direction.
+//! Lambertian reflection: depolarizing, radiance ρ/π in all directions.
 
 use super::lobe::Sampled;
 use super::side::{facing, same_side};
@@ -12,14 +12,14 @@ use optics::sampling::warp;
 use optics::spectrum::Spectral;
 use std::f32::consts::FRAC_1_PI;
 
-/// Depolarizing Lambert surface.
+/// Depolarizing Lambertian surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Diffuse {
     /// Albedo ρ, 0..1.
     pub albedo: Spectrum,
 }
 
-/// cosθ_i / π on the side of `wo`.
+/// Returns cosθ_i / π on the side of `wo`.
 #[inline]
 #[must_use]
 pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -27,13 +27,12 @@ pub fn pdf(at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
 }
 
 impl Diffuse {
-    /// See [`super::Materials::eval`].
     #[inline(always)]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         let n = facing(at, wo)?;
         let cos = n.dot(wi);
-        // One decision: each alone may go either way.
+        // Non-short-circuit `|`: one branch, because each condition alone is unpredictable.
         if (cos <= 0.0) | !same_side(at, wo, wi) {
             return None;
         }
@@ -42,14 +41,15 @@ impl Diffuse {
         ))
     }
 
-    /// True if light comes from `wi`, which was drawn by the cosine about the shading normal on the side of `wo`.
+    /// Returns true if light arrives from `wi`, which was sampled by the cosine about the shading normal on
+    /// the side of `wo`.
     #[inline(always)]
     #[must_use]
     pub fn passes(&self, at: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
         facing(at, wo).is_some() & same_side(at, wo, wi)
     }
 
-    /// Cosine-weighted.
+    /// Samples a cosine-weighted direction.
     #[inline(always)]
     pub fn sample(
         &self,

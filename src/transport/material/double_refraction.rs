@@ -1,21 +1,25 @@
-//! Crystals whose ordinary and extraordinary rays part ways: double images.
+//! Crystals that split ordinary and extraordinary rays (double images).
 //!
-//! Write a plane wave inside by its index vector k (refractive index times unit normal). With c the optic axis and
+//! A plane wave inside is described by its index vector k (refractive index times unit normal). With the
+//! optic axis c and
 //!
 //! > F(k) = α k² + β (k·c)²,  α = 1/n_e²,  β = 1/n_o² - 1/n_e²,
 //!
-//! extraordinary waves are those with F(k) = 1, ordinary ones those with k² = n_o² (Born & Wolf 1999, 15.2 and 15.3.3).
-//! At a face the tangential part of k stays (Snell), its normal part solves a quadratic equation. Light runs along the
-//! ray S ∝ ∇F ∝ αk + β(k·c)c, which leans off k (walk-off); its optical path per length is k·S. The electric vector is
-//! S × c for the ordinary ray and perpendicular to that and to S for the extraordinary one.
+//! extraordinary waves satisfy F(k) = 1, ordinary ones k² = n_o² (Born & Wolf 1999, 15.2 and 15.3.3). At a
+//! face the tangential part of k is conserved (Snell); its normal part solves a quadratic equation. Light
+//! travels along the ray S ∝ ∇F ∝ αk + β(k·c)c, which deviates from k (walk-off). Its optical path per length
+//! is k·S. The electric vector is S × c for the ordinary ray, and perpendicular to that and to S for the
+//! extraordinary one.
 //!
-//! A way into the crystal is a Fresnel face of the wave's own index |k|, then an ideal polarizer along its electric
-//! vector. The two rays are incoherent, as if the crystal was much thicker than the coherence length or the beams
-//! narrower than their distance; both together pass all light but what the approximate faces miss, about half of
-//! (n_e - n_o)² (1 to 2 % for calcite). A projector inside such a crystal lights it as if it stood in glass.
+//! Entry into the crystal is modelled as a Fresnel face with the wave's own index |k|, followed by an ideal
+//! polarizer along its electric vector. The two rays are incoherent, as if the crystal were much thicker than
+//! the coherence length or the beams narrower than their separation. Together they transmit all light except
+//! an error of the approximate faces of about half of (n_e - n_o)² (1 to 2 % for calcite). A projector inside
+//! such a crystal is treated as if it were inside glass.
 //!
-//! A surface is not told on which of the two waves a path reached it from inside, so it draws one, and the polarizers
-//! do the rest: where the guess is wrong, two crossed ones follow each other and the path carries nothing.
+//! A surface does not know which of the two waves a path from inside is on, so it samples one, and the
+//! polarizers correct the result: if the guess is wrong, the polarizers are crossed and the path carries
+//! nothing.
 
 use super::crystal::Crystal;
 use super::filling::Filling;
@@ -38,7 +42,7 @@ use optics::spectrum::Spectral;
 struct Wave {
     /// Index vector.
     k: Vec3A,
-    /// Unit vector along which light runs.
+    /// Unit vector along the ray.
     ray: Vec3A,
     /// Electric vector: a unit vector perpendicular to the ray.
     electric: Vec3A,
@@ -53,7 +57,7 @@ struct Optics {
     outside: f32,
 }
 
-/// Unit vector perpendicular to a ray and to the axis.
+/// Returns a unit vector perpendicular to a ray and to the axis.
 #[inline]
 fn across(ray: Vec3A, axis: Vec3A) -> Vec3A {
     ray.cross(axis)
@@ -80,7 +84,7 @@ impl Optics {
         }
     }
 
-    /// The two waves (ordinary first) whose rays run along `ray`.
+    /// Returns the two waves (ordinary first) with rays along `ray`.
     #[inline]
     fn along(&self, ray: Vec3A) -> [Wave; 2] {
         let c = self.axis;
@@ -91,8 +95,8 @@ impl Optics {
         [self.ordinary(ray), self.extraordinary(k, ray)]
     }
 
-    /// The two waves (ordinary first) whose index vectors have tangential part `t` and that run to the side of the
-    /// unit normal `n`; `None` where they would decay.
+    /// Returns the two waves (ordinary first) with tangential index vector `t` that travel to the side of the
+    /// unit normal `n`; `None` for evanescent waves.
     #[inline]
     fn refracted(&self, t: Vec3A, n: Vec3A) -> [Option<Wave>; 2] {
         let c = self.axis;
@@ -101,7 +105,7 @@ impl Optics {
         let alpha = 1.0 / (self.n_e * self.n_e);
         let beta = 1.0 / (self.n_o * self.n_o) - alpha;
         let (tc, nc) = (t.dot(c), n.dot(c));
-        // F(t + q n) = 1 as a q² + 2 b q + d = 0; the root at which the ray runs along n.
+        // F(t + q n) = 1 as a q² + 2 b q + d = 0; take the root with the ray along n.
         let (a, b) = (alpha + beta * nc * nc, beta * tc * nc);
         let d = alpha * t.length_squared() + beta * tc * tc - 1.0;
         let root2 = b * b - a * d;
@@ -114,7 +118,8 @@ impl Optics {
     }
 }
 
-/// A Fresnel block between frames `out` and `inn` of light along `d_out` and `d_in`, where its own is `s` (projected).
+/// Returns a Fresnel block as a matrix between frames `out` and `inn` of light along `d_out` and `d_in`. The
+/// block's own frame is `s` (projected).
 #[inline]
 fn between(block: FresnelBlock, s: Vec3A, [d_out, out]: [Vec3A; 2], [d_in, inn]: [Vec3A; 2]) -> Mueller {
     let mut m = block.to_mueller();
@@ -136,7 +141,7 @@ impl Crystal {
         }
     }
 
-    /// See [`super::Materials::sample`], for a crystal that splits light.
+    /// See [`super::Materials::sample`]; for a crystal that splits light.
     pub(super) fn sample_split(
         &self,
         at: &Surface,
@@ -175,11 +180,11 @@ impl Crystal {
         choose(&lobes, 1.0 - reflectance, *lanes, stream)
     }
 
-    /// The lobes of the ordinary and the extraordinary wave in the crystal, whose light leaves along `wo` outside.
+    /// Returns the lobes of the two waves in the crystal for light that leaves along `wo` outside.
     fn entered(&self, at: &Surface, wo: Vec3A, lane: usize, weight: Spectral) -> [Option<Specular>; 2] {
         let (optics, n, s) = (self.optics(lane), at.ns, s_vector(at.ns, wo));
         let cos = n.dot(wo);
-        // Tangential parts of index vectors of the path's own direction of travel, away from the camera.
+        // Tangential part of the index vectors for the path's direction of travel, away from the camera.
         let t = (n * cos - wo) * optics.outside;
         optics.refracted(t, -n).map(|wave| {
             let wave = wave.filter(|w| at.ng.dot(w.ray) < 0.0)?;
@@ -200,8 +205,9 @@ impl Crystal {
         })
     }
 
-    /// The lobe of light that passes the face on a wave, 0 for the ordinary and 1 for the extraordinary one, at one wavelength;
-    /// inside, light that leaves along `wo` must be on that wave. For a crystal that splits light.
+    /// Returns the lobe of light that passes the face on a wave (0 ordinary, 1 extraordinary), at one
+    /// wavelength, for a crystal that splits light. Inside, light that leaves along `wo` must be on that
+    /// wave.
     #[must_use]
     pub fn passed(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<Specular> {
         if at.ng.dot(wo) > 0.0 {
@@ -222,7 +228,8 @@ impl Crystal {
         choose(&lobes, 0.5, lanes, stream)
     }
 
-    /// The lobes of light that leaves along `wo` inside, on a wave: from outside, and from the two waves that the face reflects.
+    /// Returns the lobes of light that leaves along `wo` inside on a wave: one from outside, and one for each
+    /// of the two waves that the face reflects.
     fn left(&self, at: &Surface, wo: Vec3A, lane: usize, wave: usize) -> Option<[Option<Specular>; 3]> {
         let (optics, n) = (self.optics(lane), at.ns);
         let from = optics.along(-wo)[wave];
@@ -271,7 +278,7 @@ impl Crystal {
     }
 }
 
-/// Draws one of several lobes by its intensity; `chance` is the probability of being asked.
+/// Samples one of several lobes by its intensity. `chance` is the probability of reaching this choice.
 fn choose(lobes: &[Option<Specular>], chance: f32, lanes: Lanes, stream: &mut Stream) -> Option<Sampled> {
     let share = |l: &Specular| lanes.mean(l.scatter.m00()).max(0.0);
     let total: f32 = lobes.iter().flatten().map(share).sum();

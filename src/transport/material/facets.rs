@@ -1,13 +1,13 @@
-//! Light and the facets of a rough surface: what reflects and refracts from one direction into another.
+//! Reflection and refraction by the microfacets of a rough surface.
 //!
-//! All in the frame of the shading normal on the side of `wo`. Reflection meets facets whose normal h halves the angle,
-//! refraction those with h ∝ ∓(wo + η·wi) (Walter et al. 2007, eqs. 13, 14, 16, 17). For facets that pass on all light,
-//! the values of radiance times cosθ_i are
+//! All vectors are in the local frame of the shading normal on the side of `wo`. The normal h of a reflecting
+//! facet is the half vector. That of a refracting facet is h ∝ ∓(wo + η·wi) (Walter et al. 2007, eqs. 13, 14,
+//! 16, 17). For facets that reflect or refract all light, radiance times cosθ_i is
 //!
 //! - reflection D·G2 / (4 cosθ_o),
-//! - refraction D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²), which is Walter's eq. 21 with radiance scaled by 1/η².
+//! - refraction D·G2·(wo·h)|wi·h| / (cosθ_o (wo·h + η wi·h)²), Walter's eq. 21 with radiance scaled by 1/η².
 //!
-//! Light that facets throw at each other is left out: it is absorbed.
+//! Multiple scattering between facets is absorbed.
 
 use super::texture::{Scalar, Textures};
 use crate::geometry::ray::Surface;
@@ -15,50 +15,48 @@ use glam::{Mat3A, Vec3A};
 use optics::polarization::frame::basis;
 use optics::sampling::microfacet::{Distribution, Masking, Microfacet};
 
-/// Roughness of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Roughness {
-    /// How the normals of facets are distributed.
     pub distribution: Distribution,
-    /// How facets hide each other.
     pub masking: Masking,
     /// Width α of the distribution of normals, above 0.
     pub alpha: Scalar,
 }
 
-/// Least α that f32 can sample; images may hold less.
+/// Smallest α that can be sampled in f32. Images may contain smaller values.
 pub(super) const LEAST_ALPHA: f32 = 1e-3;
 
-/// The facets at a point, seen from `wo`.
+/// The facets at a point as seen from `wo`.
 #[derive(Clone, Copy)]
 pub(super) struct Facets {
     model: Microfacet,
-    /// Takes local directions to the world.
+    /// Local to world.
     frame: Mat3A,
     /// `wo` in the local frame; z is its cosine, above 0.
     pub lo: Vec3A,
 }
 
-/// The facets that turn one direction into another.
+/// The contribution of the facets that scatter one direction into another.
 #[derive(Clone, Copy)]
 pub(super) struct Passage {
-    /// Cosine between their normal and `wo`.
+    /// Cosine between the facet normal and `wo`.
     pub cos_o: f32,
-    /// That between their normal and `wi`, without its sign.
+    /// Absolute cosine between the facet normal and `wi`.
     pub cos_i: f32,
-    /// Radiance times cosθ_i if they passed on all light.
+    /// Radiance times cosθ_i for facets that reflect or refract all light.
     pub value: f32,
-    /// Density of `wi` if facets are drawn among the visible and pass light on.
+    /// Density of `wi` if a facet is sampled among the visible ones and reflects or refracts.
     pub pdf: f32,
 }
 
-/// `wo` mirrored at the plane of normal `h`.
+/// Reflects `wo` at the plane with normal `h`.
 #[inline]
 pub(super) fn reflect(wo: Vec3A, h: Vec3A) -> Vec3A {
     h * (2.0 * wo.dot(h)) - wo
 }
 
-/// `wo` refracted at the plane of normal `h` (on its side) into relative index `eta`; `None` under total reflection.
+/// Refracts `wo` at the plane with normal `h` (on its side) into index ratio `eta`; `None` if totally
+/// reflected.
 #[inline]
 pub(super) fn refract(wo: Vec3A, h: Vec3A, eta: f32) -> Option<Vec3A> {
     let cos = wo.dot(h);
@@ -82,7 +80,7 @@ impl Facets {
         }
     }
 
-    /// The same surface with facets of another width.
+    /// Returns the same surface with facets of width `alpha`.
     #[inline]
     pub fn with_alpha(&self, alpha: f32) -> Self {
         Self {
@@ -94,37 +92,36 @@ impl Facets {
         }
     }
 
-    /// Width α of the facets.
     #[inline]
     pub fn alpha(&self) -> f32 {
         self.model.alpha
     }
 
-    /// A world direction in the local frame.
+    /// Transforms a world direction to the local frame.
     #[inline]
     pub fn local(&self, w: Vec3A) -> Vec3A {
         self.frame.transpose() * w
     }
 
-    /// A local direction in the world, of unit length.
+    /// Transforms a local direction to a unit vector in world space.
     #[inline]
     pub fn world(&self, w: Vec3A) -> Vec3A {
         (self.frame * w).normalize()
     }
 
-    /// A local facet normal among those visible from `wo`.
+    /// Samples a local facet normal among those visible from `wo`.
     #[inline]
     pub fn visible(&self, u: [f32; 2]) -> Vec3A {
         self.model.visible_normal(self.lo, u)
     }
 
-    /// What is left of a facet's light on its way to or from `li`, given that the facet is visible: G2/G1.
+    /// Returns G2/G1: the fraction of light not masked toward `li` if the facet is visible from `wo`.
     #[inline]
     pub fn kept(&self, li: Vec3A) -> f32 {
         self.model.g2(self.lo, li) / self.model.g1(self.lo)
     }
 
-    /// Reflection from the local direction `li`.
+    /// Evaluates reflection from the local direction `li`.
     #[inline]
     pub fn reflection(&self, li: Vec3A) -> Option<Passage> {
         let h = (li.z > 0.0).then(|| (self.lo + li).normalize())?;
@@ -138,7 +135,8 @@ impl Facets {
         })
     }
 
-    /// Refraction from the local direction `li` on the far side, whose index over that of the near side is `eta`.
+    /// Evaluates refraction from the local direction `li` on the far side. `eta` is the index on the far side
+    /// over that on the near side.
     #[inline]
     pub fn refraction(&self, li: Vec3A, eta: f32) -> Option<Passage> {
         let v = self.lo + li * eta;

@@ -1,22 +1,22 @@
-//! What fills the space that a ray runs through: its refractive index, and the crystal that turns polarization on the way.
+//! The medium that fills the space along a ray: refractive index and crystal.
 
-/// The medium that a ray runs through.
+/// The medium along a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filling {
     /// Refractive index, which sets the optical path length.
     pub index: f32,
-    /// Number of the [crystal](super::crystal) that fills it, or [`NO_CRYSTAL`].
+    /// Index of the [crystal](super::crystal), or [`NO_CRYSTAL`].
     pub crystal: u32,
 }
 
-/// [`Filling::crystal`] of what does not act on polarization.
+/// Value of [`Filling::crystal`] for media that do not change polarization.
 pub const NO_CRYSTAL: u32 = u32::MAX;
 
 impl Filling {
-    /// Outside of everything.
+    /// The medium outside all objects.
     pub const VACUUM: Self = Self::clear(1.0);
 
-    /// A medium that only slows light down.
+    /// Returns an isotropic medium of the given refractive index.
     #[inline]
     #[must_use]
     pub const fn clear(index: f32) -> Self {

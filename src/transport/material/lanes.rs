@@ -1,17 +1,17 @@
-//! The wavelengths that a path carries, side by side in the lanes of a [`Spectral`].
+//! The wavelengths that a path carries in the lanes of a [`Spectral`].
 
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// The wavelength lanes that a path still carries: dispersion leaves one of them.
+/// The set of live wavelength lanes of a path; dispersion reduces it to one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lanes {
-    /// Bit i: lane i is alive.
+    /// Bit i: lane i is live.
     pub mask: u8,
 }
 
 impl Lanes {
-    /// The first `n` lanes.
+    /// Returns the first `n` lanes.
     #[inline]
     #[must_use]
     pub fn first(n: usize) -> Self {
@@ -20,21 +20,21 @@ impl Lanes {
         }
     }
 
-    /// How many lanes are alive.
+    /// Returns the number of live lanes.
     #[inline]
     #[must_use]
     pub fn count(self) -> u32 {
         self.mask.count_ones()
     }
 
-    /// 1 in living lanes, 0 in the others.
+    /// Returns 1 in live lanes, 0 in the others.
     #[inline]
     #[must_use]
     pub fn ones(self) -> Spectral {
         Spectral::new([0, 1, 2, 3].map(|i| f32::from(self.mask >> i & 1)))
     }
 
-    /// The `k`-th living lane.
+    /// Returns the `k`-th live lane.
     #[inline]
     #[must_use]
     pub fn nth(self, k: u32) -> usize {
@@ -51,7 +51,7 @@ impl Lanes {
             .unwrap_or(0)
     }
 
-    /// The mean of a value over the living lanes.
+    /// Returns the mean of a value over the live lanes.
     #[inline]
     #[must_use]
     pub fn mean(self, value: Spectral) -> f32 {
@@ -60,15 +60,15 @@ impl Lanes {
         (0..alive).map(|k| values[self.nth(k)]).sum::<f32>() / alive as f32
     }
 
-    /// One of the living lanes, each as likely.
+    /// Samples one of the live lanes uniformly.
     #[inline]
     pub fn draw(self, stream: &mut Stream) -> usize {
         let alive = self.count().max(1);
         self.nth(((stream.uniform() * alive as f32) as u32).min(alive - 1))
     }
 
-    /// Draws one living lane uniformly, which alone goes on; returns it with the weight that makes it stand for all
-    /// (Wilkie et al. 2014, "Hero wavelength spectral sampling").
+    /// Samples one live lane uniformly and drops the others. Returns the lane and the weight that makes it
+    /// represent all lanes (Wilkie et al. 2014, "Hero wavelength spectral sampling").
     #[inline]
     pub fn choose_hero(&mut self, stream: &mut Stream) -> (usize, Spectral) {
         let alive = self.count().max(1);
@@ -80,7 +80,7 @@ impl Lanes {
     }
 }
 
-/// True if the first `count` lanes of a value differ.
+/// Returns true if the first `count` lanes of a value differ.
 #[must_use]
 pub fn varies(value: Spectral, count: usize) -> bool {
     let lanes = value.to_array();

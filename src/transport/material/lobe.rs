@@ -1,4 +1,4 @@
-//! What surfaces answer: a sampled direction, or a delta lobe as it is.
+//! Results of material queries: a sampled direction, or a delta lobe.
 
 use super::filling::Filling;
 use glam::Vec3A;
@@ -8,43 +8,44 @@ use optics::spectrum::Spectral;
 /// One sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampled {
-    /// Where light comes from.
+    /// Direction from which light arrives.
     pub wi: Vec3A,
-    /// Interaction divided by the density of `wi` (and by the probability of its lobe).
+    /// Interaction divided by the density of `wi` and the probability of its lobe.
     pub scatter: Scatter,
-    /// True if `wi` came from a delta lobe.
+    /// True if `wi` is from a delta lobe.
     pub delta: bool,
-    /// The medium that `wi` lies in, where light crossed an interface.
+    /// The medium along `wi`, if light crossed an interface.
     pub filling: Option<Filling>,
 }
 
-/// Interactions by the kinds of their lobes, with what these set in a label ([`tensor::label`]), none twice.
+/// Interactions by kind of lobe. A kind is the bits that it sets in a label ([`tensor::label`]); each occurs
+/// once.
 ///
-/// Not in place: matrices are large, and whoever does not ask must not carry them about.
+/// A `Vec`, because matrices are large and callers that do not need them should not carry them on the stack.
 pub type Lobes = Vec<(u8, Scatter)>;
 
-/// One of the two delta lobes that a smooth surface can have.
+/// One of the two delta lobes of a smooth surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
     /// Light that stays on its side.
     Reflected,
-    /// Light that goes through, bent or not.
+    /// Light that passes through, with or without deflection.
     Transmitted,
 }
 
-/// What a delta lobe does to light, whole: not divided by any probability.
+/// A delta lobe, not divided by a sampling probability.
 #[derive(Clone, Copy, Debug)]
 pub struct Specular {
-    /// Where light comes from.
+    /// Direction from which light arrives.
     pub wi: Vec3A,
     /// The interaction: radiance out = matrix · radiance in.
     pub scatter: Scatter,
-    /// The medium that `wi` lies in, where light crossed an interface.
+    /// The medium along `wi`, if light crossed an interface.
     pub filling: Option<Filling>,
 }
 
 impl Specular {
-    /// As the outcome of a choice made with probability `p`.
+    /// Converts the lobe to a sample that was chosen with probability `p`.
     #[inline]
     pub(super) fn chosen(self, p: f32) -> Sampled {
         Sampled {

@@ -1,9 +1,9 @@
-//! The lobes of a material by kind: which bits of a path's label ([`tensor::label`]) an interaction sets, and what light of each kind
-//! it makes. For slices that ask; all others take materials whole.
+//! The lobes of a material by kind, for slices that request them: the bits of a path's label
+//! ([`tensor::label`]) that an interaction sets, and the contribution of each kind.
 //!
-//! Reflection by something smooth is specular, facets are glossy (and what is scattered once below plastic's coat, which has facets of
-//! its own), Lambert surfaces and plastic's body are diffuse. What goes through smoothly sets nothing; through facets it is glossy. A
-//! measured table is not parted and sets both bits.
+//! Reflection by a smooth surface is specular. Facets, and single scattering below plastic's coat (which has
+//! its own facets), are glossy. Lambertian surfaces and plastic's body are diffuse. Smooth transmission sets
+//! no bit; transmission through facets is glossy. A measured table is not separated and sets both bits.
 
 use super::lobe::{Lobes, Sampled};
 use super::{Material, Materials};
@@ -15,7 +15,7 @@ use optics::spectrum::Spectral;
 use tensor::label::{DIFFUSE, GLOSSY, SPECULAR};
 
 impl Materials {
-    /// [`Self::eval`] by kinds, of which it is the sum; none where it is zero.
+    /// [`Self::eval`] separated by kind; empty where it is zero.
     #[must_use]
     pub fn lobes(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Lobes {
         let whole = |kind: u8| self.eval(id, at, wo, wi).map(|s| (kind, s)).into_iter().collect();
@@ -64,8 +64,8 @@ impl Materials {
         }
     }
 
-    /// Draws one of the kinds by the intensity that each brings of unpolarized light, and returns it over its chance; `None` where
-    /// there is none.
+    /// Samples one kind by its intensity for unpolarized light, and returns it divided by its probability;
+    /// `None` if there is none.
     #[must_use]
     pub fn draw_lobe(
         &self,
@@ -88,12 +88,14 @@ impl Materials {
             here.then_some((*kind, s))
         })?;
         let chance = brings(scatter) / all;
-        // Of lobes that bring nothing any will do.
+        // If all lobes have intensity 0, any of them may be returned.
         (chance > 0.0).then(|| (kind, scatter.scaled(Spectral::splat(1.0 / chance))))
     }
 
-    /// What a sampled direction sets in a label. Where several kinds send light there, one of them is drawn, and the sample becomes
-    /// that one's: over the density of all, and the chance of the one.
+    /// Returns the label bits of a sampled direction.
+    ///
+    /// If several kinds contribute to that direction, one is sampled, and the sample becomes that of this
+    /// kind: divided by the density over all kinds and by the probability of the kind.
     #[must_use]
     pub fn part(&self, id: u32, at: &Surface, wo: Vec3A, sampled: &mut Sampled, stream: &mut Stream) -> u8 {
         let wi = sampled.wi;

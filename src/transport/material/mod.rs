@@ -1,10 +1,11 @@
-//! Polarimetric BRDFs: one a file, dispatched by enum over plain data.
+//! Polarimetric BRDFs: one material per file, plain data, dispatched by enum.
 //!
-//! Directions: `wo` points to where light goes (the camera side), `wi` to where it comes from, both away from the
-//! surface and of unit length, in world space. Everything is Σ over the projected solid angle of `wi`: values include
-//! |cosθ_i|. Opaque materials are two-sided: the shading normal is turned toward `wo`.
+//! Directions have unit length, point away from the surface and are in world space. `wo` points to where
+//! light leaves (the camera side). `wi` points to where light arrives from. Values are per projected solid
+//! angle of `wi`, so they include |cosθ_i|. Opaque materials are two-sided: the shading normal is flipped to
+//! the side of `wo`.
 //!
-//! Materials that are made of others ([`two_sided`], [`blend`], …) name them by their index in [`Materials`].
+//! Composite materials ([`two_sided`], [`blend`], …) refer to other materials by index in [`Materials`].
 
 mod appearance;
 pub mod blend;
@@ -50,62 +51,43 @@ use parts::Parts;
 pub use side::facing;
 use texture::Textures;
 
-/// A material as the tracer sees it.
+/// A material, dispatched by enum.
 #[derive(Clone, Copy, Debug)]
 pub enum Material {
-    /// See [`diffuse`].
     Diffuse(diffuse::Diffuse),
-    /// See [`conductor`].
     Conductor(conductor::Conductor),
-    /// See [`rough_conductor`].
     RoughConductor(rough_conductor::RoughConductor),
-    /// See [`dielectric`].
     Dielectric(dielectric::Dielectric),
-    /// See [`rough_dielectric`].
     RoughDielectric(rough_dielectric::RoughDielectric),
-    /// See [`plastic`].
     Plastic(plastic::Plastic),
-    /// See [`two_sided`].
     TwoSided(two_sided::TwoSided),
-    /// See [`blend`].
     Blend(blend::Blend),
-    /// See [`normal_map`].
     NormalMap(normal_map::NormalMap),
-    /// See [`partial_depolarizer`].
     PartialDepolarizer(partial_depolarizer::PartialDepolarizer),
-    /// See [`coated_conductor`].
     CoatedConductor(coated_conductor::CoatedConductor),
-    /// See [`polarizer`].
     Polarizer(polarizer::Polarizer),
-    /// See [`retarder`].
     Retarder(retarder::Retarder),
-    /// See [`thin_dielectric`].
     ThinDielectric(thin_dielectric::ThinDielectric),
-    /// See [`crystal`].
     Crystal(crystal::Crystal),
-    /// See [`rough_crystal`].
     RoughCrystal(rough_crystal::RoughCrystal),
-    /// See [`measured`].
     Measured(measured::Measured),
-    /// A boundary that light does not notice.
+    /// A boundary that does not affect light.
     Null,
 }
 
-/// All materials of a scene with what they share; a material's number is its place in `list`.
+/// All materials of a scene with their shared textures and tables.
 ///
-/// A material names only materials with smaller numbers (the scene builder sees to that), so evaluation ends.
+/// A material only refers to materials with smaller indices (the scene builder ensures this), so recursive
+/// evaluation terminates.
 #[derive(Clone, Debug, Default)]
 pub struct Materials {
-    /// The materials, by number.
     pub list: Vec<Material>,
-    /// Their images.
     pub textures: Textures,
-    /// Tables of measured materials.
     pub tables: Vec<measured::table::Table>,
 }
 
 impl Materials {
-    /// The material, if it is a plain Lambert surface.
+    /// Returns the material if it is a plain Lambertian surface.
     #[inline(always)]
     #[must_use]
     pub fn lambert(&self, id: u32) -> Option<&diffuse::Diffuse> {
@@ -115,8 +97,7 @@ impl Materials {
         }
     }
 
-    /// True if some lobe is not a delta: light reaches a direction from more than finitely many others, so that a point can
-    /// light the surface.
+    /// Returns true if some lobe is not a delta lobe, so that next-event estimation applies.
     #[inline(always)]
     #[must_use]
     pub fn has_extended_lobe(&self, id: u32) -> bool {
@@ -142,7 +123,7 @@ impl Materials {
         }
     }
 
-    /// [`Self::has_extended_lobe`] of what is made of other materials.
+    /// [`Self::has_extended_lobe`] for composite materials.
     fn has_extended_lobe_rest(&self, material: &Material) -> bool {
         match material {
             Material::TwoSided(m) => m.sides().any(|side| self.has_extended_lobe(side)),
@@ -153,14 +134,14 @@ impl Materials {
         }
     }
 
-    /// Mueller BRDF times |cosθ_i|, W/W per projected solid angle; `None` where it is zero.
+    /// Returns the Mueller BRDF times |cosθ_i|, W/W per projected solid angle; `None` where it is zero.
     #[inline(never)]
     #[must_use]
     pub fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         self.eval_inline(id, at, wo, wi)
     }
 
-    /// [`Self::eval`] inside its caller: for the one loop where that pays for its size.
+    /// [`Self::eval`], always inlined. Only one loop gains enough from inlining to justify the code size.
     #[inline(always)]
     #[must_use]
     pub fn eval_inline(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -186,7 +167,8 @@ impl Materials {
         }
     }
 
-    /// [`Self::eval`] of what is made of other materials, apart so that the plain ones can be inlined.
+    /// [`Self::eval`] for composite and rarer materials. It is a separate function so that the common
+    /// materials can be inlined.
     fn eval_rest(&self, material: &Material, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         match material {
             Material::TwoSided(m) => m.eval(self, at, wo, wi),
@@ -199,7 +181,7 @@ impl Materials {
         }
     }
 
-    /// Density of [`Self::sample`] per solid angle of `wi`; 0 for delta lobes.
+    /// Returns the density of [`Self::sample`] per solid angle of `wi`; 0 for delta lobes.
     #[must_use]
     pub fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         match &self.list[id as usize] {
@@ -224,7 +206,7 @@ impl Materials {
         }
     }
 
-    /// Samples where the light at `wo` comes from; `None` if it is absorbed.
+    /// Samples the direction from which the light at `wo` arrives; `None` if it is absorbed.
     #[inline(never)]
     pub fn sample(
         &self,
@@ -237,7 +219,7 @@ impl Materials {
         self.sample_inline(id, at, wo, lanes, stream)
     }
 
-    /// [`Self::sample`] inside its caller: for the one loop where that pays for its size.
+    /// [`Self::sample`], always inlined. Only one loop gains enough from inlining to justify the code size.
     #[inline(always)]
     pub fn sample_inline(
         &self,
@@ -258,7 +240,8 @@ impl Materials {
         }
     }
 
-    /// [`Self::sample`] of the rarer materials and those made of others, apart so that the others can be inlined.
+    /// [`Self::sample`] for composite and rarer materials. It is a separate function so that the common
+    /// materials can be inlined.
     fn sample_rest(
         &self,
         id: u32,
@@ -289,9 +272,10 @@ impl Materials {
         }
     }
 
-    /// A delta lobe as it is; `None` if the material has none of that kind, or no light comes that way.
+    /// Returns a delta lobe, not divided by a sampling probability. Returns `None` if the material has no
+    /// such lobe, or if no light arrives along it.
     ///
-    /// `lane` is the wavelength whose direction counts where the material disperses.
+    /// `lane` is the wavelength lane that sets the direction where the material is dispersive.
     #[must_use]
     pub fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular> {
         match (&self.list[id as usize], lobe) {
@@ -322,10 +306,10 @@ impl Materials {
         }
     }
 
-    /// True if some material lets light straight through, so that connections must look whether it does.
+    /// Returns true if some material transmits light undeflected, so that connections must test for it.
     #[must_use]
     pub fn any_straight(&self) -> bool {
-        // Materials that are made of others stand in the same list as those.
+        // Composite materials need no case: their parts are in the same list.
         self.list.iter().any(|m| {
             matches!(
                 m,
@@ -334,7 +318,7 @@ impl Materials {
         })
     }
 
-    /// True if some material sends light of one direction into another single one.
+    /// Returns true if some material redirects light from one direction into a single other direction.
     #[must_use]
     pub fn any_redirecting(&self) -> bool {
         self.list.iter().any(|m| {
@@ -348,7 +332,7 @@ impl Materials {
         })
     }
 
-    /// Probability with which [`Self::sample`] lets light go straight on.
+    /// Returns the probability that [`Self::sample`] transmits light without deflection.
     #[must_use]
     pub fn straight_chance(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> f32 {
         let of = |id| self.straight_chance(id, at, wo, lanes);
@@ -365,7 +349,8 @@ impl Materials {
         }
     }
 
-    /// What a sheet does to light that goes straight through it to `wo`; `None` where it stops or bends the light.
+    /// Returns the Mueller matrix of a sheet for light transmitted without deflection to `wo`; `None` if the
+    /// material blocks or deflects the light.
     #[inline]
     #[must_use]
     pub fn straight(&self, id: u32, at: &Surface, wo: Vec3A) -> Option<Scatter> {
@@ -373,7 +358,7 @@ impl Materials {
         (s.wi == -wo && s.filling.is_none()).then_some(s.scatter)
     }
 
-    /// The medium on the other side of the surface than `wo`, where light can be scattered through it.
+    /// Returns the medium on the side opposite to `wo`, if the material can scatter light to that side.
     #[inline]
     #[must_use]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Option<Filling> {
@@ -401,7 +386,7 @@ impl Materials {
         }
     }
 
-    /// True if some boundary is null.
+    /// Returns true if some normal map is a bump map.
     #[must_use]
     pub fn any_heights(&self) -> bool {
         self.list
@@ -409,28 +394,26 @@ impl Materials {
             .any(|m| matches!(m, Material::NormalMap(map) if map.heights))
     }
 
-    /// True if some material lets light pass as if it were not there.
     #[must_use]
     pub fn any_null(&self) -> bool {
         self.list.iter().any(|m| matches!(m, Material::Null))
     }
 
-    /// True if the material is a crystal of smooth faces.
+    /// Returns true if the material is a crystal with smooth faces.
     #[inline]
     #[must_use]
     pub fn is_crystal(&self, id: u32) -> bool {
         matches!(self.list[id as usize], Material::Crystal(_))
     }
 
-    /// True if the material is a boundary that light does not notice.
     #[inline]
     #[must_use]
     pub fn is_null(&self, id: u32) -> bool {
         matches!(self.list[id as usize], Material::Null)
     }
 
-    /// What a straight way of `length` metres through a medium does to the polarization of light that travels along
-    /// ±`dir`; `None` where it does nothing.
+    /// Returns the Mueller matrix of a straight path of `length` metres through a medium for light that
+    /// travels along ±`dir`. Returns `None` if the medium does not change polarization.
     #[inline]
     #[must_use]
     pub fn propagate(&self, filling: Filling, dir: Vec3A, length: f64) -> Option<Scatter> {

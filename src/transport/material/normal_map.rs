@@ -1,9 +1,11 @@
-//! Normals from an image: a material on a surface whose shading normal is turned by what the image says.
+//! Bump maps and normal maps: a material whose shading normal is perturbed by an image.
 //!
-//! Of a bump map the image holds heights along the shading normal n, metres times a factor: the surface's derivatives along its texture
-//! coordinates become ∂p/∂u + n ∂h/∂u and ∂p/∂v + n ∂h/∂v, and the normal is across both (Blinn 1978, "Simulation of wrinkled
-//! surfaces"; Mitsuba's `bumpmap`). Of a normal map the image holds unit vectors in the tangent frame (x along ∂p/∂u, y, z along the shading normal), each coordinate c
-//! stored as (c + 1)/2 (Cohen et al. 1998; OpenGL's green-up variant).
+//! A bump map contains heights along the shading normal n, in metres times a factor. The surface derivatives
+//! become ∂p/∂u + n ∂h/∂u and ∂p/∂v + n ∂h/∂v, and the normal is perpendicular to both (Blinn 1978,
+//! "Simulation of wrinkled surfaces"; Mitsuba's `bumpmap`).
+//!
+//! A normal map contains unit vectors in the tangent frame (x along ∂p/∂u, y, z along the shading normal).
+//! Each coordinate c is stored as (c + 1)/2 (Cohen et al. 1998; OpenGL's green-up variant).
 
 use super::lanes::Lanes;
 use super::lobe::{Lobe, Sampled, Specular};
@@ -13,24 +15,23 @@ use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 
-/// Another material under turned normals.
+/// Another material with perturbed normals.
 #[derive(Clone, Copy, Debug)]
 pub struct NormalMap {
-    /// Number of the material.
     pub material: u32,
-    /// Index of the image; its first three channels are x, y, z, or the first is a height.
+    /// Index of the image. Its first three channels are x, y, z; for a bump map, the first is the height.
     pub texture: u32,
-    /// Multiplies x and y: 0 flattens, 1 is as stored. Of heights: metres where the image is 1.
+    /// Factor of x and y: 0 flattens, 1 leaves them unchanged. For a bump map: metres at the image value 1.
     pub strength: f32,
-    /// It is a bump map.
+    /// True for a bump map.
     pub heights: bool,
 }
 
-/// Least cosine between the turned normal and the true one.
+/// Minimum cosine between the perturbed normal and the geometric one.
 const LEAST_COS: f32 = 0.02;
 
 impl NormalMap {
-    /// The surface with its turned normal, which stays on the true normal's side.
+    /// Returns the surface with the perturbed normal, which stays on the side of the geometric normal.
     #[inline]
     pub(super) fn turned(&self, materials: &impl Parts, at: &Surface) -> Surface {
         let mut n = if self.heights {
@@ -45,7 +46,7 @@ impl NormalMap {
         Surface { ns: n, ..*at }
     }
 
-    /// The normal of a surface with heights on it.
+    /// Returns the normal of a bump map.
     fn raised(&self, materials: &impl Parts, at: &Surface) -> Vec3A {
         let slope = materials.textures().gradient(self.texture, at.uv);
         let [u, v] = [(at.tangent, slope[0]), (at.bitangent, slope[1])]
@@ -54,7 +55,7 @@ impl NormalMap {
         if n.dot(at.ns) < 0.0 { -n } else { n }
     }
 
-    /// The normal that the image says.
+    /// Returns the normal of a normal map.
     #[inline]
     fn stored(&self, materials: &impl Parts, at: &Surface) -> Vec3A {
         let [x, y, z, _] = materials.textures().eval(self.texture, at.uv).to_array();
@@ -66,21 +67,18 @@ impl NormalMap {
         (at.tangent_frame() * local).normalize_or(at.ns)
     }
 
-    /// See [`Parts::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         materials.eval(self.material, &self.turned(materials, at), wo, wi)
     }
 
-    /// See [`Parts::pdf`].
     #[inline]
     #[must_use]
     pub fn pdf(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         materials.pdf(self.material, &self.turned(materials, at), wo, wi)
     }
 
-    /// See [`Parts::sample`].
     #[inline]
     pub fn sample(
         &self,
@@ -93,7 +91,6 @@ impl NormalMap {
         materials.sample(self.material, &self.turned(materials, at), wo, lanes, stream)
     }
 
-    /// See [`Parts::specular`].
     #[inline]
     #[must_use]
     pub fn specular(

@@ -1,4 +1,4 @@
-//! A boundary between media of the same index: light goes straight on and keeps its polarization.
+//! A boundary between media of equal index: light passes undeflected and keeps its polarization.
 
 use super::lobe::Specular;
 use super::sheet;
@@ -7,7 +7,7 @@ use optics::polarization::frame::perpendicular;
 use optics::polarization::fresnel::FresnelBlock;
 use optics::spectrum::Spectral;
 
-/// Light that goes straight on to `wo`.
+/// Returns the undeflected transmission to `wo`.
 #[inline]
 #[must_use]
 pub fn straight(wo: Vec3A) -> Specular {

@@ -1,8 +1,8 @@
-//! A material whose light loses part of its polarization, by scattering inside too fine and too short to be traced.
+//! A material that partly depolarizes light, by subsurface scattering that is too fine to be traced.
 //!
-//! M' = (1 - f)·M + f·M00·e₀e₀ᵀ: a mixture of the material with an ideal depolarizer of the same throughput (Lu &
-//! Chipman 1996, "depolarizer"). Under unpolarized light nothing changes, so two materials that differ in f alone are
-//! *metamers*: only their Mueller matrices tell them apart.
+//! M' = (1 - f)·M + f·M00·e₀e₀ᵀ: a mixture of the material and an ideal depolarizer of equal throughput (Lu &
+//! Chipman 1996, "depolarizer"). Reflection of unpolarized light is unchanged in intensity, so two materials
+//! that differ in f only are *metamers*: only their Mueller matrices distinguish them.
 
 use super::lanes::Lanes;
 use super::lobe::{Lobe, Sampled, Specular};
@@ -17,9 +17,8 @@ use optics::spectrum::Spectral;
 /// Another material, depolarized by a fraction.
 #[derive(Clone, Copy, Debug)]
 pub struct PartialDepolarizer {
-    /// Number of the material.
     pub material: u32,
-    /// Share f of the light that loses its polarization, clamped to 0..1.
+    /// Fraction f of the light that is depolarized, clamped to 0..1.
     pub fraction: Scalar,
 }
 
@@ -38,7 +37,6 @@ impl PartialDepolarizer {
         s.scaled(Spectral::splat(1.0 - f)).plus(&lost, wo, wi)
     }
 
-    /// See [`Parts::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -46,7 +44,6 @@ impl PartialDepolarizer {
         Some(self.apply(materials, at, &s, wo, wi))
     }
 
-    /// See [`Parts::sample`].
     #[inline]
     pub fn sample(
         &self,
@@ -61,7 +58,6 @@ impl PartialDepolarizer {
         Some(s)
     }
 
-    /// See [`Parts::specular`].
     #[inline]
     #[must_use]
     pub fn specular(

@@ -1,4 +1,4 @@
-//! What a material that is made of others asks of those.
+//! The interface through which a composite material evaluates its parts.
 
 use super::lanes::Lanes;
 use super::lobe::{Lobe, Sampled, Specular};
@@ -8,20 +8,20 @@ use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 
-/// The materials of a scene by number, as seen from a material that is made of some of them.
+/// The materials of a scene by index, as a composite material accesses them.
 ///
-/// Values, densities and samples are those of [`super::Materials`], whose methods of the same names these are.
+/// The methods are those of the same names of [`super::Materials`].
 pub trait Parts {
-    /// The images that all materials share.
+    /// Images shared by all materials.
     fn textures(&self) -> &Textures;
 
-    /// Mueller BRDF times |cosθ_i| of material `id`; `None` where it is zero.
+    /// Returns the Mueller BRDF times |cosθ_i| of material `id`; `None` where it is zero.
     fn eval(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter>;
 
-    /// Density of [`Self::sample`] per solid angle of `wi`; 0 for delta lobes.
+    /// Returns the density of [`Self::sample`] per solid angle of `wi`; 0 for delta lobes.
     fn pdf(&self, id: u32, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32;
 
-    /// Samples where the light at `wo` comes from; `None` if it is absorbed.
+    /// Samples the direction from which the light at `wo` arrives; `None` if it is absorbed.
     fn sample(
         &self,
         id: u32,
@@ -31,6 +31,6 @@ pub trait Parts {
         stream: &mut Stream,
     ) -> Option<Sampled>;
 
-    /// A delta lobe as it is; `None` if there is none of that kind, or no light comes that way.
+    /// Returns a delta lobe; `None` if there is no such lobe, or if no light arrives along it.
     fn specular(&self, id: u32, at: &Surface, wo: Vec3A, lobe: Lobe, lane: usize) -> Option<Specular>;
 }

@@ -1,18 +1,21 @@
-//! Polarized plastic: a rough dielectric coat over a depolarizing base (Baek et al. 2018, "Simultaneous acquisition of
-//! polarimetric SVBRDF and normals").
+//! Polarized plastic: a rough dielectric coat over a depolarizing base (Baek et al. 2018, "Simultaneous
+//! acquisition of polarimetric SVBRDF and normals").
 //!
-//! M = k·D·G2·R(wo·h) / (4 cosθ_o cosθ_i) + (ρ'/π)·T(θ_o) e₀e₀ᵀ T(θ_i): microfacet reflection with Fresnel's matrix R, and
-//! light that enters through the coat (T in the frame perpendicular to n and `wi`), loses its polarization inside, and
-//! leaves (T in the frame perpendicular to n and `wo`) partly polarized in the plane of n and `wo`. T is Fresnel's, of the
-//! smooth mean surface, or that of the facets ([`super::coat`]).
+//! M = k·D·G2·R(wo·h) / (4 cosθ_o cosθ_i) + (ρ'/π)·T(θ_o) e₀e₀ᵀ T(θ_i)
 //!
-//! Baek et al. and Mitsuba's `pplastic` have ρ' = ρ. With interreflection, light that meets the coat from inside and is
-//! reflected back comes out later: ρ' = ρ / (η² (1 - ρ F)), F being the mean reflectance inside weighted by the cosine.
-//! Mitsuba's `plastic` does so with `nonlinear`; by default it has ρ' = ρ / (η² (1 - F)), in proportion to ρ. A white body
-//! then returns all the light that enters it.
+//! The first term is microfacet reflection with Fresnel's matrix R. The second is body reflection: light
+//! enters through the coat (T in the frame perpendicular to n and `wi`), is depolarized inside, and leaves (T
+//! in the frame perpendicular to n and `wo`) partly polarized in the plane of n and `wo`. T is Fresnel's, of
+//! the smooth mean surface, or that of the facets ([`super::coat`]).
 //!
-//! Optionally a third lobe, of light scattered once below the surface (Hwang et al. 2022, "Sparse ellipsometry"): as the
-//! surface reflection, R included, but coloured and with a width of its own, ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
+//! Baek et al. and Mitsuba's `pplastic` use ρ' = ρ. With interreflection, light that the coat reflects back
+//! inside leaves later: ρ' = ρ / (η² (1 - ρ F)), where F is the cosine-weighted mean internal reflectance.
+//! Mitsuba's `plastic` uses this with `nonlinear`; by default it uses ρ' = ρ / (η² (1 - F)), proportional to
+//! ρ. A white body then returns all the light that enters it.
+//!
+//! An optional third lobe models light scattered once below the surface (Hwang et al. 2022, "Sparse
+//! ellipsometry"). It is like the surface reflection, including R, but coloured and with a separate width:
+//! ρ_s·D_s·G2_s·R(wo·h) / (4 cosθ_o cosθ_i).
 
 use super::coat;
 use super::facets::{Facets, Roughness, reflect};
@@ -30,34 +33,31 @@ use optics::sampling::warp;
 use optics::spectrum::Spectral;
 use std::f32::consts::FRAC_1_PI;
 
-/// Polarized plastic.
 #[derive(Clone, Copy, Debug)]
 pub struct Plastic {
     /// Albedo ρ of the base, 0..1.
     pub albedo: Spectrum,
-    /// Index of the coat over that outside (1 in unused lanes).
+    /// Index of the coat relative to the outside (1 in unused lanes).
     pub eta: Spectral,
-    /// Of the facets of the coat.
     pub roughness: Roughness,
     /// Factor k of the surface reflection.
     pub specular: Spectral,
-    /// Light that the coat reflects back into the body.
     pub interreflection: Interreflection,
-    /// What passes the coat's facets; `None`: light passes the smooth mean surface.
+    /// Transmission of the coat's facets; `None` uses the smooth mean surface.
     pub passage: Option<coat::Table>,
-    /// Light scattered once below the coat, if that is modelled.
+    /// Light scattered once below the coat, if modelled.
     pub single_scatter: Option<SingleScatter>,
 }
 
-/// Light that a coat reflects back into the body below; F is the mean reflectance inside, see
+/// Treatment of light that a coat reflects back into the body. F is the mean internal reflectance, see
 /// [`coat::internal_reflectance`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interreflection {
-    /// Is lost: ρ' = ρ.
+    /// Lost: ρ' = ρ.
     Lost,
-    /// Meets the body again: ρ' = ρ / (η² (1 - ρ F)). F.
+    /// Reflected again by the body: ρ' = ρ / (η² (1 - ρ F)). Contains F.
     Coloured(Spectral),
-    /// Meets a white body: ρ' = ρ / (η² (1 - F)), in proportion to ρ. F.
+    /// Reflected again by a white body: ρ' = ρ / (η² (1 - F)), proportional to ρ. Contains F.
     Linear(Spectral),
 }
 
@@ -66,11 +66,11 @@ pub enum Interreflection {
 pub struct SingleScatter {
     /// Factor ρ_s, 0..1.
     pub albedo: Spectrum,
-    /// Width of its distribution of normals, which is otherwise that of the surface.
+    /// Width of its distribution of normals. The type of distribution is that of the surface.
     pub alpha: Scalar,
 }
 
-/// The plastic as light that leaves along `wo` met it.
+/// The plastic at one point for light that leaves along `wo`.
 struct Seen {
     facets: Facets,
     n: Vec3A,
@@ -86,8 +86,8 @@ struct Seen {
 }
 
 impl Seen {
-    /// What facets reflect from the local direction `li`: their cosine, the sum of the lobes over R, and the density of
-    /// `li` by all lobes.
+    /// Evaluates facet reflection from the local direction `li`: the facets' cosine, the sum of the facet
+    /// lobes without R, and the density of `li` over all lobes.
     #[inline]
     fn reflection(&self, specular: Spectral, li: Vec3A) -> Option<(f32, Spectral, f32)> {
         let to = self.facets.reflection(li)?;
@@ -124,7 +124,7 @@ impl Plastic {
             let alpha = s.alpha.at(textures, at.uv);
             (s.albedo.at(textures, at.uv), facets.with_alpha(alpha))
         });
-        // Unused lanes have no lobe, so they have no say.
+        // Unused lanes have no lobe, so they do not contribute.
         let reflected = |factor: Spectral| (fresnel.reflection.a * factor).reduce_add();
         let power = [
             reflected(self.specular),
@@ -143,7 +143,7 @@ impl Plastic {
         })
     }
 
-    /// All lobes in the frame of the reflection, times a weight that may depend on the density of `wi`.
+    /// Returns the sum of all lobes in the frame of the reflection, times a function of the density of `wi`.
     #[inline]
     fn value(
         &self,
@@ -169,8 +169,8 @@ impl Plastic {
         })
     }
 
-    /// Adds the diffuse lobe to a matrix in the frame of the reflection; `wi` and `li` are the direction of the light in the
-    /// world and in the local frame.
+    /// Adds the diffuse lobe to a matrix in the frame of the reflection. `wi` and `li` are the direction of
+    /// incident light in world space and in the local frame.
     #[inline(always)]
     fn add_body(
         &self,
@@ -202,7 +202,7 @@ impl Plastic {
         }
     }
 
-    /// [`Self::eval`] in two parts: what facets reflect, and the body.
+    /// [`Self::eval`] in two parts: facet reflection and body reflection.
     #[must_use]
     pub fn eval_parted(
         &self,
@@ -229,7 +229,6 @@ impl Plastic {
         Some([Scatter::Fresnel { block, s }, body])
     }
 
-    /// See [`super::Materials::eval`].
     #[inline]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -240,7 +239,8 @@ impl Plastic {
         self.value(textures, &seen, wi, |_| 1.0)
     }
 
-    /// Visible facets and cosine, mixed by what a smooth surface would reflect and let out.
+    /// Returns the density of the mixture of visible facets and cosine, weighted by the reflection and
+    /// transmission of a smooth surface.
     #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -251,7 +251,7 @@ impl Plastic {
         }
     }
 
-    /// The weight is the value of all lobes over the density of all.
+    /// See [`super::Materials::sample`]. The weight is the value of all lobes over the density of all lobes.
     pub fn sample(
         &self,
         textures: &Textures,

@@ -1,15 +1,17 @@
-//! Linear polarizer sheet.
+//! Polarizer sheet, linear or circular.
 //!
-//! Dichroic: the component of the electric vector along the absorbing axis a, as the ray sees it, is blocked. With
-//! a' = a projected perpendicular to the ray d, light along t = d × a' passes (Korger et al. 2013, "The polarization
-//! properties of a tilted polarizer", eq. 5; Mitsuba 3's `polarizer`). At normal incidence t is the transmitting axis
-//! itself. In the frame t the matrix is a diattenuator of the power transmittances T (of t) and ε·T (of a'):
+//! A linear polarizer is dichroic: it blocks the component of the electric vector along the absorbing axis a.
+//! With a' = a projected perpendicular to the ray d, light along t = d × a' passes (Korger et al. 2013, "The
+//! polarization properties of a tilted polarizer", eq. 5; Mitsuba 3's `polarizer`). At normal incidence t is
+//! the transmitting axis. In the frame t, the matrix is a diattenuator with power transmittances T (along t)
+//! and ε·T (along a'):
 //!
 //! > M00 = M11 = T(1 + ε)/2,  M01 = M10 = T(1 - ε)/2,  M22 = M33 = T√ε.
 //!
 //! Reflection by the faces is neglected; T may include it.
 //!
-//! A circular polarizer passes one handedness of circular light and blocks the other, whichever way light comes: in any frame
+//! A circular polarizer passes one handedness of circular light and blocks the other, from either side. In
+//! any frame
 //!
 //! > M00 = M33 = T(1 + ε)/2,  M03 = M30 = ±T(1 - ε)/2 (+ right),  M11 = M22 = T√ε.
 
@@ -26,7 +28,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sheet::SheetAxis;
 
-/// The state of light that passes a polarizer sheet.
+/// The polarization state that a polarizer sheet passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Passes {
@@ -39,21 +41,20 @@ pub enum Passes {
     Left,
 }
 
-/// A polarizer sheet.
 #[derive(Clone, Copy, Debug)]
 pub struct Polarizer {
     /// Transmitting axis.
     pub axis: SheetAxis,
-    /// What passes; the axis is that of linear polarizers.
+    /// The state that passes. The axis is used for linear polarizers only.
     pub passes: Passes,
     /// T: power transmittance of light along the transmitting axis, 0..1.
     pub transmittance: Spectral,
-    /// ε: how much of the blocked component passes, as a share of T, 0..1.
+    /// ε: transmittance of the blocked component as a fraction of T, 0..1.
     pub extinction: Spectral,
 }
 
 impl Polarizer {
-    /// What passes straight through to `wo`.
+    /// Returns the undeflected transmission to `wo`.
     #[inline]
     #[must_use]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
@@ -102,7 +103,7 @@ impl Polarizer {
 mod tests {
     use super::*;
 
-    /// Mitsuba 3.9.1's `polarizer` with `theta = -30` (its angle runs the other way), in the same frames.
+    /// Compares with Mitsuba 3.9.1's `polarizer` at `theta = -30` (its angle has the opposite sign).
     #[test]
     fn tilted_polarizers_match_mitsuba() {
         let n = Vec3A::Z;

@@ -1,15 +1,15 @@
-//! Retarder sheet: a wave plate, or a stretched film.
+//! Retarder sheet: a wave plate or a stretched film.
 //!
-//! In the frame of its fast axis the matrix is a retarder's: M22 = M33 = cos δ, M23 = -M32 = sin δ, the slow axis lags by
-//! δ (Collett 2005, ch. 5). How a tilt changes δ and the axes is a choice:
+//! In the frame of its fast axis, the matrix is M22 = M33 = cos δ, M23 = -M32 = sin δ; the slow axis lags by
+//! δ (Collett 2005, ch. 5). The effect of tilt on δ and on the axes is selectable:
 //!
-//! - [`Tilt::Plate`]: a true zero-order plate of a positive uniaxial crystal whose optic axis c lies in the sheet and is
-//!   its slow axis. With θ_t the refracted angle and ψ that between the refracted ray and c, to first order in the
-//!   birefringence, δ = δ₀ sin²ψ / cosθ_t: the way is longer by 1/cosθ_t, and n_e(ψ) - n_o = (n_e - n_o) sin²ψ (Born &
-//!   Wolf 1999, 15.3.3 and 15.4.1). The slow axis is c projected perpendicular to the refracted ray; refraction turns
-//!   it about s along with the ray.
-//! - [`Tilt::Constant`]: δ = δ₀ at any incidence, the fast axis projected perpendicular to the ray.
-//! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| likewise, the falloff of Mitsuba 3's `retarder`. No real plate does that.
+//! - [`Tilt::Plate`]: a true zero-order plate of a positive uniaxial crystal. Its optic axis c is in the
+//!   sheet and is the slow axis. Let θ_t be the refracted angle and ψ the angle between the refracted ray and
+//!   c. To first order in the birefringence, δ = δ₀ sin²ψ / cosθ_t: the path is longer by 1/cosθ_t, and
+//!   n_e(ψ) - n_o = (n_e - n_o) sin²ψ (Born & Wolf 1999, 15.3.3 and 15.4.1). The slow axis is c projected
+//!   perpendicular to the refracted ray. Refraction rotates it about s together with the ray.
+//! - [`Tilt::Constant`]: δ = δ₀ at any incidence; the fast axis is projected perpendicular to the ray.
+//! - [`Tilt::Cosine`]: δ = δ₀ |cosθ| with the same axis, as in Mitsuba 3's `retarder`. Not physical.
 //!
 //! Reflection by the faces is neglected; the transmittance may include it.
 
@@ -23,32 +23,29 @@ use optics::polarization::fresnel::FresnelBlock;
 use optics::spectrum::Spectral;
 use sheet::SheetAxis;
 
-/// How retardance depends on incidence.
+/// The dependence of retardance on the angle of incidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tilt {
     /// Zero-order uniaxial plate of this mean refractive index.
     Plate(f32),
-    /// The same at any incidence.
+    /// Independent of incidence.
     Constant,
-    /// In proportion to the cosine of incidence.
+    /// Proportional to the cosine of incidence.
     Cosine,
 }
 
-/// A retarder sheet.
 #[derive(Clone, Copy, Debug)]
 pub struct Retarder {
-    /// Fast axis.
     pub axis: SheetAxis,
     /// δ₀: retardance at normal incidence per wavelength, radians.
     pub retardance: Spectral,
     /// Power transmittance, 0..1.
     pub transmittance: Spectral,
-    /// What becomes of the retardance off the normal.
     pub tilt: Tilt,
 }
 
 impl Retarder {
-    /// What passes straight through to `wo`.
+    /// Returns the undeflected transmission to `wo`.
     #[inline]
     #[must_use]
     pub fn specular(&self, at: &Surface, wo: Vec3A) -> Specular {
@@ -69,7 +66,7 @@ impl Retarder {
     }
 }
 
-/// Fast axis that light to `wo` sees, perpendicular to it, and sin²ψ / cosθ_t.
+/// Returns the fast axis for light to `wo` (perpendicular to `wo`), and sin²ψ / cosθ_t.
 #[inline]
 fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     let n = if normal.dot(wo) < 0.0 { -normal } else { normal };
@@ -79,11 +76,11 @@ fn plate(normal: Vec3A, fast: Vec3A, wo: Vec3A, ior: f32) -> (Vec3A, f32) {
     let inside = tangential / ior + n * cos_t;
     let optic = normal.cross(fast);
     let along = inside.dot(optic);
-    // o-light's electric vector is perpendicular to the ray and to the optic axis; they are never parallel, as the ray
-    // leans at most asin(1/ior) to the sheet's normal.
+    // The ordinary ray's electric vector is perpendicular to the ray and to the optic axis. These are never
+    // parallel, because the ray is inclined by at most asin(1/ior) to the sheet's normal.
     let ordinary = inside.cross(optic).normalize_or(fast);
     let s = s_vector(n, wo);
-    // From the refracted ray to the outer one: components along s stay, those in the plane of incidence turn.
+    // From the refracted ray to the outer one: the component along s is unchanged, the other rotates.
     let outer = s * ordinary.dot(s) + wo.cross(s) * ordinary.dot(inside.cross(s));
     (project(outer, wo), (1.0 - along * along) / cos_t)
 }
@@ -93,7 +90,7 @@ mod tests {
     use super::*;
     use optics::polarization::frame::perpendicular;
 
-    /// Mitsuba 3.9.1's `retarder` with `theta = 30`, `delta = 100`, from either side.
+    /// Compares with Mitsuba 3.9.1's `retarder` at `theta = 30`, `delta = 100`, from either side.
     #[test]
     fn upright_retarders_match_mitsuba() {
         let n = Vec3A::Z;

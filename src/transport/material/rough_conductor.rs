@@ -1,8 +1,8 @@
-//! Rough metal: microfacets, each a Fresnel mirror (Walter et al. 2007; Mueller form as in Baek et al. 2018).
+//! Rough metal with Fresnel mirrors as microfacets (Walter et al. 2007; Mueller form: Baek et al. 2018).
 //!
-//! Single scattering between facets: energy lost to multiple scattering at large roughness is absorbed. Mitsuba's
-//! `roughconductor` takes masking and shadowing as separable; at α = 0.3 the correlated form differs by well under 1 %,
-//! growing with α⁴.
+//! Only single scattering between facets is modelled: multiply scattered energy is absorbed. Mitsuba's
+//! `roughconductor` uses separable masking and shadowing. At α = 0.3 the correlated form differs by well
+//! under 1 %; the difference grows with α⁴.
 
 use super::facets::{Facets, Roughness, reflect};
 use super::lobe::Sampled;
@@ -18,13 +18,11 @@ use optics::spectrum::Spectral;
 /// Conductor of complex index n + i·k with isotropic roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughConductor {
-    /// Real part of the index.
     pub n: Spectral,
     /// Imaginary part, ≥ 0.
     pub k: Spectral,
-    /// Factor of all that is reflected, 0..1.
+    /// Factor applied to the reflected light, 0..1.
     pub reflectance: Spectrum,
-    /// Of its facets.
     pub roughness: Roughness,
 }
 
@@ -42,7 +40,7 @@ impl RoughConductor {
         }
     }
 
-    /// D·G2·F / (4 cosθ_o), which is the BRDF times cosθ_i.
+    /// Returns D·G2·F / (4 cosθ_o), which is the BRDF times cosθ_i.
     #[inline]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -55,7 +53,7 @@ impl RoughConductor {
         Some(self.fresnel(factor, wo, wi, to.cos_o))
     }
 
-    /// Density of the visible normal over 4 wo·h.
+    /// Returns the density of the visible normal over 4 wo·h.
     #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -66,7 +64,7 @@ impl RoughConductor {
         }
     }
 
-    /// A facet among those visible from `wo`; the weight is F·G2/G1.
+    /// Samples a facet among those visible from `wo`; the weight is F·G2/G1.
     #[inline]
     pub fn sample(
         &self,

@@ -1,13 +1,15 @@
-//! A closed surface filled with a uniaxial crystal, whose faces are rough: joined rays between microfacets.
+//! A closed surface filled with a uniaxial crystal with rough faces, in the joined-ray model.
 //!
-//! The faces reflect and refract as the [`super::rough_dielectric`] of index (n_o + n_e)/2 does, and every straight way
-//! inside, wherever a facet sends it, retards as in the smooth [`super::crystal`]: by its own length and direction. As
-//! α → 0 the two are the same.
+//! The faces reflect and refract like a [`super::rough_dielectric`] of index (n_o + n_e)/2. Every straight
+//! path segment inside retards light as in the smooth [`super::crystal`], by its own length and direction.
+//! The two models agree as α → 0.
 //!
-//! Neglected beside what [`super::crystal`] neglects: ways by different facets add as intensities, each with its matrix,
-//! so that light which passes a rough face is depolarized by as much as its ways differ in retardance, and makes no
-//! speckle; facets know no waves, so none of them parts o and e rays (`split` has smooth faces alone); light that facets
-//! throw at each other is absorbed, as of all rough materials.
+//! Approximations, in addition to those of [`super::crystal`]:
+//!
+//! - Paths through different facets add incoherently, each with its own matrix. Light that passes a rough
+//!   face is therefore depolarized according to the spread of retardances, and there is no speckle.
+//! - Facets do not split ordinary and extraordinary rays; `split` requires smooth faces.
+//! - Multiple scattering between facets is absorbed, as for all rough materials.
 
 use super::crystal::Crystal;
 use super::facets::Roughness;
@@ -21,19 +23,18 @@ use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 
-/// A uniaxial crystal with joined rays, and its rough faces.
+/// A uniaxial crystal with joined rays and rough faces.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughCrystal {
-    /// What is inside; of joined rays.
+    /// The crystal inside, with `split` false.
     pub crystal: Crystal,
-    /// Of the faces' facets.
     pub roughness: Roughness,
     /// The scene's wavelengths.
     pub lanes: Lanes,
 }
 
 impl RoughCrystal {
-    /// The faces: rough glass of the mean index.
+    /// Returns the faces as a rough dielectric of the mean index.
     #[inline]
     #[must_use]
     pub fn faces(&self) -> RoughDielectric {
@@ -44,21 +45,21 @@ impl RoughCrystal {
         }
     }
 
-    /// See [`super::Materials::eval`]; `wi` may lie on either side.
+    /// See [`super::Materials::eval`]; `wi` may be on either side.
     #[inline]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
         self.faces().eval(textures, at, wo, wi)
     }
 
-    /// Density of [`Self::sample`], as [`RoughDielectric::pdf`].
+    /// Returns the density of [`Self::sample`], as [`RoughDielectric::pdf`].
     #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
         self.faces().pdf(textures, at, wo, wi)
     }
 
-    /// See [`super::Materials::sample`]; `id` is this material's number.
+    /// See [`super::Materials::sample`]; `id` is this material's index.
     #[inline]
     pub fn sample(
         &self,
@@ -74,7 +75,7 @@ impl RoughCrystal {
         Some(s)
     }
 
-    /// See [`super::Materials::beyond`]; `id` is this material's number.
+    /// See [`super::Materials::beyond`]; `id` is this material's index.
     #[inline]
     #[must_use]
     pub fn beyond(&self, id: u32, at: &Surface, wo: Vec3A, lanes: Lanes) -> Filling {

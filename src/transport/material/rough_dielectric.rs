@@ -1,9 +1,11 @@
-//! Rough dielectric interface: microfacets that reflect and refract (Walter et al. 2007), each with Fresnel's Mueller
-//! matrices; the frame s is perpendicular to the plane of `wo` and `wi`, in which the facet's normal lies.
+//! Rough dielectric interface with reflecting and refracting microfacets (Walter et al. 2007).
 //!
-//! Radiance is scaled by 1/η² as at the smooth [`super::dielectric`]. Between two directions on different sides, each
-//! wavelength of a dispersive index has its own facet. A sampled reflection keeps all wavelengths; a sampled refraction
-//! of a dispersive index goes on with one of them, the others part ways (see [`super::dielectric`]).
+//! Each facet has Fresnel's Mueller matrices. The frame vector s is perpendicular to the plane of `wo` and
+//! `wi`, which contains the facet normal. Radiance is scaled by 1/η² as at the smooth [`super::dielectric`].
+//!
+//! For two directions on different sides, each wavelength of a dispersive index has its own facet. A sampled
+//! reflection keeps all wavelengths; a sampled refraction with a dispersive index keeps one (see
+//! [`super::dielectric`]).
 
 use super::dielectric::Dielectric;
 use super::facets::{Facets, Passage, Roughness, reflect, refract};
@@ -20,20 +22,19 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// Rough interface between the inside of a closed surface and what is outside it.
+/// Rough interface between the inside and the outside of a closed surface.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
-    /// Indices on both sides.
     pub interface: Dielectric,
-    /// Of its facets.
     pub roughness: Roughness,
     /// The scene's wavelengths.
     pub lanes: Lanes,
 }
 
-/// Cosine on the rarer side and value of a refraction, given its index ratio.
+/// Returns the cosine on the side of lower index and the value of a refraction with index ratio `eta`.
 ///
-/// Power transmittance is the same both ways, and from the rarer side, where no total reflection is near, f32 knows it.
+/// Power transmittance is equal in both directions. On the side of lower index there is no total reflection,
+/// so f32 cosines are accurate enough.
 #[inline]
 fn from_rarer(passage: Option<Passage>, eta: f32) -> (f32, f32) {
     passage.map_or((1.0, 0.0), |p| {
@@ -42,7 +43,7 @@ fn from_rarer(passage: Option<Passage>, eta: f32) -> (f32, f32) {
 }
 
 impl RoughDielectric {
-    /// The facets, with the index on the far side and that over the near side's.
+    /// Returns the facets, the index on the far side, and the ratio of the far index to the near one.
     #[inline]
     fn facets(&self, textures: &Textures, at: &Surface, wo: Vec3A) -> Option<(Facets, Spectral, Spectral)> {
         let facets = Facets::new(&self.roughness, textures, at, facing(at, wo)?, wo);
@@ -50,13 +51,13 @@ impl RoughDielectric {
         Some((facets, far, far / near))
     }
 
-    /// True if the wavelengths part ways in refraction.
+    /// Returns true if refraction separates the wavelengths.
     #[inline]
     fn disperses(&self) -> bool {
         self.interface.dispersive && self.lanes.count() > 1
     }
 
-    /// See [`super::Materials::eval`]; `wi` may lie on either side.
+    /// See [`super::Materials::eval`]; `wi` may be on either side.
     #[inline]
     #[must_use]
     pub fn eval(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -88,8 +89,8 @@ impl RoughDielectric {
         Some(Scatter::Fresnel { block, s })
     }
 
-    /// Density of [`Self::sample`] for a path that carries all of the scene's wavelengths: over a refraction of a
-    /// dispersive index, the mean over the wavelength that goes on.
+    /// Returns the density of [`Self::sample`] for a path that carries all wavelengths of the scene. For
+    /// refraction with a dispersive index, it is the mean over the wavelength that continues.
     #[inline]
     #[must_use]
     pub fn pdf(&self, textures: &Textures, at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -115,7 +116,7 @@ impl RoughDielectric {
         }
     }
 
-    /// A facet among those visible from `wo`, then reflection or refraction by their power; the weight is F·G2/G1.
+    /// Samples a visible facet, then reflection or refraction by their power. The weight is F·G2/G1.
     #[inline]
     pub fn sample(
         &self,

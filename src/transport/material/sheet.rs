@@ -1,7 +1,7 @@
-//! What sheets share: an axis in the sheet, and light that goes straight through.
+//! Shared code of sheets (polarizers, retarders): an axis in the sheet and undeflected transmission.
 //!
-//! Sheets are thin: light leaves where it enters, on the line it came along, and keeps its medium. Their matrices have
-//! the block form of Fresnel's in the frame of their axis.
+//! Sheets are thin: light leaves at the point of entry, along the same line and into the same medium. Their
+//! matrices have the block form of Fresnel matrices in the frame of their axis.
 
 use super::lobe::Specular;
 use crate::geometry::ray::Surface;
@@ -10,17 +10,17 @@ use optics::polarization::frame::project;
 use optics::polarization::fresnel::FresnelBlock;
 use optics::polarization::scatter::Scatter;
 
-/// A line in a sheet.
+/// An axis in a sheet.
 #[derive(Clone, Copy, Debug)]
 pub enum SheetAxis {
-    /// Radians from the surface's tangent ∂p/∂u, counter-clockwise seen from the side that the normal points to.
+    /// Angle in radians from the tangent ∂p/∂u, counter-clockwise as seen from the side of the normal.
     Angle(f32),
     /// A direction in world space, projected into the sheet.
     World(Vec3A),
 }
 
 impl SheetAxis {
-    /// Unit vector along the line. It is a line in space: the same for light from either side.
+    /// Returns the unit vector along the axis. It is a line in space: equal for light from either side.
     #[inline]
     #[must_use]
     pub fn at(&self, at: &Surface) -> Vec3A {
@@ -35,7 +35,7 @@ impl SheetAxis {
     }
 }
 
-/// Light that goes straight on to `wo` through an element whose matrix is `block` in the frame `axis`.
+/// Returns undeflected transmission to `wo` by an element with matrix `block` in the frame `axis`.
 #[inline]
 pub(super) fn straight(wo: Vec3A, block: FresnelBlock, axis: Vec3A) -> Specular {
     Specular {

@@ -1,9 +1,9 @@
-//! Sides of a surface: which normal looks at a direction, and the frame vector of its plane of incidence.
+//! Sides of a surface: the normal that faces a direction, and the frame vector of the plane of incidence.
 
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 
-/// The shading normal on the side of `wo`, or `None` if shading and geometry disagree about that side.
+/// Returns the shading normal on the side of `wo`; `None` if the geometric normal disagrees about that side.
 #[inline(always)]
 #[must_use]
 pub fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {
@@ -12,13 +12,13 @@ pub fn facing(surface: &Surface, wo: Vec3A) -> Option<Vec3A> {
     (n.dot(wo) > 0.0).then_some(n)
 }
 
-/// True if `wi` leaves on the same side of the true surface as `wo`.
+/// Returns true if `wi` and `wo` are on the same side of the geometric surface.
 #[inline]
 pub(super) fn same_side(surface: &Surface, wo: Vec3A, wi: Vec3A) -> bool {
     surface.ng.dot(wo) * surface.ng.dot(wi) > 0.0
 }
 
-/// The frame vector s of a reflection or refraction: perpendicular to the plane of `a` and `b`.
+/// Returns the frame vector s of a reflection or refraction, perpendicular to the plane of `a` and `b`.
 #[inline]
 pub(super) fn s_vector(a: Vec3A, b: Vec3A) -> Vec3A {
     let s = a.cross(b);

@@ -1,58 +1,54 @@
-//! Images on surfaces: albedo, roughness, blend weight, normals.
+//! Textures on surfaces: albedo, roughness, blend weight, normals.
 
 use optics::spectrum::Spectral;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How an image goes on beyond its edges.
+/// How an image continues beyond its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Wrap {
-    /// Side by side with itself.
+    /// The image repeats.
     #[default]
     Repeat,
-    /// Every second one turned over.
+    /// The image repeats, with every second copy mirrored.
     Mirror,
-    /// The texels at the edge go on for ever.
+    /// The texels at the edge extend to infinity.
     Clamp,
 }
 
-/// What lies between the centres of texels.
+/// How values between the centres of texels are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Filter {
-    /// Mixed from the four nearest.
+    /// Interpolates the four nearest texels.
     #[default]
     Bilinear,
-    /// The nearest texel alone.
+    /// Takes the nearest texel.
     Nearest,
 }
 
-/// Rows of a map of texture coordinates: u' = a u + b v + c, v' = d u + e v + f.
+/// Affine map of texture coordinates, by row: u' = a u + b v + c, v' = d u + e v + f.
 pub type UvMap = [[f32; 3]; 2];
 
-/// Texture coordinates as they are.
+/// The identity map.
 pub const SAME: UvMap = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
-/// One image. Several may have the same texels.
+/// One image. Several images may share texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Image {
-    /// In texels.
     pub width: u32,
-    /// In texels.
     pub height: u32,
     /// Index of its first texel.
     pub first: u32,
-    /// What lies between texels.
     pub filter: Filter,
-    /// What lies beyond the edges.
     pub wrap: Wrap,
-    /// From the surface's texture coordinates to the image's.
+    /// Maps the surface's texture coordinates to those of the image.
     pub uv: UvMap,
 }
 
 impl Image {
-    /// All texels from `first` on, repeating, mixed, on coordinates as they are.
+    /// Returns an image of the texels from `first` on, with default filter, wrap mode and map.
     #[must_use]
     pub fn new([width, height]: [u32; 2], first: u32) -> Self {
         Self {
@@ -65,7 +61,7 @@ impl Image {
         }
     }
 
-    /// Number of the texel in column `i`, row `j`, which may lie beyond the edges.
+    /// Returns the index of the texel in column `i`, row `j`, which may be beyond the edges.
     #[inline]
     fn texel(&self, i: i64, j: i64) -> usize {
         let along = |i: i64, n: u32| {
@@ -84,15 +80,16 @@ impl Image {
     }
 }
 
-/// In place of an image's number: the values at the corners of the mesh's own triangles ([`Textures::corners`]).
+/// Image index that selects the values at the corners of the mesh's own triangles ([`Textures::corners`]).
 pub const ATTRIBUTE: u32 = u32::MAX;
-/// Triangles side by side in texture coordinates.
+/// Number of triangles in one row of the texture-coordinate grid of [`corner_uv`].
 const COLUMNS: u32 = 2048;
-/// Most triangles with values at their corners: beyond, texture coordinates are too coarse.
+/// Maximum number of triangles with corner values. Beyond it, f32 texture coordinates are too coarse.
 pub const MOST_CORNERS: usize = 1 << 22;
 
-/// Texture coordinates of corner `k` of the triangle whose values are `Textures::corners[number]`. Each triangle has a cell of two by two
-/// units, in which it stays clear of the edges.
+/// Returns the texture coordinates of corner `k` of the triangle with values `Textures::corners[number]`.
+///
+/// Each triangle has a cell of 2 × 2 units and keeps a margin to the edges of the cell.
 #[must_use]
 pub fn corner_uv(number: u32, k: usize) -> [f32; 2] {
     let cell = [number % COLUMNS, number / COLUMNS];
@@ -100,19 +97,18 @@ pub fn corner_uv(number: u32, k: usize) -> [f32; 2] {
     [2.0 * cell[0] as f32 + 0.5 + u, 2.0 * cell[1] as f32 + 0.5 + v]
 }
 
-/// Images: spectral texels of all textures in one table.
+/// All images, with their spectral texels in one table.
 #[derive(Clone, Debug, Default)]
 pub struct Textures {
-    /// All of them.
     pub images: Vec<Image>,
     /// Texels, top row first.
     pub texels: Vec<[f32; 4]>,
-    /// Values at the corners of triangles, which meshes point to by their texture coordinates ([`corner_uv`]).
+    /// Values at the corners of triangles, which meshes address by texture coordinates ([`corner_uv`]).
     pub corners: Vec<[[f32; 4]; 3]>,
 }
 
 impl Textures {
-    /// The value at texture coordinates; where the image's own are (0, 0) is its lower left corner.
+    /// Returns the value at texture coordinates. (0, 0) of the image is its lower left corner.
     #[inline]
     #[must_use]
     pub fn eval(&self, texture: u32, uv: [f32; 2]) -> Spectral {
@@ -123,7 +119,7 @@ impl Textures {
         let [u, v] = image.uv.map(|[a, b, c]| a * uv[0] + b * uv[1] + c);
         let (w, h) = (image.width as f32, image.height as f32);
         let (x, y) = match image.wrap {
-            // Whole periods go first: far from the origin little would be left of the fraction.
+            // Remove whole periods first: far from the origin, f32 leaves few digits for the fraction.
             Wrap::Repeat => (u.rem_euclid(1.0) * w, (1.0 - v.rem_euclid(1.0)) * h),
             Wrap::Mirror => (u.rem_euclid(2.0) * w, (1.0 - v.rem_euclid(2.0)) * h),
             Wrap::Clamp => (u.clamp(-1.0, 2.0) * w, (1.0 - v.clamp(-1.0, 2.0)) * h),
@@ -141,7 +137,8 @@ impl Textures {
         lerp(top, bottom, fy)
     }
 
-    /// Derivatives of the first channel by the texture coordinates u and v of the surface: those of the bilinear mixture.
+    /// Returns the derivatives of the first channel, bilinearly interpolated, with respect to the surface's
+    /// texture coordinates u and v.
     #[must_use]
     pub fn gradient(&self, texture: u32, uv: [f32; 2]) -> [f32; 2] {
         let image = &self.images[texture as usize];
@@ -164,7 +161,7 @@ impl Textures {
         [along * a + up * d, along * b + up * e]
     }
 
-    /// The mean of the values at a triangle's corners, weighted as the point lies between them.
+    /// Interpolates the values at a triangle's corners with barycentric weights.
     #[inline(never)]
     fn at_corners(&self, uv: [f32; 2]) -> Spectral {
         let cell = uv.map(|x| (x / 2.0).floor());
@@ -174,28 +171,25 @@ impl Textures {
         let mixed = values[0]
             + (values[1] - values[0]) * Spectral::splat(b)
             + (values[2] - values[0]) * Spectral::splat(c);
-        // Rounding may leave the triangle by a little.
+        // Rounding may place the point slightly outside the triangle.
         mixed.max(Spectral::ZERO)
     }
 }
 
-/// A value per wavelength, times an image where there is one.
+/// A value per wavelength, multiplied by an optional image.
 #[derive(Clone, Copy, Debug)]
 pub struct Spectrum {
     /// The value, or the factor of the image.
     pub value: Spectral,
-    /// Index of the image.
     pub texture: Option<u32>,
 }
 
 impl Spectrum {
-    /// The same everywhere.
     #[must_use]
     pub fn uniform(value: Spectral) -> Self {
         Self { value, texture: None }
     }
 
-    /// Its value at texture coordinates.
     #[inline]
     #[must_use]
     pub fn at(&self, textures: &Textures, uv: [f32; 2]) -> Spectral {
@@ -206,23 +200,20 @@ impl Spectrum {
     }
 }
 
-/// One number, times the first channel of an image where there is one.
+/// A number, multiplied by the first channel of an optional image.
 #[derive(Clone, Copy, Debug)]
 pub struct Scalar {
     /// The value, or the factor of the image.
     pub value: f32,
-    /// Index of the image.
     pub texture: Option<u32>,
 }
 
 impl Scalar {
-    /// The same everywhere.
     #[must_use]
     pub fn uniform(value: f32) -> Self {
         Self { value, texture: None }
     }
 
-    /// Its value at texture coordinates.
     #[inline]
     #[must_use]
     pub fn at(&self, textures: &Textures, uv: [f32; 2]) -> f32 {
@@ -281,14 +272,14 @@ mod tests {
             let found = [1.1, -0.1, 1.9, -0.9].map(|u| at(wrap, u));
             assert_eq!(found, expected, "{wrap:?}");
         }
-        // Between the edges of two neighbours half of each.
+        // On the edge between two neighbouring copies, the value is their mean.
         let mixed = |wrap| value(&textures(Filter::Bilinear, wrap, SAME), 1.0, 0.25);
         assert!((mixed(Wrap::Repeat) - 5.0).abs() < 1e-5);
         assert!((mixed(Wrap::Mirror) - 6.0).abs() < 1e-5);
         assert!((mixed(Wrap::Clamp) - 6.0).abs() < 1e-5);
     }
 
-    /// Against differences of the image itself, whatever maps and repeats it.
+    /// Compares with finite differences of the image for every wrap mode and an affine map.
     #[test]
     fn gradients_are_differences() {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
@@ -305,7 +296,7 @@ mod tests {
         }
     }
 
-    /// Far down the table too, where coordinates are coarse.
+    /// Includes high triangle indices, where texture coordinates are coarse.
     #[test]
     fn values_of_corners_are_mixed() {
         let mut t = Textures::default();

@@ -1,19 +1,20 @@
-//! Thin plate of glass: a window pane, a beam splitter, a cover glass.
+//! Thin glass plate: a window pane, a beam splitter or a cover glass.
 //!
-//! A plane-parallel plate much thicker than the light's coherence length and much thinner than the scene. Light that is
-//! thrown to and fro between its faces leaves in parallel, and its orders add as Mueller matrices. With R and T those of
-//! one face for power in the s-frame (all of them commute; the inner face reflects and passes like the outer one),
+//! The plate is plane-parallel, much thicker than the coherence length of the light and much thinner than the
+//! scene. Light reflected repeatedly between its faces leaves in parallel, and the orders add as Mueller
+//! matrices. Let R and T be the power reflection and transmission matrices of one face in the s frame. They
+//! all commute, and the inner face reflects and transmits like the outer one. Then
 //!
 //! > plate R = R + T R T + T R³ T + … = R + T² R (1 - R²)⁻¹,  plate T = T² (1 - R²)⁻¹
 //!
-//! (Stokes 1862, "On the intensity of the light reflected from or transmitted through a pile of plates"; Mitsuba 3's
-//! `thindielectric` sums the unpolarized powers alike). With r the power of s (or p) that a face reflects and x = ±√(r_s
-//! r_p) its M22:
+//! (Stokes 1862, "On the intensity of the light reflected from or transmitted through a pile of plates";
+//! Mitsuba 3's `thindielectric` does the same for unpolarized powers). With r the power reflectance of a face
+//! for s (or p) and x = ±√(r_s r_p) its M22:
 //!
 //! > t̄ = (1 - r)/(1 + r), r̄ = r (1 + t̄);  M22: x̄_t = (1 - r_s)(1 - r_p)/(1 - x²), x̄_r = x (1 + x̄_t).
 //!
-//! As the orders are incoherent, the plate depolarizes a little. Light goes straight on; the plate's thickness moves no
-//! ray and takes no time.
+//! As the orders are incoherent, the plate depolarizes slightly. Transmitted light is not deflected or
+//! displaced, and the plate adds no travel time.
 
 use super::dielectric::Dielectric;
 use super::facets::reflect;
@@ -29,21 +30,21 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::stream::Stream;
 use optics::spectrum::Spectral;
 
-/// A thin plate.
 #[derive(Clone, Copy, Debug)]
 pub struct ThinDielectric {
-    /// Inside and outside of the plate.
+    /// Refractive indices inside and outside the plate.
     pub interface: Dielectric,
 }
 
-/// What the plate does to the power of light that meets it at an angle whose cosine is `cos`, `eta` being the index
-/// inside over that outside: reflected and transmitted, in the frame perpendicular to the plane of incidence.
+/// Returns the power reflection and transmission matrices of the plate in the s frame.
+///
+/// `cos` is the cosine of incidence; `eta` is the index inside over that outside.
 #[inline]
 #[must_use]
 pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
     let face = fresnel::dielectric(cos, eta).reflection;
     let one = Spectral::ONE;
-    // Rounding may put a power above 1; total reflection leaves 0/0 in the sums, which is 0.
+    // Rounding may give a power above 1. Under total reflection the sums are 0/0 and evaluate to 0.
     let passed = |r: Spectral| (one - r).max(Spectral::ZERO);
     let (s, p) = (face.a + face.b, face.a - face.b);
     let (t_s, t_p) = (passed(s) / (one + s), passed(p) / (one + p));
@@ -63,7 +64,7 @@ pub fn plate(cos: f32, eta: Spectral) -> [FresnelBlock; 2] {
 }
 
 impl ThinDielectric {
-    /// One of its two lobes; `None` if shading and geometry disagree about the side.
+    /// Returns one of the two lobes; `None` if shading and geometric normals disagree about the side.
     #[inline]
     #[must_use]
     pub fn specular(&self, at: &Surface, wo: Vec3A, lobe: Lobe) -> Option<Specular> {
@@ -86,7 +87,8 @@ impl ThinDielectric {
         })
     }
 
-    /// Chooses a lobe by its power over the living lanes, which all go on. See [`super::Materials::sample`].
+    /// Samples a lobe by its power averaged over the live lanes, all of which continue. See
+    /// [`super::Materials::sample`].
     #[inline]
     pub fn sample(&self, at: &Surface, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> Option<Sampled> {
         let through = self.specular(at, wo, Lobe::Transmitted)?;

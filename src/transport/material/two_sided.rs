@@ -1,27 +1,27 @@
-//! One material in front, another (or none) behind. Front is the side that the geometric normal points to.
+//! One material in front, another (or none) behind. The front is the side of the geometric normal.
 
 use super::parts::Parts;
 use crate::geometry::ray::Surface;
 use glam::Vec3A;
 use optics::polarization::scatter::Scatter;
 
-/// Different materials on the two sides.
+/// Different materials on the two sides of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoSided {
-    /// Number of the material in front.
+    /// Index of the material in front.
     pub front: u32,
-    /// Number of the material behind; `None` absorbs everything.
+    /// Index of the material behind; `None` absorbs all light.
     pub back: Option<u32>,
 }
 
 impl TwoSided {
-    /// The materials there are.
+    /// Iterates over the materials that are present.
     #[inline]
     pub fn sides(&self) -> impl Iterator<Item = u32> {
         [Some(self.front), self.back].into_iter().flatten()
     }
 
-    /// The material that `wo` looks at.
+    /// Returns the material on the side of `wo`.
     #[inline]
     #[must_use]
     pub fn side(&self, at: &Surface, wo: Vec3A) -> Option<u32> {
@@ -32,7 +32,7 @@ impl TwoSided {
         }
     }
 
-    /// See [`Parts::eval`]. Nothing shines through from one material to the other.
+    /// See [`Parts::eval`]. No light is transmitted from one side to the other.
     #[inline]
     #[must_use]
     pub fn eval(&self, materials: &impl Parts, at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {

@@ -1,9 +1,10 @@
-//! Bulk optical properties of a cloud of particles: what a litre does, from what one particle does.
+//! Bulk optical properties of a cloud of particles, from single-particle scattering.
 //!
-//! With N particles per m³ of cross sections C (averaged over their sizes), μ_s = Σ N C_sca and μ_a = μ_host + Σ N C_abs
-//! over the kinds of particle; the scattering matrix of a mixture is the mean of the kinds' dσ/dΩ = S/k², weighted by N,
-//! over μ_s. Scattering is independent (each particle sees the incident wave alone), which holds up to volume fractions
-//! of a few per cent. Amounts: N = f/⟨V⟩ of a volume fraction f, with f = c/ρ of a mass concentration c.
+//! With N particles per m³ of cross sections C (averaged over their sizes), μ_s = Σ N C_sca and
+//! μ_a = μ_host + Σ N C_abs, summed over the kinds of particle. The scattering matrix of a mixture is the mean of the
+//! kinds' dσ/dΩ = S/k², weighted by N, over μ_s. Scattering is independent (each particle is illuminated only
+//! by the incident wave), which is valid up to volume fractions of a few per cent. Amounts: N = f/⟨V⟩ for a
+//! volume fraction f, with f = c/ρ for a mass concentration c.
 
 use super::henyey_greenstein::HenyeyGreenstein;
 use super::mie::{self, C, MieError, Sphere};
@@ -12,33 +13,28 @@ use super::rayleigh::Rayleigh;
 use super::size_distribution::{SizeDistribution, SizeError};
 use std::f64::consts::PI;
 
-/// Why a medium cannot be computed.
+/// Reasons why a medium cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BulkError {
-    /// The scattering of a sphere cannot be computed.
     #[error(transparent)]
     Mie(#[from] MieError),
-    /// The sizes of particles are no distribution.
     #[error(transparent)]
     Size(#[from] SizeError),
-    /// A number of particles that is none, or more particles than fit.
+    /// The amount of particles is negative, NaN, or fills more than the volume.
     #[error("particles fill {0} of the volume; it must lie in 0..1")]
     Amount(f64),
-    /// Particles of no density that matter has.
     #[error("a density of {0} kg/m³; give 0.001 to 1e6")]
     Density(f64),
-    /// No optical constants.
     #[error(transparent)]
     Constants(#[from] crate::material::constants::ConstantsError),
 }
 
-/// What is wrong with one of several kinds of particle.
+/// An error in one of several kinds of particle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{error}")]
 pub struct KindError {
-    /// Its place in the list.
+    /// Index of the kind in the list.
     pub kind: usize,
-    /// What is wrong with it.
     pub error: BulkError,
 }
 
@@ -48,27 +44,26 @@ impl From<KindError> for BulkError {
     }
 }
 
-/// How many particles there are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
-    /// Share of the volume that they fill.
+    /// Fraction of the volume that they fill.
     VolumeFraction(f64),
     /// Per m³.
     NumberDensity(f64),
     /// By mass, in kg/m³ (= g/L).
     Mass {
-        /// Of the particles in the medium, kg/m³.
+        /// Mass of particles per volume of the medium, kg/m³.
         concentration: f64,
-        /// Of a particle, kg/m³.
+        /// Density of a particle, kg/m³.
         density: f64,
     },
 }
 
 impl Amount {
-    /// Particles per m³.
+    /// Returns the number of particles per m³.
     ///
     /// # Errors
-    /// [`BulkError::Density`], and [`BulkError::Amount`] for what is negative, not a number, or fills more than the whole volume.
+    /// [`BulkError::Density`], and [`BulkError::Amount`] if the amount is negative, NaN or too large.
     pub fn number_density(self, sizes: &SizeDistribution) -> Result<f64, BulkError> {
         let volume = sizes.mean_volume();
         let n = match self {
@@ -92,11 +87,9 @@ impl Amount {
 /// One kind of particle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kind {
-    /// How large they are.
     pub sizes: SizeDistribution,
     /// Index n + i·k in vacuum per wavelength.
     pub index: Vec<[f64; 2]>,
-    /// How many there are.
     pub amount: Amount,
 }
 
@@ -111,9 +104,9 @@ pub struct Bulk {
     pub absorption: f64,
     /// Mean cosine of the scattering angle.
     pub asymmetry: f64,
-    /// Mean scattering cross section of a particle, m²; 0 where no particles were given.
+    /// Mean scattering cross section of a particle, m²; 0 without particles.
     pub c_sca: f64,
-    /// Mean absorption cross section of a particle, m².
+    /// Mean absorption cross section of a particle, m²; 0 without particles.
     pub c_abs: f64,
 }
 
@@ -133,12 +126,12 @@ pub struct Ensemble {
     cosine: f64,
     /// Terms of the longest series.
     terms: usize,
-    /// What stands for the spheres where they are many.
+    /// Replaces the spheres if there are many.
     products: Option<Products>,
 }
 
 impl Ensemble {
-    /// No particles yet, in a host of real index `host`, at a vacuum wavelength in nanometres.
+    /// Creates an empty ensemble in a host of real index `host`, at a vacuum wavelength in nanometres.
     #[must_use]
     pub fn new(host: f64, nm: f64) -> Self {
         Self {
@@ -154,10 +147,10 @@ impl Ensemble {
         }
     }
 
-    /// Adds particles of index `n + i·k` (against vacuum).
+    /// Adds particles of index `n + i·k` (relative to vacuum).
     ///
     /// # Errors
-    /// [`BulkError`] naming what is out of range.
+    /// [`BulkError`] with the parameter that is out of range.
     pub fn add(
         &mut self,
         sizes: &SizeDistribution,
@@ -181,16 +174,15 @@ impl Ensemble {
         Ok(())
     }
 
-    /// All particles are there: makes [`Self::matrix`] fast where they are many, and so must follow the last
-    /// [`Self::add`].
+    /// Prepares fast evaluation of [`Self::matrix`] for many spheres. Call it after the last [`Self::add`].
     pub fn finish(&mut self) {
-        // The quadratic forms cost as much as this many spheres.
+        // The cost of the quadratic forms, in terms of spheres.
         let long = 2 * self.terms * self.terms;
         let many = self.spheres.iter().map(|(_, s)| s.terms()).sum::<usize>() > long;
         self.products = many.then(|| Products::new(&self.spheres));
     }
 
-    /// Bulk properties in a host that absorbs by itself, 1/m.
+    /// Returns the bulk properties in a host with absorption `host_absorption`, 1/m.
     #[must_use]
     pub fn bulk(&self, host_absorption: f64) -> Bulk {
         let over = |sum: f64, by: f64| if by > 0.0 { sum / by } else { 0.0 };
@@ -204,14 +196,14 @@ impl Ensemble {
         }
     }
 
-    /// True if nothing scatters.
+    /// Returns true if there is no scattering.
     #[must_use]
     pub fn is_clear(&self) -> bool {
         self.scattering <= 0.0
     }
 
-    /// S11, S12, S33, S34 per steradian at a cosine of the scattering angle, normalized so that ∫ S11 dω = 1; `scratch`
-    /// is room for the angular functions.
+    /// Returns S11, S12, S33, S34 per steradian at a cosine of the scattering angle, normalized so that ∫ S11
+    /// dω = 1. `scratch` is a buffer for the angular functions.
     #[must_use]
     pub fn matrix(&self, cos: f64, scratch: &mut Vec<[f64; 2]>) -> [f64; 4] {
         mie::angular(cos, self.terms, scratch);
@@ -229,34 +221,31 @@ impl Ensemble {
     }
 }
 
-/// How a medium scatters, before it is tabulated.
+/// Phase function of a medium, before tabulation.
 #[derive(Clone, Debug)]
 pub enum PhaseOptics {
-    /// Equally in all directions, depolarizing.
+    /// Isotropic and depolarizing.
     Isotropic,
-    /// As molecules do.
     Rayleigh(Rayleigh),
-    /// By Henyey and Greenstein's formula.
     HenyeyGreenstein(HenyeyGreenstein),
-    /// One ensemble a wavelength.
+    /// One ensemble per wavelength.
     Particles(Vec<Ensemble>),
 }
 
-/// A medium's optics in full precision, one [`Bulk`] a wavelength.
+/// A medium's optics in double precision.
 #[derive(Clone, Debug)]
 pub struct Optics {
-    /// Coefficients, one entry a wavelength.
+    /// Coefficients, one entry per wavelength.
     pub bulk: Vec<Bulk>,
-    /// How it scatters.
     pub phase: PhaseOptics,
 }
 
 impl Optics {
-    /// Particles in a host of real index `host` that absorbs `host_absorption` per metre; all lists have one entry for
-    /// each of the vacuum wavelengths `nm`.
+    /// Computes particles in a host of real index `host` and absorption `host_absorption` (1/m). All lists
+    /// have one entry per vacuum wavelength in `nm`.
     ///
     /// # Errors
-    /// [`KindError`] naming the first kind with something out of range.
+    /// [`KindError`] with the first kind that has a parameter out of range.
     pub fn particles(
         nm: &[f64],
         host: &[f64],

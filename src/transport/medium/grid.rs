@@ -1,29 +1,30 @@
-//! Numbers on a grid that fills a box: the density of a medium from place to place.
+//! A grid of values in a box, for the spatially varying density of a medium.
 //!
-//! Between points the numbers are mixed (trilinear); up to half a step from the box's faces they are those of the outermost points, and
-//! outside of the box there is nothing. Along a ray they are a cubic polynomial in each cell (Amanatides & Woo 1987 walk the cells), whose
-//! integral Simpson's rule gives exactly: optical depths have no noise, and free paths are found by inverting them.
+//! Values between grid points are interpolated (trilinear). Within half a step of the box's faces they are
+//! those of the outermost points; outside the box they are 0. Along a ray, the values are a cubic polynomial
+//! in each cell (cells are traversed as in Amanatides & Woo 1987), and Simpson's rule gives their integral
+//! exactly. Optical depths are therefore free of noise, and free paths are found by inverting them.
 
 use crate::geometry::ray::Ray;
 use glam::{Affine3A, Vec3A};
 use optics::spectrum::Spectral;
 
-/// Steps of Newton's method, kept within bounds, that find a free path.
+/// Maximum number of steps of the bracketed Newton's method that finds a free path.
 const STEPS: usize = 24;
 
-/// A grid.
+/// A grid of values in a box.
 #[derive(Clone, Debug)]
 pub struct Grid {
     size: [usize; 3],
-    /// World to grid: the box is 0..size along each axis, its points in the middle of unit cubes.
+    /// World to grid: the box is 0..size along each axis, and its points are at the centres of unit cubes.
     to_grid: Affine3A,
     /// By x, then y, then z.
     values: Vec<[f32; 4]>,
-    /// Cells of their own number, which are not mixed.
+    /// If true, values are constant per cell and not interpolated.
     nearest: bool,
 }
 
-/// A piece of a ray in one cell: where it begins and ends, metres, and the numbers at both ends and in the middle.
+/// A segment of a ray in one cell: start and end in metres, and the values at both ends and at the midpoint.
 struct Piece {
     from: f32,
     to: f32,
@@ -39,8 +40,8 @@ impl Piece {
 }
 
 impl Grid {
-    /// A grid of `size` points (x fastest) in the box that `to_world` makes of the unit cube; `None` if they are not as many as values, or
-    /// the box has no volume.
+    /// Creates a grid of `size` points (x fastest). `to_world` maps the unit cube to the box. Returns `None`
+    /// if the number of values does not match, or if the box has no volume.
     #[must_use]
     pub fn new(size: [usize; 3], values: Vec<[f32; 4]>, to_world: Affine3A, nearest: bool) -> Option<Self> {
         let scale = Vec3A::from_array(size.map(|n| n as f32));
@@ -54,7 +55,7 @@ impl Grid {
         })
     }
 
-    /// The number at a place of the grid's own space, within its box.
+    /// Returns the value at a point in grid space inside the box.
     fn value(&self, p: Vec3A) -> Spectral {
         let at =
             |i: [usize; 3]| Spectral::new(self.values[(i[2] * self.size[1] + i[1]) * self.size[0] + i[0]]);
@@ -74,7 +75,7 @@ impl Grid {
         mix(plane(0), plane(1), part.z)
     }
 
-    /// The number at a point of the world; 0 outside of the box.
+    /// Returns the value at a world point; 0 outside the box.
     #[must_use]
     pub fn at(&self, p: Vec3A) -> Spectral {
         let own = self.to_grid.transform_point3a(p);
@@ -85,14 +86,14 @@ impl Grid {
         self.value(own)
     }
 
-    /// The same where the box's outermost numbers go on for ever.
+    /// Returns the value at a world point, clamped to the box.
     #[must_use]
     pub fn beyond(&self, p: Vec3A) -> Spectral {
         let size = Vec3A::from_array(self.size.map(|n| n as f32));
         self.value(self.to_grid.transform_point3a(p).clamp(Vec3A::ZERO, size))
     }
 
-    /// Visits the cells along a ray up to `length` metres, nearest first, until `visit` says false.
+    /// Visits the cells along a ray up to `length` metres, nearest first, until `visit` returns false.
     fn walk(&self, ray: &Ray, length: f32, mut visit: impl FnMut(&Piece) -> bool) {
         let (o, d) = (
             self.to_grid.transform_point3a(ray.origin),
@@ -112,9 +113,9 @@ impl Grid {
         if near >= far {
             return;
         }
-        // Planes between cells lie half a step off the points, which are in the middle of unit cubes.
+        // With interpolation, cell boundaries are planes through the points, half a step off the unit cubes.
         let shift = if self.nearest { 0.0 } else { 0.5 };
-        // The number of the next plane along each axis, and where the ray meets it.
+        // The index of the next plane along each axis, and the distance at which the ray crosses it.
         let start = o + d * near - shift;
         let mut plane = [0, 1, 2].map(|k| {
             if d[k] > 0.0 {
@@ -163,7 +164,7 @@ impl Grid {
         }
     }
 
-    /// Integral of the numbers along a ray, `length` metres long.
+    /// Returns the integral of the values along a ray over `length` metres.
     #[must_use]
     pub fn integral(&self, ray: &Ray, length: f32) -> Spectral {
         let mut sum = Spectral::ZERO;
@@ -174,7 +175,7 @@ impl Grid {
         sum
     }
 
-    /// How far along a ray the integral of one lane comes to `wanted`; infinite if it never does.
+    /// Returns the distance along a ray at which the integral of one lane reaches `wanted`, or infinity.
     #[must_use]
     pub fn reach(&self, ray: &Ray, lane: usize, wanted: f32) -> f32 {
         let (mut left, mut found) = (wanted, f32::INFINITY);
@@ -190,7 +191,8 @@ impl Grid {
         found
     }
 
-    /// Where the integral from a piece's begin comes to `wanted`, which is no more than that of the whole piece.
+    /// Returns the distance at which the integral from the start of a segment reaches `wanted`, which is at
+    /// most the integral of the whole segment.
     fn within(&self, ray: &Ray, piece: &Piece, lane: usize, wanted: f32) -> f32 {
         let at = |t: f32| self.at_along(ray, t).to_array()[lane];
         let first = piece.ends[0].to_array()[lane];
@@ -235,7 +237,7 @@ mod tests {
     use optics::sampling::stream::Stream;
     use optics::sampling::warp;
 
-    /// A grid of 3 × 4 × 2 numbers in a box that is turned, stretched and moved.
+    /// A grid of 3 × 4 × 2 values in a rotated, scaled and translated box.
     fn grid(nearest: bool, stream: &mut Stream) -> Grid {
         let values = (0..24)
             .map(|_| [stream.uniform(), stream.uniform() * 3.0, 0.0, 0.0])
@@ -249,7 +251,7 @@ mod tests {
         Grid::new([3, 4, 2], values, to_world, nearest).expect("a grid")
     }
 
-    /// Rays from within and from without.
+    /// Returns a ray from inside or outside.
     fn ray(stream: &mut Stream) -> Ray {
         let origin =
             Vec3A::new(0.2, -0.1, 0.2) + warp::sphere(stream.uniform2()) * (0.1 + 2.0 * stream.uniform());
@@ -258,7 +260,7 @@ mod tests {
         Ray { origin, dir }
     }
 
-    /// By a midpoint rule of 20,000 points.
+    /// A midpoint rule with 20,000 points.
     fn quadrature(grid: &Grid, ray: &Ray, length: f32) -> f64 {
         const N: u32 = 20_000;
         let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
@@ -281,7 +283,7 @@ mod tests {
                         grid.integral(&ray, length).to_array()[0],
                         quadrature(&grid, &ray, length),
                     );
-                    // The rule misses half a step at each jump.
+                    // The midpoint rule has an error of half a step at each discontinuity.
                     let bound = 2e-5 + f64::from(length) * if nearest { 5e-4 } else { 1e-4 };
                     assert!(
                         (f64::from(found) - want).abs() < bound,

@@ -1,35 +1,35 @@
-//! The Henyey–Greenstein phase function, with as much polarization as is asked for.
+//! The Henyey–Greenstein phase function, with selectable polarization.
 //!
-//! S11 = (1 - g²)/(4π (1 + g² - 2 g μ)^{3/2}) (Henyey & Greenstein 1941); g is the mean cosine. The formula says nothing
-//! of polarization. By default all of it is lost. Otherwise the reduced matrix is a dipole's (Rayleigh's, as measured in
-//! ocean water by Voss & Fry 1984, Appl. Opt. 23, 4427), of which linear polarization keeps the share l and circular
-//! polarization the share c: with f = 2μ/(1 + μ²) and b = (1 - μ²)/(1 + μ²),
+//! S11 = (1 - g²)/(4π (1 + g² - 2 g μ)^{3/2}) (Henyey & Greenstein 1941); g is the mean cosine. The formula
+//! does not define polarization. By default, scattering depolarizes completely. Otherwise the reduced matrix
+//! is that of a dipole (Rayleigh's, as measured in ocean water by Voss & Fry 1984, Appl. Opt. 23, 4427), of
+//! which a fraction l of linear and a fraction c of circular polarization is kept. With f = 2μ/(1 + μ²) and b
+//! = (1 - μ²)/(1 + μ²),
 //!
 //! S12/S11 = S21/S11 = l b, S22/S11 = l, S33/S11 = l f, S44/S11 = c f.
 //!
-//! Such matter can exist (Cloude) exactly if |l - c| |f| ≤ 1 - l and (l + c)² f² ≤ (1 + l)² - 4 l² b² for all angles
-//! (Hovenier & van der Mee 1996): with 0 ≤ l, c ≤ 1 that is l ≤ (1 + c)/2.
+//! Such a matrix is realizable (Cloude) exactly if |l - c| |f| ≤ 1 - l and (l + c)² f² ≤ (1 + l)² - 4 l² b²
+//! for all angles (Hovenier & van der Mee 1996). With 0 ≤ l, c ≤ 1 this is l ≤ (1 + c)/2.
 
 use super::scattered::{Angle, Elements};
 use optics::spectrum::Spectral;
 use std::f32::consts::PI;
 
-/// The largest |g|: beyond, single precision does not resolve the peak.
+/// The maximum |g|; beyond it, f32 does not resolve the peak.
 pub const LARGEST_G: f64 = 0.999;
 
-/// A Henyey–Greenstein phase function.
 #[derive(Clone, Copy, Debug)]
 pub struct HenyeyGreenstein {
     /// Mean cosine of the scattering angle per wavelength.
     g: Spectral,
-    /// Shares l and c of the head of this file.
+    /// The fractions l and c of the module documentation.
     linear: f32,
     circular: f32,
 }
 
 impl HenyeyGreenstein {
-    /// Of a mean cosine within ±[`LARGEST_G`], and shares of a dipole's linear and circular polarization, 0..1; what
-    /// lies outside is taken inside, and linear ≤ (1 + circular)/2.
+    /// Creates a phase function from mean cosines and the kept fractions of linear and circular polarization.
+    /// Mean cosines are clamped to ±[`LARGEST_G`], fractions to 0..1 and linear ≤ (1 + circular)/2.
     #[must_use]
     pub fn new(g: Spectral, linear: f32, circular: f32) -> Self {
         let circular = circular.clamp(0.0, 1.0);
@@ -41,27 +41,27 @@ impl HenyeyGreenstein {
         }
     }
 
-    /// True if no polarization is kept.
+    /// Returns true if no polarization is kept.
     #[inline]
     #[must_use]
     pub fn depolarizes(self) -> bool {
         self.linear == 0.0 && self.circular == 0.0
     }
 
-    /// S11 per steradian.
+    /// Returns S11 per steradian.
     #[inline]
     #[must_use]
     pub fn intensity(self, at: Angle) -> Spectral {
         let (one, two) = (Spectral::ONE, Spectral::splat(2.0));
         let size = self.g.abs();
-        // 1 + g² - 2gμ from whichever of 1 - μ and 1 + μ goes with the peak.
+        // 1 + g² - 2gμ, from 1 - μ or 1 + μ, whichever is small at the peak.
         let toward_back = self.g.simd_lt(Spectral::ZERO);
         let off_peak = toward_back.bitselect(Spectral::splat(at.backward), Spectral::splat(at.forward));
         let base = (one - size) * (one - size) + two * size * off_peak;
         (one - size) * (one + size) / (Spectral::splat(4.0 * PI) * base * base.sqrt())
     }
 
-    /// The matrix per steradian.
+    /// Returns the matrix per steradian.
     #[inline]
     #[must_use]
     pub fn elements(self, at: Angle) -> Elements<Spectral> {
@@ -79,8 +79,8 @@ impl HenyeyGreenstein {
         }
     }
 
-    /// An angle with the density of one lane's [`Self::intensity`], from a uniform number. The distribution function is
-    /// inverted for 1 - μ, in a form that neither divides by g nor loses digits in the peak.
+    /// Samples an angle with the density of one lane's [`Self::intensity`] from a uniform number. The
+    /// cumulative distribution is inverted for 1 - μ, without division by g or cancellation in the peak.
     #[inline]
     #[must_use]
     pub fn sample(self, lane: usize, u: f32) -> Angle {

@@ -1,41 +1,41 @@
-//! Lorenz–Mie scattering: what a homogeneous sphere of complex index does to a plane wave.
+//! Lorenz–Mie scattering of a plane wave by a homogeneous sphere of complex index.
 //!
-//! Bohren & Huffman, "Absorption and Scattering of Light by Small Particles" (1983), ch. 4, in their conventions: fields
-//! Re E·exp(-iωt), in which an index m = n + i·k with k ≥ 0 absorbs, as in the rest of this program. With
-//! x = 2π r n_host / λ and D_n = ψ_n'/ψ_n,
+//! The formulas and conventions are those of Bohren & Huffman, "Absorption and Scattering of Light by Small
+//! Particles" (1983), ch. 4. Fields are Re E·exp(-iωt), so that an index m = n + i·k with k ≥ 0 absorbs, as
+//! in the rest of this program. With x = 2π r n_host / λ and D_n = ψ_n'/ψ_n,
 //!
-//! - a_n = p/(p - i q), p = A ψ_n(x) - ψ_{n-1}(x), q = A χ_n(x) - χ_{n-1}(x), A = D_n(mx)/m + n/x (their 4.88),
+//! - a_n = p/(p - i q), p = A ψ_n(x) - ψ_{n-1}(x), q = A χ_n(x) - χ_{n-1}(x), A = D_n(mx)/m + n/x (their
+//!   4.88),
 //! - b_n the same with A = m D_n(mx) + n/x,
 //! - S1 = Σ (2n+1)/(n(n+1)) (a_n π_n + b_n τ_n), S2 = Σ (2n+1)/(n(n+1)) (a_n τ_n + b_n π_n) (their 4.74).
 //!
-//! S1 acts on the field perpendicular to the scattering plane, S2 on the one in it. With the perpendicular as the first
-//! axis on both sides and (perpendicular, parallel, direction) right-handed, as in `polarization::fresnel`, they stand
-//! where r_s and r_p stand there, and the scattering matrix is the same block:
-//! S11 = (|S1|² + |S2|²)/2, S12 = (|S1|² - |S2|²)/2, S33 = Re S1* S2, S34 = Im S1* S2. (S12 has the opposite sign to
-//! Bohren & Huffman's, whose first axis is the parallel one; S34 is theirs.)
+//! S1 acts on the field perpendicular to the scattering plane, S2 on the field in it. The perpendicular is
+//! the first axis on both sides, and (perpendicular, parallel, direction) is right-handed, as in
+//! `polarization::fresnel`. S1 and S2 thus take the places of r_s and r_p, and the scattering matrix has the
+//! same block form: S11 = (|S1|² + |S2|²)/2, S12 = (|S1|² - |S2|²)/2, S33 = Re S1* S2, S34 = Im S1* S2. (S12
+//! has the opposite sign to Bohren & Huffman's, whose first axis is the parallel one; S34 is theirs.)
 //!
-//! Every n-th ψ is found without loss of digits at any size: upward where it oscillates (n ≤ x), by its logarithmic
-//! derivative, itself from a downward recurrence, where it decays. Absorption is summed by itself and not as a
-//! difference: the Wronskian ψ_{n-1} χ_n - ψ_n χ_{n-1} = 1 gives Re a_n - |a_n|² = -Im A/|p - i q|².
+//! The recurrences lose no digits at any size. ψ_n is computed upward where it oscillates (n ≤ x). Where it
+//! decays, it is computed from its logarithmic derivative, which is found by a downward recurrence.
+//! Absorption is summed directly and not as a difference: the Wronskian ψ_{n-1} χ_n - ψ_n χ_{n-1} = 1 gives
+//! Re a_n - |a_n|² = -Im A/|p - i q|².
 
 use num_complex::Complex;
 
-/// A complex number.
 pub type C = Complex<f64>;
 
-/// The smallest and largest admitted size parameter x.
+/// The minimum and maximum size parameter x.
 pub const SIZES: [f64; 2] = [1e-6, 3000.0];
 
-/// The largest admitted |m| x: longer recurrences take too long.
+/// The maximum |m| x; longer recurrences take too long.
 pub const LARGEST_PHASE: f64 = 1e5;
 
-/// Why a sphere cannot be computed.
+/// Reasons why a sphere cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MieError {
-    /// The sphere is too small or too large.
     #[error("a particle of size parameter 2π·radius·index/wavelength = {0:.4e} is outside 1e-6..3000")]
     Size(f64),
-    /// The index is not that of a passive substance, or extreme.
+    /// The index is not that of a passive material, or extreme.
     #[error("the relative refractive index {0} + {1} i is not computable (n > 0.001, k ≥ 0, |m| x ≤ 1e5)")]
     Index(f64, f64),
 }
@@ -45,9 +45,7 @@ pub enum MieError {
 pub struct Sphere {
     /// Size parameter.
     pub x: f64,
-    /// Scattering efficiency.
     pub q_sca: f64,
-    /// Absorption efficiency.
     pub q_abs: f64,
     /// Backscattering efficiency, 4 |S(180°)|²/x².
     pub q_back: f64,
@@ -57,19 +55,19 @@ pub struct Sphere {
     sums: Vec<[C; 2]>,
 }
 
-/// Number of terms: Wiscombe (1980, Appl. Opt. 19, 1505) with a few more, since they cost nothing.
+/// Returns the number of terms: that of Wiscombe (1980, Appl. Opt. 19, 1505) plus a few, which are cheap.
 fn terms(x: f64) -> usize {
     (x + 4.05 * x.cbrt() + 8.0) as usize
 }
 
-/// D_0 … D_count of a complex argument, downward from where an error at the start has died out.
+/// Returns D_0 … D_count, by downward recurrence from an index at which an initial error vanishes.
 fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     let start = (count as f64).max(z.norm() + 8.0 * z.norm().cbrt()) as usize + 16;
     let mut out = vec![C::default(); count + 1];
     let mut d = C::default();
     for n in (1..=start).rev() {
         let ratio = n as f64 / z;
-        // Far below any other term: keeps a zero of ψ, should it be met exactly, from being divided by.
+        // Negligible against all other terms; avoids division by zero at an exact zero of ψ.
         d = ratio - (d + ratio + 1e-150).inv();
         if n - 1 <= count {
             out[n - 1] = d;
@@ -78,8 +76,8 @@ fn logarithmic_derivatives(z: C, count: usize) -> Vec<C> {
     out
 }
 
-/// ψ_0 … ψ_count and χ_0 … χ_count of a real argument, Riccati–Bessel functions with Bohren & Huffman's sign,
-/// ψ_0 = sin x, χ_0 = cos x.
+/// Returns ψ_0 … ψ_count and χ_0 … χ_count of a real argument: Riccati–Bessel functions with Bohren &
+/// Huffman's sign, ψ_0 = sin x, χ_0 = cos x.
 fn riccati_bessel(x: f64, count: usize) -> [Vec<f64>; 2] {
     let (mut psi, mut chi) = (vec![0.0; count + 1], vec![0.0; count + 1]);
     let (sin, cos) = x.sin_cos();
@@ -101,10 +99,10 @@ fn riccati_bessel(x: f64, count: usize) -> [Vec<f64>; 2] {
 }
 
 impl Sphere {
-    /// The sphere of size parameter `x` and index `m` relative to the host, m.im ≥ 0.
+    /// Computes the sphere of size parameter `x` and index `m` relative to the host, m.im ≥ 0.
     ///
     /// # Errors
-    /// [`MieError`] outside [`SIZES`], and for an index that is not a passive substance's.
+    /// [`MieError`] outside [`SIZES`], and for an index that is not that of a passive material.
     pub fn new(x: f64, m: C) -> Result<Self, MieError> {
         if !(SIZES[0]..=SIZES[1]).contains(&x) {
             return Err(MieError::Size(x));
@@ -146,7 +144,7 @@ impl Sphere {
         Ok(Self {
             x,
             q_sca: 2.0 * sca / x2,
-            // Rounding of the last digit of A may leave a transparent sphere a hair below zero.
+            // Rounding of A may make the absorption of a transparent sphere slightly negative.
             q_abs: (2.0 * abs / x2).max(0.0),
             q_back: back.norm_sqr() / x2,
             g: 2.0 * cosine / sca,
@@ -154,25 +152,24 @@ impl Sphere {
         })
     }
 
-    /// Extinction efficiency.
     #[must_use]
     pub fn q_ext(&self) -> f64 {
         self.q_sca + self.q_abs
     }
 
-    /// How many terms the series has.
     #[must_use]
     pub fn terms(&self) -> usize {
         self.sums.len()
     }
 
-    /// (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …: the coefficients of π_n + τ_n and π_n - τ_n in S1.
+    /// Returns (2n+1)/(n(n+1)) (a_n + b_n)/2 and (a_n - b_n)/2 for n = 1, 2, …: the coefficients of π_n + τ_n
+    /// and π_n - τ_n in S1.
     #[must_use]
     pub fn coefficients(&self) -> &[[C; 2]] {
         &self.sums
     }
 
-    /// S1 and S2 in a direction whose [`angular`] functions, at least [`Self::terms`] of them, are given.
+    /// Returns S1 and S2 in a direction with at least [`Self::terms`] [`angular`] functions.
     #[must_use]
     pub fn amplitudes_with(&self, angular: &[[f64; 2]]) -> [C; 2] {
         let (mut even, mut odd) = (C::default(), C::default());
@@ -183,7 +180,7 @@ impl Sphere {
         [even + odd, even - odd]
     }
 
-    /// S1 and S2 at a cosine of the scattering angle.
+    /// Returns S1 and S2 at a cosine of the scattering angle.
     #[must_use]
     pub fn amplitudes(&self, cos: f64) -> [C; 2] {
         let mut table = vec![];
@@ -192,7 +189,8 @@ impl Sphere {
     }
 }
 
-/// π_n + τ_n and π_n - τ_n for n = 1 … count at a cosine of the scattering angle (Bohren & Huffman 4.47), into `out`.
+/// Writes π_n + τ_n and π_n - τ_n for n = 1 … count at a cosine of the scattering angle (Bohren & Huffman
+/// 4.47) to `out`.
 pub fn angular(cos: f64, count: usize, out: &mut Vec<[f64; 2]>) {
     out.clear();
     let (mut before, mut pi) = (0.0, 1.0);
@@ -205,7 +203,7 @@ pub fn angular(cos: f64, count: usize, out: &mut Vec<[f64; 2]>) {
     }
 }
 
-/// S11, S12, S33, S34 of two amplitudes, in the convention at the head of this file.
+/// Returns S11, S12, S33, S34 from two amplitudes, in the convention of the module documentation.
 #[must_use]
 pub fn matrix([s1, s2]: [C; 2]) -> [f64; 4] {
     let (i1, i2) = (s1.norm_sqr(), s2.norm_sqr());
@@ -225,10 +223,11 @@ mod tests {
         Sphere::new(x, C::new(n, k)).expect("an admitted sphere")
     }
 
-    /// The printed result of the program in Bohren & Huffman's appendix A (radius 0.525 µm, 632.8 nm, m = 1.55): S11
-    /// over S11 at 0°, degree of polarization -S12/S11 (theirs), S33/S11 and S34/S11. Its signs are those of this file.
+    /// The printed result of the program in Bohren & Huffman's appendix A (radius 0.525 µm, 632.8 nm, m =
+    /// 1.55): S11 over S11 at 0°, degree of polarization -S12/S11 (theirs), S33/S11 and S34/S11. Signs are
+    /// those of this file.
     #[test]
-    // One of the numbers happens to be near π/4.
+    // One of the numbers is near π/4.
     #[expect(clippy::approx_constant)]
     fn bohren_and_huffmans_sphere() {
         let s = sphere(2.0 * PI * 0.525 / 0.6328, 1.55, 0.0);
@@ -253,7 +252,7 @@ mod tests {
         }
     }
 
-    /// Q_ext, Q_sca and g of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), at as many digits as it prints.
+    /// Q_ext, Q_sca and g of Wiscombe's MIEV0 (NCAR/TN-140+STR, 1979), to its printed precision.
     #[test]
     fn wiscombes_spheres() {
         for (n, k, x, ext, sca, g) in [
@@ -280,7 +279,8 @@ mod tests {
         }
     }
 
-    /// (8/3) x⁴ |K|² and 4 x Im K with K = (m² - 1)/(m² + 2), corrections of order x² of them (Bohren & Huffman 5.7).
+    /// (8/3) x⁴ |K|² and 4 x Im K with K = (m² - 1)/(m² + 2), up to relative corrections of order x² (Bohren
+    /// & Huffman 5.7).
     #[test]
     fn small_spheres_scatter_as_rayleigh_says() {
         for (n, k) in [(1.5, 0.0), (1.33, 1e-8), (1.5, 0.1), (0.7, 3.0)] {
@@ -316,7 +316,8 @@ mod tests {
         }
     }
 
-    /// Q_ext = 4 Re S(0)/x², Q_back = 4 |S(180°)|²/x², and the integrals of S11 and of μ S11 by Gauss–Legendre.
+    /// Q_ext = 4 Re S(0)/x², Q_back = 4 |S(180°)|²/x², and the integrals of S11 and of μ S11 by
+    /// Gauss–Legendre quadrature.
     #[test]
     fn series_and_amplitudes_agree() {
         for (x, n, k) in [
@@ -350,7 +351,7 @@ mod tests {
         }
     }
 
-    /// Nodes and weights on -1..1, by Newton's method.
+    /// Returns nodes and weights on -1..1, by Newton's method.
     fn gauss_legendre(count: usize) -> Vec<(f64, f64)> {
         let node = |i: usize| {
             let mut x = (PI * (i as f64 + 0.75) / (count as f64 + 0.5)).cos();
@@ -369,9 +370,9 @@ mod tests {
         (0..count).map(node).collect()
     }
 
-    /// Far from the forward direction a large metal sphere sends back what its surface reflects at the glancing point,
-    /// whose angle of incidence is (180° - θ)/2. This ties the order of S1 and S2, their signs, the sign of time and the
-    /// sign of k to those of `polarization::fresnel`.
+    /// Away from the forward direction, scattering by a large metal sphere equals the Fresnel reflection at
+    /// the specular point, with an angle of incidence of (180° - θ)/2. This ties the order of S1 and S2,
+    /// their signs, the sign of time and the sign of k to those of `polarization::fresnel`.
     #[test]
     fn a_large_gold_sphere_reflects_as_fresnel_says() {
         let s = sphere(3000.0, 0.4242, 2.4721);
@@ -386,7 +387,8 @@ mod tests {
                     "{deg}°: {got} {want}"
                 );
             }
-            // Intensity: a sphere spreads a quarter of the reflected light over each steradian's share.
+            // Intensity: geometric reflection by a sphere is isotropic, with a quarter of the reflectance per
+            // steradian in units of r².
             let brightness = 4.0 * a / 3000.0_f64.powi(2);
             assert!(
                 (brightness / want[0] - 1.0).abs() < 5e-3,
@@ -403,7 +405,7 @@ mod tests {
             "{}",
             excess(3000.0)
         );
-        // The edges' share falls as x^(-2/3).
+        // The contribution of the edges decreases as x^(-2/3).
         let ratio = excess(375.0) / excess(3000.0);
         assert!((ratio - 4.0).abs() < 0.1, "{ratio}");
     }
@@ -430,7 +432,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
-        /// Whatever is admitted gives finite numbers that physics allows.
+        /// All accepted spheres give finite, physically possible numbers.
         #[test]
         fn spheres_conserve_energy(
             log_x in -6.0..3.47_f64, n in 0.01..5.0_f64, log_k in -12.0..1.0_f64, mu in -1.0..1.0_f64,
@@ -441,7 +443,7 @@ mod tests {
             prop_assert!(s.g.abs() <= 1.0 && s.q_back >= 0.0 && s.q_back.is_finite());
             let [a, b, c, d] = matrix(s.amplitudes(mu));
             prop_assert!(a >= 0.0 && (b * b + c * c + d * d - a * a).abs() <= 1e-12 * a * a);
-            // The optical theorem, where what cancels in it leaves digits.
+            // The optical theorem, where cancellation leaves enough digits.
             let theorem = 4.0 * s.amplitudes(1.0)[0].re / (x * x);
             prop_assert!((theorem - s.q_ext()).abs() < 1e-9 * s.q_ext(), "{} {}", theorem, s.q_ext());
         }

@@ -1,7 +1,7 @@
-//! Participating media: how they scatter and absorb. One phase function a file, dispatched by enum over plain data.
+//! Participating media: scattering and absorption. One phase function per file, dispatched by enum.
 //!
-//! A scattering matrix is per steradian, ∫ S11 dω = 1; directions and frames are those of [`scattered`]. `mie`,
-//! `size_distribution`, `bulk` and `presets` compute in double precision what [`Media`] holds for the tracer.
+//! A scattering matrix is per steradian, ∫ S11 dω = 1; directions and frames are those of [`scattered`].
+//! `mie`, `size_distribution`, `bulk` and `presets` compute the data of [`Media`] in f64.
 
 pub mod bulk;
 pub mod grid;
@@ -32,23 +32,21 @@ use std::f32::consts::PI;
 /// Isotropic scattering, per steradian.
 const ISOTROPIC: f32 = 0.25 / PI;
 
-/// How a medium scatters.
+/// Phase function of a medium.
 #[derive(Clone, Copy, Debug)]
 pub enum Phase {
-    /// Equally in all directions, depolarizing.
+    /// Isotropic and depolarizing.
     Isotropic,
-    /// As molecules do.
     Rayleigh(rayleigh::Rayleigh),
-    /// By Henyey and Greenstein's formula.
     HenyeyGreenstein(henyey_greenstein::HenyeyGreenstein),
-    /// The number of a tabulated matrix in [`Media::tables`].
+    /// Index of a tabulated matrix in [`Media::tables`].
     Table(u32),
 }
 
-/// No grid, in [`Medium::density`] and [`Medium::albedo`].
+/// Index of no grid, for [`Medium::density`] and [`Medium::albedo`].
 pub const NO_GRID: u32 = u32::MAX;
 
-/// A medium as the tracer sees it: the same everywhere, but for its grids.
+/// A medium, homogeneous except for its grids.
 #[derive(Clone, Copy, Debug)]
 pub struct Medium {
     /// μ_a, 1/m; 0 in unused lanes.
@@ -57,27 +55,23 @@ pub struct Medium {
     pub scattering: Spectral,
     /// Real refractive index of the host; 1 in unused lanes.
     pub index: Spectral,
-    /// How it scatters.
     pub phase: Phase,
-    /// Number of a grid in [`Media::grids`] whose numbers multiply both coefficients; there is nothing outside of its box.
+    /// Index of a grid in [`Media::grids`] that multiplies both coefficients; 0 outside its box.
     pub density: u32,
-    /// Number of a grid of the share of `scattering` that scatters: the rest absorbs.
+    /// Index of a grid with the fraction of `scattering` that scatters; the rest absorbs.
     pub albedo: u32,
 }
 
-/// All media of a scene with what they share; a medium's number is its place in `list`.
+/// All media of a scene with their shared tables and grids.
 #[derive(Clone, Debug, Default)]
 pub struct Media {
-    /// The media, by number.
     pub list: Vec<Medium>,
-    /// Tabulated matrices, by number.
     pub tables: Vec<table::Table>,
-    /// Grids, by number.
     pub grids: Vec<Grid>,
 }
 
 impl Medium {
-    /// μ_t = μ_a + μ_s where the density is 1, 1/m.
+    /// Returns μ_t = μ_a + μ_s at density 1, 1/m.
     #[inline]
     #[must_use]
     fn extinction(&self) -> Spectral {
@@ -86,7 +80,7 @@ impl Medium {
 }
 
 impl Media {
-    /// Adds a medium and returns its number.
+    /// Adds a medium and returns its index.
     pub fn push(&mut self, optics: &Optics) -> u32 {
         let lane = |value: fn(&bulk::Bulk) -> f64, unused: f32| {
             let at = |i: usize| optics.bulk.get(i).map_or(unused, |b| value(b) as f32);
@@ -113,7 +107,7 @@ impl Media {
         self.list.len() as u32 - 1
     }
 
-    /// μ_t at a point, 1/m.
+    /// Returns μ_t at a point, 1/m.
     #[inline]
     #[must_use]
     pub fn extinction(&self, id: u32, p: Vec3A) -> Spectral {
@@ -124,7 +118,7 @@ impl Media {
         }
     }
 
-    /// μ_s at a point, 1/m.
+    /// Returns μ_s at a point, 1/m.
     #[inline]
     #[must_use]
     pub fn scattering(&self, id: u32, p: Vec3A) -> Spectral {
@@ -135,7 +129,7 @@ impl Media {
         factors.fold(medium.scattering, |s, factor| s * factor)
     }
 
-    /// Optical depth of `length` metres along a ray.
+    /// Returns the optical depth of `length` metres along a ray.
     #[inline]
     #[must_use]
     pub fn depth(&self, id: u32, ray: &Ray, length: f32) -> Spectral {
@@ -146,7 +140,7 @@ impl Media {
         }
     }
 
-    /// How far a ray comes until a lane's optical depth is `depth`, metres.
+    /// Returns the distance along a ray at which a lane's optical depth reaches `depth`, metres.
     #[inline]
     #[must_use]
     pub fn reach(&self, id: u32, ray: &Ray, lane: usize, depth: f32) -> f32 {
@@ -158,7 +152,7 @@ impl Media {
         }
     }
 
-    /// Least μ_t of all lanes of a medium that is the same everywhere; 0 of others.
+    /// Returns the minimum μ_t over all lanes of a homogeneous medium; 0 for others.
     #[inline]
     #[must_use]
     pub fn clearest(&self, id: u32, lanes: usize) -> f32 {
@@ -170,8 +164,9 @@ impl Media {
         extinction[..lanes].iter().fold(f32::INFINITY, |a, b| a.min(*b))
     }
 
-    /// Mueller phase function per steradian, from light travelling along `-wi` to light travelling along `wo`, unit
-    /// vectors away from the point. Both frames are the perpendicular of the scattering plane.
+    /// Returns the Mueller phase function per steradian, from light travelling along `-wi` to light
+    /// travelling along `wo`, unit vectors away from the point. Both frames are the normal of the scattering
+    /// plane.
     #[inline]
     #[must_use]
     pub fn eval(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Scatter {
@@ -184,22 +179,23 @@ impl Media {
         )
     }
 
-    /// Density of [`Self::sample_lane`] per steradian of `wi`, over living lanes drawn uniformly.
+    /// Returns the density of [`Self::sample_lane`] per steradian of `wi`, averaged over the live lanes.
     #[inline]
     #[must_use]
     pub fn pdf(&self, id: u32, lanes: Lanes, wo: Vec3A, wi: Vec3A) -> f32 {
         lanes.mean(self.densities_toward(id, wo, wi))
     }
 
-    /// Density of [`Self::sample_lane`] per steradian of `wi`, by the lane that it is drawn for.
+    /// Returns the density of [`Self::sample_lane`] per steradian of `wi` for each lane.
     #[inline]
     #[must_use]
     pub fn densities_toward(&self, id: u32, wo: Vec3A, wi: Vec3A) -> Spectral {
         self.densities(self.list[id as usize].phase, Angle::between(wo, wi))
     }
 
-    /// Samples where light that leaves along `wo` comes from, as lane `lane` scatters: the direction, [`Self::eval`] there, and
-    /// the density per steradian with which each lane would have given it.
+    /// Samples the direction from which light that leaves along `wo` arrives, by the phase function of lane
+    /// `lane`. Returns the direction, [`Self::eval`] there, and the density per steradian of this direction
+    /// for each lane.
     #[inline]
     pub fn sample_lane(
         &self,
@@ -225,7 +221,7 @@ impl Media {
         )
     }
 
-    /// The direction of [`Self::sample_lane`] alone.
+    /// Samples only the direction of [`Self::sample_lane`].
     #[inline]
     pub fn sample_direction(&self, id: u32, wo: Vec3A, lane: usize, stream: &mut Stream) -> Vec3A {
         match self.sample_angle(self.list[id as usize].phase, lane, stream) {
@@ -234,7 +230,7 @@ impl Media {
         }
     }
 
-    /// An angle as lane `lane` scatters; `None` of a phase that knows no angle.
+    /// Samples an angle by the phase function of lane `lane`; `None` for isotropic phase functions.
     #[inline]
     fn sample_angle(&self, phase: Phase, lane: usize, stream: &mut Stream) -> Option<Angle> {
         match phase {
@@ -245,7 +241,7 @@ impl Media {
         }
     }
 
-    /// The interaction times a factor; `s` gives the perpendicular of the scattering plane where it matters.
+    /// Returns the interaction times a factor; `s` computes the normal of the scattering plane if needed.
     #[inline]
     fn scatter(&self, phase: Phase, at: Angle, s: impl FnOnce() -> Vec3A, factor: Spectral) -> Scatter {
         match phase {
@@ -276,7 +272,7 @@ impl Media {
         }
     }
 
-    /// Density of each lane per steradian.
+    /// Returns the density of each lane per steradian.
     #[inline]
     fn densities(&self, phase: Phase, at: Angle) -> Spectral {
         match phase {

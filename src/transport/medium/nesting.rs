@@ -1,26 +1,27 @@
-//! Which medium a path is in, where filled objects stand in or overlap one another.
+//! Tracks the medium of a path through nested or overlapping filled objects.
 //!
-//! Every filled object has a priority. Where several overlap, the one of highest priority fills the space, and light does
-//! not notice the boundaries of lower ones there (Schmidt & Budge 2002, "Simple nested dielectrics in ray traced
-//! images"); among equals the one entered last counts, so plain nesting needs no numbers.
+//! Every filled object has a priority. Where several overlap, the one of highest priority fills the space,
+//! and light ignores the boundaries of lower ones there (Schmidt & Budge 2002, "Simple nested dielectrics in
+//! ray traced images"). Of objects with equal priority, the last one entered applies, so nesting needs no
+//! priorities.
 
-/// How many filled objects a path can be in at once; deeper ones are not noticed.
+/// Maximum number of filled objects that can contain a point; deeper ones are ignored.
 pub const DEPTH: usize = 8;
 
-/// What the surfaces of one object bound.
+/// The boundary of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Boundary {
-    /// Number of the medium inside.
+    /// Index of the medium inside.
     pub medium: u32,
-    /// The highest of those that overlap fills the space.
+    /// The highest priority of overlapping objects fills the space.
     pub priority: i32,
-    /// Number of the first boundary of the same object: its parts may have materials of their own, so that light enters it by
-    /// one boundary and leaves it by another.
+    /// Index of the first boundary of the same object. The parts of an object may have different materials,
+    /// so light may enter by one boundary and leave by another.
     pub object: u32,
 }
 
 impl Boundary {
-    /// Of an object that nothing fills.
+    /// The boundary of an unfilled object.
     pub const NONE: Self = Self {
         medium: u32::MAX,
         priority: 0,
@@ -28,8 +29,7 @@ impl Boundary {
     };
 }
 
-/// The filled objects that a point is in, in the order in which a path entered them, by the numbers of their first
-/// boundaries.
+/// The filled objects that contain a point, in order of entry, as indices of their first boundaries.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nest {
     entered: [u32; DEPTH],
@@ -42,16 +42,16 @@ impl Nest {
         &self.entered[..usize::from(self.count)]
     }
 
-    /// Number of the medium that fills the point; `None` outside of all filled objects.
+    /// Returns the index of the medium that fills the point; `None` outside all filled objects.
     #[inline]
     #[must_use]
     pub fn medium(&self, boundaries: &[Boundary]) -> Option<u32> {
         let filled = self.list().iter().map(|id| boundaries[*id as usize]);
-        // The last of equals.
+        // `max_by_key` returns the last of equal elements.
         filled.max_by_key(|b| b.priority).map(|b| b.medium)
     }
 
-    /// True if boundary `id` lies in an object of higher priority, so that light does not notice it.
+    /// Returns true if boundary `id` is inside an object of higher priority, so that light ignores it.
     #[inline]
     #[must_use]
     pub fn hides(&self, boundaries: &[Boundary], id: u32) -> bool {
@@ -63,7 +63,7 @@ impl Nest {
                 .any(|other| boundaries[*other as usize].priority > own.priority)
     }
 
-    /// Passes boundary `id`, to its inside if `enters`.
+    /// Crosses boundary `id`, to its inside if `enters`.
     #[inline]
     pub fn cross(&mut self, boundaries: &[Boundary], id: u32, enters: bool) {
         let own = boundaries[id as usize];
@@ -102,7 +102,7 @@ mod tests {
         ]
     }
 
-    /// Boundaries 0 and 4 are of one object.
+    /// Boundaries 0 and 4 belong to one object.
     #[test]
     fn parts_of_an_object_are_one() {
         let (b, mut nest) = (boundaries(), Nest::default());
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(nest.medium(&b), None);
     }
 
-    /// Two overlapping objects, crossed in whatever order.
+    /// Two overlapping objects, crossed in any order.
     #[test]
     fn the_highest_priority_fills_and_hides() {
         let (b, mut nest) = (boundaries(), Nest::default());
@@ -141,7 +141,7 @@ mod tests {
         assert_eq!(nest.medium(&b), Some(10));
     }
 
-    /// Deeper than there is room for: nothing breaks.
+    /// Nesting deeper than [`DEPTH`] does not fail.
     #[test]
     fn too_deep_is_not_noticed() {
         let (b, mut nest) = (boundaries(), Nest::default());

@@ -1,25 +1,27 @@
-//! Media by name: milk, polystyrene beads in water, marble, skin.
+//! Predefined media: milk, polystyrene beads in water, marble, skin.
 //!
-//! **Milk** is fat globules and casein micelles in water, after Frisvad, Christensen & Jensen 2007, "Computing the
-//! scattering properties of participating media using Lorenz–Mie theory" (ACM TOG 26(3), 60), with the numbers of
-//! Frisvad's program of 2009:
+//! **Milk** consists of fat globules and casein micelles in water, after Frisvad, Christensen & Jensen 2007,
+//! "Computing the scattering properties of participating media using Lorenz–Mie theory" (ACM TOG 26(3), 60),
+//! with the numbers of Frisvad's program of 2009:
 //!
-//! - volume fractions: fat (w/0.915)/(100/1.030), casein 0.76 (w/1.11)/(100/1.030) of weight percentages w of fat and of
-//!   protein,
-//! - fat: log-normal; the area-weighted mean radius is r43/(c² + 1) with the coefficient of variation c = 0.6; r43 falls
-//!   with the pressure P of homogenization as log r43 = log r_0 - log(r_0/r_50)/log(50) log P, P in MPa, between a fit
-//!   for untreated milk, r_0, and one at 50 MPa, r_50 (Walstra 1975; Olson, White & Richter 2004),
-//! - casein: volume-weighted density of t = r/(150 nm - r) log-normal with mean 43/107 and standard deviation 0.23, index
-//!   1.503,
-//! - the water holds 0.17 mg of riboflavin (vitamin B2) per 100 g of milk, whose absorbance (Du et al. 1998, 33 000
-//!   per M and cm at 266.5 nm) makes milk yellowish.
+//! - volume fractions: fat (w/0.915)/(100/1.030), casein 0.76 (w/1.11)/(100/1.030) from weight percentages w
+//!   of fat and of protein,
+//! - fat: log-normal; the area-weighted mean radius is r43/(c² + 1) with the coefficient of variation c =
+//!   0.6. r43 decreases with the homogenization pressure P in MPa as log r43 = log r_0 -
+//!   log(r_0/r_50)/log(50) log P, between a fit for untreated milk, r_0, and one at 50 MPa, r_50 (Walstra
+//!   1975; Olson, White & Richter 2004),
+//! - casein: volume-weighted density of t = r/(150 nm - r) log-normal with mean 43/107 and standard deviation
+//!   0.23, index 1.503,
+//! - the water contains 0.17 mg of riboflavin (vitamin B2) per 100 g of milk. Its absorbance (Du et al. 1998,
+//!   33 000 per M and cm at 266.5 nm) makes milk yellowish.
 //!
-//! **Polystyrene**: n = 1.5725 + 0.0031080/λ² + 0.00034779/λ⁴, λ in µm (Ma, Lu, Brock, Jacobs, Yang & Hu 2003, Phys.
-//! Med. Biol. 48, 4165; 370 to 1610 nm), in water; its absorption is too small to matter.
+//! **Polystyrene** in water: n = 1.5725 + 0.0031080/λ² + 0.00034779/λ⁴, λ in µm (Ma, Lu, Brock, Jacobs, Yang
+//! & Hu 2003, Phys. Med. Biol. 48, 4165; 370 to 1610 nm). Its absorption is negligible.
 //!
-//! **Marble, skin**: Jensen, Marschner, Levoy & Hanrahan 2001, "A practical model for subsurface light transport", table
-//! of figure 5: reduced scattering and absorption in red, green and blue (taken for 650, 550 and 450 nm, linear between).
-//! Their μ_s' = (1 - g) μ_s; the phase function is Henyey & Greenstein's with a g of choice.
+//! **Marble, skin**: Jensen, Marschner, Levoy & Hanrahan 2001, "A practical model for subsurface light
+//! transport", table of figure 5: reduced scattering and absorption in red, green and blue (assigned to 650,
+//! 550 and 450 nm, linear between). Their μ_s' = (1 - g) μ_s. The phase function is Henyey & Greenstein's
+//! with selectable g.
 
 use super::bulk::{Amount, Bulk, BulkError, Kind, Optics, PhaseOptics};
 use super::henyey_greenstein::HenyeyGreenstein;
@@ -33,11 +35,10 @@ use optics::spectrum::Wavelengths;
 pub struct Milk {
     /// Percentage by weight of fat: whole milk 3.5, reduced-fat 1.5, skimmed 0.1.
     pub fat_percent: f64,
-    /// Percentage by weight of protein.
     pub protein_percent: f64,
     /// Pressure of homogenization in MPa; 0: untreated.
     pub homogenization_mpa: f64,
-    /// Share of milk in a mixture of milk and water, by volume.
+    /// Fraction of milk in a mixture of milk and water, by volume.
     pub concentration: f64,
 }
 
@@ -47,7 +48,7 @@ const RIBOFLAVIN: [f64; 17] = [
     0.010_46, 0.010_61, 0.006_71, 0.010_34, 0.005_89, 0.008_86, 0.010_15,
 ];
 
-/// Per M and metre: 33 000 per M and cm where the absorbance is 0.25654.
+/// Per M and metre: 33 000 per M and cm, at an absorbance of 0.25654.
 const RIBOFLAVIN_UNIT: f64 = 3.3e6 / 0.256_54;
 
 /// Moles per litre of milk: 0.17 mg per 100 g, 376.3682 g/mol, 1.030 kg/L.
@@ -58,7 +59,7 @@ const MILK_DENSITY: f64 = 1.030;
 const FAT_DENSITY: f64 = 0.915;
 const CASEIN_DENSITY: f64 = 1.11;
 
-/// Mean radius of fat globules weighted by area, in micrometres.
+/// Returns the area-weighted mean radius of fat globules, in micrometres.
 fn fat_radius_um(fat_percent: f64, mpa: f64) -> f64 {
     let w = fat_percent;
     let untreated = if w < 2.0 {
@@ -68,7 +69,7 @@ fn fat_radius_um(fat_percent: f64, mpa: f64) -> f64 {
     };
     let at_50 = 7.481_403_922e-4 * w * w + 3.203_991_829e-2 * w + 0.116_215_566_7;
     let r43 = if mpa > 1.0 {
-        // The power law that meets both fits, at 1 MPa and at 50.
+        // The power law through both fits, at 1 MPa and at 50 MPa.
         untreated * mpa.powf(-(untreated / at_50).ln() / 50.0_f64.ln())
     } else {
         untreated
@@ -79,7 +80,7 @@ fn fat_radius_um(fat_percent: f64, mpa: f64) -> f64 {
 /// Coefficient of variation of the radii of fat globules, weighted by area.
 const FAT_VARIATION: f64 = 0.6;
 
-/// Radii of casein micelles.
+/// Returns the radii of casein micelles.
 fn casein_sizes() -> SizeDistribution {
     let largest = 150.0;
     let transform = |r: f64| r / (largest - r);
@@ -90,22 +91,22 @@ fn casein_sizes() -> SizeDistribution {
         let t = transform(r);
         (-(t.ln() - centre).powi(2) / (2.0 * variance)).exp() / t
     };
-    // By volume; by number over r³. The faint ends add nothing.
+    // Convert from volume-weighted to number-weighted: divide by r³. The range ends are negligible.
     let radii = (2..75).map(|i| 2.0 * f64::from(i));
     SizeDistribution::List(radii.map(|r| [r * 1e-9, weight(r) / r.powi(3)]).collect())
 }
 
-/// Absorption by the riboflavin of undiluted milk, 1/m.
+/// Returns the absorption by the riboflavin of undiluted milk, 1/m.
 fn riboflavin(nm: f64) -> f64 {
     let absorbance = water::even_table(&RIBOFLAVIN, 375.0, 25.0, nm);
     10.0_f64.ln() * RIBOFLAVIN_MOLAR * RIBOFLAVIN_UNIT * absorbance
 }
 
 impl Milk {
-    /// The optics at the given wavelengths, 380 to 770 nm.
+    /// Returns the optics at the given wavelengths, 380 to 770 nm.
     ///
     /// # Errors
-    /// [`BulkError`] naming the wavelength or what is out of range.
+    /// [`BulkError`] with the wavelength or parameter that is out of range.
     pub fn optics(&self, wavelengths: &Wavelengths) -> Result<Optics, BulkError> {
         let nm = wavelengths.nm();
         let host = nm
@@ -127,7 +128,7 @@ impl Milk {
             let variance = (FAT_VARIATION * FAT_VARIATION + 1.0).ln();
             kinds.push(Kind {
                 sizes: SizeDistribution::LogNormal {
-                    // From the mean weighted by area to the median by number: ⟨r³⟩/⟨r²⟩ = r_g exp(5σ²/2).
+                    // From the area-weighted mean to the number median: ⟨r³⟩/⟨r²⟩ = r_g exp(5σ²/2).
                     median: mean * (-2.5 * variance).exp(),
                     sigma: variance.sqrt(),
                 },
@@ -148,17 +149,17 @@ impl Milk {
     }
 }
 
-/// Refractive index of polystyrene at a vacuum wavelength in nanometres.
+/// Returns the refractive index of polystyrene at a vacuum wavelength in nanometres.
 #[must_use]
 pub fn polystyrene_index(nm: f64) -> f64 {
     let l2 = (nm / 1000.0).powi(-2);
     1.572_5 + 0.003_108_0 * l2 + 0.000_347_79 * l2 * l2
 }
 
-/// Polystyrene spheres in water.
+/// Returns the optics of polystyrene spheres in water.
 ///
 /// # Errors
-/// [`BulkError`] naming the wavelength or what is out of range.
+/// [`BulkError`] with the wavelength or parameter that is out of range.
 pub fn polystyrene(
     sizes: SizeDistribution,
     amount: Amount,
@@ -178,12 +179,12 @@ pub fn polystyrene(
     Ok(Optics::particles(nm, &host, &absorption, &[kind])?)
 }
 
-/// What Jensen et al. (2001) measured of a translucent substance.
+/// Measurements of a translucent material by Jensen et al. (2001).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Translucent {
     /// Reduced scattering coefficient in red, green, blue, 1/mm.
     reduced_scattering: [f64; 3],
-    /// Absorption coefficient, likewise.
+    /// Absorption coefficient in red, green, blue, 1/mm.
     absorption: [f64; 3],
     index: f64,
 }
@@ -203,7 +204,7 @@ pub const SKIN: Translucent = Translucent {
 };
 
 impl Translucent {
-    /// The optics at the given wavelengths with a mean cosine `g` of choice.
+    /// Returns the optics at the given wavelengths with the mean cosine `g`.
     #[must_use]
     pub fn optics(&self, g: f64, wavelengths: &Wavelengths) -> Optics {
         // From 450 nm to 650 nm, per metre.

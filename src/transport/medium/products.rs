@@ -1,13 +1,14 @@
-//! The scattering matrix of many spheres at once, from mean products of their coefficients.
+//! The scattering matrix of a set of spheres from mean products of their coefficients.
 //!
-//! With P = S1 + S2 = Σ s_n (π_n + τ_n) and Q = S1 - S2 = Σ d_n (π_n - τ_n), whose coefficients are
+//! With P = S1 + S2 = Σ s_n (π_n + τ_n) and Q = S1 - S2 = Σ d_n (π_n - τ_n), where the coefficients are
 //! (2n+1)/(n(n+1)) (a_n ± b_n),
 //!
 //! S11 = (|P|² + |Q|²)/4, S12 = Re P Q*/2, S33 = (|P|² - |Q|²)/4, S34 = Im P Q*/2.
 //!
-//! All four are quadratic forms of the angular functions, whose matrices ⟨s_n s_m*⟩, ⟨d_n d_m*⟩ and ⟨s_n d_m*⟩ are averaged
-//! over the spheres once. An angle then costs as much for thousands of sizes as for one, and thousands it takes: the
-//! resonances of transparent spheres are narrow, and a few hundred sizes miss their sum by a thousandth.
+//! All four are quadratic forms of the angular functions. Their matrices ⟨s_n s_m*⟩, ⟨d_n d_m*⟩ and ⟨s_n
+//! d_m*⟩ are averaged over the spheres once, so that the cost per angle does not depend on the number of
+//! sizes. Thousands of sizes are needed: the resonances of transparent spheres are narrow, and a few hundred
+//! sizes give a relative error of 10⁻³.
 
 use super::mie::Sphere;
 
@@ -16,13 +17,13 @@ use super::mie::Sphere;
 pub struct Products {
     /// Terms of the longest series.
     terms: usize,
-    /// Rows n of Re s_n s_m*, m ≤ n, those off the diagonal twice; then the same of d.
+    /// Rows n of Re s_n s_m*, m ≤ n, with off-diagonal entries doubled; then the same for d.
     squares: [Vec<Vec<f64>>; 2],
     /// Rows n of Re s_n d_m* and of Im s_n d_m*, all m.
     mixed: [Vec<Vec<f64>>; 2],
 }
 
-/// `sum[m] += f · row[m]`.
+/// Computes `sum[m] += f · row[m]`.
 fn add(sum: &mut [f64], f: f64, row: &[f64]) {
     for (s, r) in sum.iter_mut().zip(row) {
         *s += f * r;
@@ -34,7 +35,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Products {
-    /// Of spheres with their weights.
+    /// Averages over spheres with weights.
     #[must_use]
     pub fn new(spheres: &[(f64, Sphere)]) -> Self {
         let terms = spheres.iter().map(|(_, s)| s.terms()).max().unwrap_or(0);
@@ -43,7 +44,7 @@ impl Products {
         let (mut squares, mut mixed) = ([triangle(), triangle()], [square(), square()]);
         let (mut re, mut im) = ([vec![], vec![]], [vec![], vec![]]);
         for (weight, sphere) in spheres {
-            // s and d of this sphere, apart into real and imaginary parts, which the inner loops run over.
+            // s and d of this sphere as separate real and imaginary parts, for the inner loops.
             for which in 0..2 {
                 re[which].clear();
                 im[which].clear();
@@ -73,13 +74,13 @@ impl Products {
         }
     }
 
-    /// Terms of the longest series.
     #[must_use]
     pub fn terms(&self) -> usize {
         self.terms
     }
 
-    /// Sums of S11, S12, S33, S34 over the spheres in a direction whose [`super::mie::angular`] functions are given.
+    /// Returns the sums of S11, S12, S33, S34 over the spheres in a direction with the given
+    /// [`super::mie::angular`] functions.
     #[must_use]
     pub fn matrix(&self, angular: &[[f64; 2]]) -> [f64; 4] {
         let functions = [0, 1].map(|which| -> Vec<f64> { angular.iter().map(|a| a[which]).collect() });
@@ -103,7 +104,7 @@ mod tests {
     use super::*;
     use crate::medium::mie::{C, angular, matrix};
 
-    /// The forms give what adding the spheres' own matrices gives.
+    /// The quadratic forms agree with the sum of the spheres' own matrices.
     #[test]
     fn products_are_sums_over_spheres() {
         let spheres: Vec<(f64, Sphere)> =

@@ -1,32 +1,32 @@
-//! Rayleigh scattering: particles much smaller than the wavelength, and molecules.
+//! Rayleigh scattering by molecules and by particles much smaller than the wavelength.
 //!
-//! Hansen & Travis (1974), "Light scattering in planetary atmospheres", Space Sci. Rev. 16, eq. 2.15, here per steradian
-//! and with the perpendicular of the scattering plane as the first axis. With the depolarization factor ρ (light
-//! scattered through 90° out of unpolarized light: parallel over perpendicular), Δ = (1 - ρ)/(1 + ρ/2),
-//! Δ' = (1 - 2ρ)/(1 - ρ) and μ the cosine of the scattering angle:
+//! Hansen & Travis (1974), "Light scattering in planetary atmospheres", Space Sci. Rev. 16, eq. 2.15, here
+//! per steradian and with the normal of the scattering plane as the first axis. The depolarization factor ρ
+//! is the ratio of parallel to perpendicular light at 90°, for unpolarized incident light. With Δ = (1 -
+//! ρ)/(1 + ρ/2), Δ' = (1 - 2ρ)/(1 - ρ) and μ the cosine of the scattering angle:
 //!
 //! - S11 = (3Δ/16π)(1 + μ²) + (1 - Δ)/4π, S22 = (3Δ/16π)(1 + μ²), S12 = S21 = (3Δ/16π)(1 - μ²),
 //! - S33 = (3Δ/8π) μ, S44 = Δ' S33, S34 = 0.
 //!
-//! King's factor is (6 + 3ρ)/(6 - 7ρ); air has ρ = 0.028 (Young 1980). ρ ≤ 1/2 for molecules without absorption.
+//! King's factor is (6 + 3ρ)/(6 - 7ρ); air has ρ = 0.028 (Young 1980). ρ ≤ 1/2 without absorption.
 
 use super::scattered::{Angle, Elements};
 use std::f32::consts::PI;
 
-/// The largest depolarization factor: needles.
+/// The maximum depolarization factor: needles.
 pub const LARGEST_DEPOLARIZATION: f32 = 0.5;
 
 /// Rayleigh scattering with a depolarization factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rayleigh {
-    /// Δ of the head of this file: the dipole's share.
+    /// Δ of the module documentation: the dipole's share.
     dipole: f32,
     /// Δ Δ'.
     circular: f32,
 }
 
 impl Rayleigh {
-    /// Of a depolarization factor, taken into 0..[`LARGEST_DEPOLARIZATION`].
+    /// Creates a phase function from a depolarization factor, clamped to 0..[`LARGEST_DEPOLARIZATION`].
     #[must_use]
     pub fn new(depolarization: f32) -> Self {
         let rho = depolarization.clamp(0.0, LARGEST_DEPOLARIZATION);
@@ -37,14 +37,14 @@ impl Rayleigh {
         }
     }
 
-    /// True if all scattered light is that of a dipole, so that S22 = S11 and S44 = S33.
+    /// Returns true for pure dipole scattering, so that S22 = S11 and S44 = S33.
     #[inline]
     #[must_use]
     pub fn is_pure(self) -> bool {
         self.dipole == 1.0
     }
 
-    /// S11 per steradian: also the density of [`Self::sample`].
+    /// Returns S11 per steradian, which is also the density of [`Self::sample`].
     #[inline]
     #[must_use]
     pub fn intensity(self, at: Angle) -> f32 {
@@ -52,7 +52,7 @@ impl Rayleigh {
         (3.0 * self.dipole * (1.0 + mu * mu) + 4.0 * (1.0 - self.dipole)) / (16.0 * PI)
     }
 
-    /// The matrix per steradian.
+    /// Returns the matrix per steradian.
     #[inline]
     #[must_use]
     pub fn elements(self, at: Angle) -> Elements<f32> {
@@ -68,8 +68,8 @@ impl Rayleigh {
         }
     }
 
-    /// An angle with density [`Self::intensity`], from a uniform number: the cubic μ³ + p μ = q of the distribution
-    /// function, solved by Cardano.
+    /// Samples an angle with density [`Self::intensity`] from a uniform number: Cardano's solution of the
+    /// cubic μ³ + p μ = q of the cumulative distribution.
     #[inline]
     #[must_use]
     pub fn sample(self, u: f32) -> Angle {

@@ -1,9 +1,10 @@
 //! The geometry of one scattering event, and its matrix in the scattering plane.
 //!
-//! As for surfaces, `wo` points to where light goes and `wi` to where it comes from, both away from the point, so that
-//! light travels along -wi before and along wo after: cosθ = -wi·wo. Both Stokes frames have the perpendicular of the
-//! scattering plane, s ∥ wi × wo, as their first axis, as for reflection ([`Scatter::Fresnel`]). In them the matrix of
-//! any cloud of randomly oriented, mirror-symmetric particles is (van de Hulst 1957, sect. 5.22)
+//! As for surfaces, `wo` points to where light leaves and `wi` to where it arrives from, both away from the
+//! point. Light travels along -wi before and along wo after the event: cosθ = -wi·wo. The first axis of both
+//! Stokes frames is perpendicular to the scattering plane, s ∥ wi × wo, as for reflection
+//! ([`Scatter::Fresnel`]). In these frames, the matrix of any cloud of randomly oriented, mirror-symmetric
+//! particles is (van de Hulst 1957, sect. 5.22)
 //!
 //!     S11 S12  0   0
 //!     S12 S22  0   0
@@ -17,8 +18,8 @@ use optics::polarization::scatter::Scatter;
 use optics::sampling::warp::sin_cos_turns;
 use optics::spectrum::Spectral;
 
-/// A scattering angle θ as 1 - cosθ and 1 + cosθ, each exact where it is small: forward peaks are narrower than single
-/// precision of a cosine resolves.
+/// A scattering angle θ as 1 - cosθ and 1 + cosθ, each accurate where it is small: forward peaks are narrower
+/// than the resolution of an f32 cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angle {
     /// 1 - cosθ, 0..2.
@@ -28,7 +29,7 @@ pub struct Angle {
 }
 
 impl Angle {
-    /// Between light that leaves along `wo` and light that comes from `wi`, unit vectors.
+    /// Returns the angle between light that leaves along `wo` and light that arrives from `wi`, unit vectors.
     #[inline]
     #[must_use]
     pub fn between(wo: Vec3A, wi: Vec3A) -> Self {
@@ -38,7 +39,7 @@ impl Angle {
         }
     }
 
-    /// Of a cosine in -1..1.
+    /// Returns the angle for a cosine in -1..1.
     #[inline]
     #[must_use]
     pub fn of_cos(mu: f32) -> Self {
@@ -48,7 +49,7 @@ impl Angle {
         }
     }
 
-    /// Of 1 - cosθ in 0..2.
+    /// Returns the angle for 1 - cosθ in 0..2.
     #[inline]
     #[must_use]
     pub fn of_forward(forward: f32) -> Self {
@@ -58,7 +59,7 @@ impl Angle {
         }
     }
 
-    /// The supplement of an angle: 180° - θ.
+    /// Returns the supplement 180° - θ.
     #[inline]
     #[must_use]
     pub fn supplement(self) -> Self {
@@ -68,22 +69,20 @@ impl Angle {
         }
     }
 
-    /// cosθ.
     #[inline]
     #[must_use]
     pub fn cos(self) -> f32 {
         0.5 * (self.backward - self.forward)
     }
 
-    /// sin²θ.
     #[inline]
     #[must_use]
     pub fn sin2(self) -> f32 {
         self.forward * self.backward
     }
 
-    /// The direction `wi` that makes this angle with `wo`, at an azimuth of `turns` full turns (0..1), and the unit
-    /// perpendicular of the scattering plane.
+    /// Returns the direction `wi` at this angle to `wo`, at an azimuth of `turns` full turns (0..1), and the
+    /// unit normal of the scattering plane.
     #[inline]
     #[must_use]
     pub fn direction(self, wo: Vec3A, turns: f32) -> (Vec3A, Vec3A) {
@@ -96,12 +95,12 @@ impl Angle {
     }
 }
 
-/// The unit perpendicular of the scattering plane; any perpendicular where light goes straight on or straight back,
-/// which is as good since the matrix is the same in all of them there.
+/// Returns the unit normal of the scattering plane. In the forward and backward directions any perpendicular
+/// is returned; the matrix is the same in all of them there.
 #[inline]
 #[must_use]
 pub fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
-    // Of nearly parallel vectors the short sum or difference keeps the digits that decide.
+    // For nearly parallel vectors, use their short sum or difference to avoid cancellation.
     let short = if wo.dot(wi) < 0.0 { wo + wi } else { wo - wi };
     let n = wo.cross(short);
     let n2 = n.length_squared();
@@ -112,25 +111,20 @@ pub fn plane_normal(wo: Vec3A, wi: Vec3A) -> Vec3A {
     }
 }
 
-/// The six elements of the matrix at the head of this file.
+/// The six elements of the matrix in the module documentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elements<T> {
-    /// S11, the intensity of unpolarized light: its integral over the sphere is 1.
+    /// S11, the intensity of unpolarized light, with integral 1 over the sphere.
     pub s11: T,
-    /// S12 = S21.
     pub s12: T,
-    /// S22.
     pub s22: T,
-    /// S33.
     pub s33: T,
-    /// S34 = -S43.
     pub s34: T,
-    /// S44.
     pub s44: T,
 }
 
 impl Elements<f32> {
-    /// The same in all wavelength lanes.
+    /// Returns the same elements in all wavelength lanes.
     #[inline]
     #[must_use]
     pub fn splat(self) -> Elements<Spectral> {
@@ -146,7 +140,7 @@ impl Elements<f32> {
 }
 
 impl Elements<Spectral> {
-    /// The interaction in a scattering plane of unit perpendicular `s`.
+    /// Returns the interaction in a scattering plane with unit normal `s`.
     #[inline]
     #[must_use]
     pub fn scatter(self, s: Vec3A) -> Scatter {

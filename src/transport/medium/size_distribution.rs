@@ -1,72 +1,62 @@
 //! Distributions of particle radii, and quadratures over them.
 //!
-//! All are densities of the number of particles, n(r) with ∫ n dr = 1:
+//! All are number densities n(r) with ∫ n dr = 1:
 //!
 //! - log-normal: n(r) = exp(-ln²(r/r_g)/(2σ²))/(√(2π) σ r), median r_g, σ the standard deviation of ln r;
 //!   ⟨r^k⟩ = r_g^k exp(k² σ²/2),
-//! - gamma (Hansen 1971, J. Atmos. Sci. 28, 1400): n(r) ∝ r^{(1-3b)/b} exp(-r/(ab)), whose area-weighted mean is the
-//!   effective radius a and whose area-weighted relative variance is the effective variance b < 1/2.
+//! - gamma (Hansen 1971, J. Atmos. Sci. 28, 1400): n(r) ∝ r^{(1-3b)/b} exp(-r/(ab)). The area-weighted mean
+//!   is the effective radius a, the area-weighted relative variance is the effective variance b < 1/2.
 //!
-//! Smooth ones are integrated by the trapezoidal rule in ln r, which converges faster than any power for functions that
-//! fall off on both sides. What limits it are the resonances of large transparent spheres, narrower than any grid: with
-//! some 60 points to a unit of the size parameter a cloud's coefficients are good to about 10⁻⁵, with 4 to 10⁻³.
+//! Smooth distributions are integrated by the trapezoidal rule in ln r, which converges faster than any power
+//! for functions that vanish at both ends. The accuracy is limited by the resonances of large transparent
+//! spheres, which are narrower than any grid: with about 60 points per unit of the size parameter, the
+//! coefficients of a cloud are accurate to about 10⁻⁵, with 4 points to 10⁻³.
 
 use optics::sampling::gamma::ln_gamma;
 use std::f64::consts::PI;
 
-/// Radii of particles, metres.
+/// Distribution of particle radii, metres.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SizeDistribution {
-    /// All alike.
-    Single {
-        /// Metres.
-        radius: f64,
-    },
+    /// Equal radii.
+    Single { radius: f64 },
     /// Log-normal: the median and the standard deviation of ln r.
-    LogNormal {
-        /// Metres.
-        median: f64,
-        /// No unit.
-        sigma: f64,
-    },
+    LogNormal { median: f64, sigma: f64 },
     /// Hansen's gamma distribution.
     Gamma {
         /// r_eff = ⟨r³⟩/⟨r²⟩, metres.
         effective_radius: f64,
-        /// v_eff, no unit.
+        /// v_eff, dimensionless.
         effective_variance: f64,
     },
     /// Radii and relative numbers of particles.
     List(Vec<[f64; 2]>),
 }
 
-/// Why a distribution is refused.
+/// Reasons why a distribution is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SizeError {
-    /// A radius that is none.
     #[error("a radius is {0} m; it must lie in 1e-12..0.01 m")]
     Radius(f64),
-    /// σ of a log-normal distribution.
     #[error("sigma is {0}; it must lie in 0.001..2")]
     Sigma(f64),
-    /// Effective variance of a gamma distribution.
     #[error("the effective variance is {0}; it must lie in 0.001..0.45")]
     Variance(f64),
-    /// A list without particles, or with a number that is none.
     #[error("the list of sizes is empty, or has a weight that is negative or not finite")]
     List,
 }
 
-/// Fewest and most points of a quadrature.
+/// Minimum and maximum number of points of a quadrature.
 const POINTS: [f64; 2] = [500.0, 8000.0];
 
-/// Most points times the cube of the largest size parameter: what a phase function takes grows nearly so.
+/// Limit on the number of points times the cube of the largest size parameter, to which the cost of a phase
+/// function is nearly proportional.
 const WORK: f64 = 2.6e11;
 
-/// What is left out at either end, relative to the largest integrand.
+/// Relative size of the integrand, against its maximum, that is neglected at either end.
 const NEGLIGIBLE: f64 = 1e-10;
 
-/// The error unless all is well.
+/// Returns the error if `good` is false.
 fn refuse_unless(good: bool, error: SizeError) -> Result<(), SizeError> {
     if good { Ok(()) } else { Err(error) }
 }
@@ -75,7 +65,7 @@ impl SizeDistribution {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// [`SizeError`] naming what is out of range.
+    /// [`SizeError`] with the parameter that is out of range.
     pub fn check(&self) -> Result<(), SizeError> {
         let radius = |r: f64| refuse_unless((1e-12..=0.01).contains(&r), SizeError::Radius(r));
         match self {
@@ -100,7 +90,7 @@ impl SizeDistribution {
         }
     }
 
-    /// Mean volume of a particle, m³.
+    /// Returns the mean volume of a particle, m³.
     #[must_use]
     pub fn mean_volume(&self) -> f64 {
         let cube = match self {
@@ -122,7 +112,7 @@ impl SizeDistribution {
         4.0 / 3.0 * PI * cube
     }
 
-    /// ln(r n(r)), the density in ln r.
+    /// Returns ln(r n(r)), the density in ln r.
     fn ln_density(&self, ln_r: f64) -> f64 {
         match self {
             Self::LogNormal { median, sigma } => {
@@ -141,11 +131,12 @@ impl SizeDistribution {
         }
     }
 
-    /// Radii in metres with numbers of particles that belong to them (their sum is 1, but for particles too small to
-    /// count), at a wave number k = 2π n_host/λ per metre.
+    /// Returns radii in metres with their fractions of the number of particles, at a wave number k = 2π
+    /// n_host/λ per metre. The fractions add up to 1, except for particles that are too small to matter.
     ///
-    /// The ends are where the integrand of the cross section falls below 10⁻¹⁰ of its peak. Below x = 1 that is
-    /// taken as x³, an upper bound; above it grows from x⁶ to x², and the larger bound counts.
+    /// The range ends where the integrand of the cross section is below 10⁻¹⁰ of its peak. Below x = 1 the
+    /// cross section is bounded by x³; above, its power decreases from x⁶ to x², and the larger bound is
+    /// used.
     #[must_use]
     pub fn quadrature(&self, wave_number: f64) -> Vec<[f64; 2]> {
         let (centre, width) = match self {
@@ -177,7 +168,8 @@ impl SizeDistribution {
         let (low, _) = ends(&|x| 3.0 * x.ln() - (1.0 + x).ln());
         let (_, high) = ends(&|x| 6.0 * x.ln() - (1.0 + (x / 2.0).powi(4)).ln());
         let range = wave_number * (high.exp() - low.exp());
-        // The series of large spheres are long: fewer points then, above x of some 300, or clouds take minutes.
+        // The series of large spheres are long: use fewer points above x of about 300, which would otherwise
+        // take minutes.
         let most = (WORK / (wave_number * high.exp()).powi(3)).max(24.0);
         let count = (64.0 * range).clamp(POINTS[0], POINTS[1]).min(most) as usize;
         let step = (high - low) / count as f64;

@@ -1,15 +1,17 @@
-//! A scattering matrix tabulated over the scattering angle, up to four wavelengths side by side, and its sampler.
+//! A scattering matrix tabulated over the scattering angle for up to four wavelengths, and its sampler.
 //!
-//! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) beyond: nearly uniform in θ (dθ/dv = 2 to
-//! 2.8), found from directions by one square root, and exact at both ends, where peaks of large particles are narrower
-//! than single precision of a cosine can tell. S1 and S2 are polynomials in cosθ = 1 - 2v², so all elements are smooth and
-//! even in v: cubic interpolation over four nodes, the node before the first being the second. The grid is doubled until
-//! the exact matrix half way between nodes is met to [`TOLERANCE`].
+//! The grid is uniform in v = sin(θ/2) up to 90° and, mirrored, in cos(θ/2) beyond. It is nearly uniform in θ
+//! (dθ/dv = 2 to 2.8), computed from directions by one square root, and accurate at both ends, where peaks of
+//! large particles are narrower than the resolution of an f32 cosine. S1 and S2 are polynomials in cosθ = 1 -
+//! 2v², so all elements are smooth and even in v. Interpolation is cubic over four nodes; the node before the
+//! first equals the second. The grid is doubled until the interpolated matrix halfway between nodes is
+//! accurate to [`TOLERANCE`].
 //!
-//! Directions are drawn from a density that is linear in cosθ between nodes and agrees with S11 at them. A cell is
-//! chosen by Walker's alias method (Walker 1977; Vose 1991), whose answer takes the same time for any grid and loses no
-//! digits in the faint cells behind a forward peak; within it the distribution function is quadratic. Of several
-//! wavelengths one is drawn, and the density is the mean of theirs, so weights stay near 1 at most times their number.
+//! Directions are sampled from a density that is linear in cosθ between nodes and agrees with S11 at them. A
+//! cell is chosen by Walker's alias method (Walker 1977; Vose 1991), which takes constant time for any grid
+//! and loses no digits in the faint cells behind a forward peak. Within the cell the cumulative distribution
+//! is quadratic. With several wavelengths, one is sampled, and the density is the mean over wavelengths, so
+//! weights are at most about their number.
 
 use super::bulk::Ensemble;
 use super::scattered::Angle;
@@ -19,23 +21,23 @@ use optics::sampling::stream::Stream;
 use optics::spectrum::{MAX_WAVELENGTHS, Spectral};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Largest error of interpolation that is aimed at, relative to S11 at the same angle.
+/// Target interpolation error, relative to S11 at the same angle.
 pub const TOLERANCE: f64 = 1e-5;
 
-/// Fewest and most cells from 0 to 90°.
+/// Minimum and maximum number of cells from 0 to 90°.
 const CELLS: [usize; 2] = [256, 16_384];
 
-/// A cell of the alias method in one wavelength: taken with probability `keep`, else the cell `other`.
+/// A cell of the alias method for one wavelength: taken with probability `keep`, else the cell `other`.
 #[derive(Clone, Copy, Debug, Default)]
 struct Alias {
     keep: f32,
     other: u32,
 }
 
-/// The table. Everything is kept twice, for the forward half and for the backward half of the sphere.
+/// The table. All data are stored for the forward half and for the backward half of the sphere.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// Cells of one half.
+    /// Number of cells of one half.
     cells: usize,
     /// Matrices per steradian at nodes -1 … cells + 1 of either half.
     nodes: Vec<FresnelBlock>,
@@ -45,23 +47,23 @@ pub struct Table {
     alias: Vec<[Alias; MAX_WAVELENGTHS]>,
 }
 
-/// A place between the nodes of the table.
+/// A position between the nodes of the table.
 #[derive(Clone, Copy, Debug)]
 struct Lookup {
     backward: bool,
     cell: usize,
-    /// Within the cell, 0..1, linear in v.
+    /// Position in the cell, 0..1, linear in v.
     fraction: f32,
 }
 
-/// cosθ at node `i` of a half of `cells` cells.
+/// Returns cosθ at node `i` of a half with `cells` cells.
 fn cos_at(i: f64, cells: usize, backward: bool) -> f64 {
     let v = i * FRAC_1_SQRT_2 / cells as f64;
     let cos = 1.0 - 2.0 * v * v;
     if backward { -cos } else { cos }
 }
 
-/// Weights of cubic interpolation (Lagrange) on nodes -1, 0, 1, 2 at `t` in 0..1.
+/// Returns the weights of cubic (Lagrange) interpolation on nodes -1, 0, 1, 2 at `t` in 0..1.
 #[inline]
 fn cubic(t: f32) -> [f32; 4] {
     let (before, after, beyond) = (t + 1.0, 1.0 - t, 2.0 - t);
@@ -73,13 +75,13 @@ fn cubic(t: f32) -> [f32; 4] {
     ]
 }
 
-/// [`cubic`] half way between two nodes.
+/// [`cubic`] halfway between two nodes.
 const HALF_WAY: [f64; 4] = [-1.0 / 16.0, 9.0 / 16.0, 9.0 / 16.0, -1.0 / 16.0];
 
 /// Matrices S11, S12, S33, S34 at nodes 0 … cells + 1 of a half, per wavelength.
 type Half = Vec<Vec<[f64; 4]>>;
 
-/// The nodes of both halves, and how many cells they make.
+/// Returns the nodes of both halves and the number of cells.
 fn refine(ensembles: &[Ensemble], most: usize) -> ([Half; 2], usize) {
     let mut scratch = vec![];
     let mut matrices = |i: f64, cells: usize, backward: bool| -> Vec<[f64; 4]> {
@@ -132,7 +134,7 @@ fn refine(ensembles: &[Ensemble], most: usize) -> ([Half; 2], usize) {
     }
 }
 
-/// The alias table of probabilities that add up to about 1.
+/// Returns the alias table of probabilities with a sum of about 1.
 fn alias(probabilities: &[f64]) -> Vec<Alias> {
     let total: f64 = probabilities.iter().sum();
     let count = probabilities.len();
@@ -154,7 +156,7 @@ fn alias(probabilities: &[f64]) -> Vec<Alias> {
 }
 
 impl Table {
-    /// Tabulates ensembles of particles, 1 to 4 of them, one a wavelength; a clear one counts as isotropic.
+    /// Tabulates 1 to 4 ensembles of particles, one per wavelength; a clear one is treated as isotropic.
     #[must_use]
     pub fn new(ensembles: &[Ensemble]) -> Self {
         let lanes = ensembles.len().min(MAX_WAVELENGTHS);
@@ -203,7 +205,6 @@ impl Table {
         }
     }
 
-    /// Cells from 0 to 90°.
     #[must_use]
     pub fn cells(&self) -> usize {
         self.cells
@@ -222,7 +223,7 @@ impl Table {
         }
     }
 
-    /// The matrix per steradian: S11, S12, S33, S34 in place of a, b, c, d.
+    /// Returns the matrix per steradian: S11, S12, S33, S34 in place of a, b, c, d.
     #[inline]
     #[must_use]
     pub fn block(&self, at: Angle) -> FresnelBlock {
@@ -238,7 +239,7 @@ impl Table {
             |f: fn(&FresnelBlock) -> Spectral| f(n[0]) * w0 + f(n[1]) * w1 + f(n[2]) * w2 + f(n[3]) * w3;
         let a = mix(|n| n.a).max(Spectral::ZERO);
         let (b, c, d) = (mix(|n| n.b), mix(|n| n.c), mix(|n| n.d));
-        // Interpolation may leave a pure matrix polarizing by more than all: taken back to the border.
+        // Interpolation may give a degree of polarization slightly above 1: scale it back to 1.
         let polarized = (b * b + c * c + d * d)
             .sqrt()
             .max(Spectral::splat(f32::MIN_POSITIVE));
@@ -251,14 +252,14 @@ impl Table {
         }
     }
 
-    /// Density per steradian of the living lanes' [`Self::sample`].
+    /// Returns the density of [`Self::sample`] per steradian, averaged over the live lanes.
     #[inline]
     #[must_use]
     pub fn pdf(&self, at: Angle, lanes: Lanes) -> f32 {
         lanes.mean(self.densities(at))
     }
 
-    /// Density per steradian of each lane's [`Self::sample`].
+    /// Returns the density of [`Self::sample`] per steradian for each lane.
     #[inline]
     #[must_use]
     pub fn densities(&self, at: Angle) -> Spectral {
@@ -269,13 +270,13 @@ impl Table {
     fn density_at(&self, p: Lookup) -> Spectral {
         let first = p.cell + if p.backward { self.cells + 1 } else { 0 };
         let (near, far) = (self.density[first], self.density[first + 1]);
-        // Linear in cosθ: 1 - cosθ goes with the square of the place.
+        // Linear in cosθ; 1 - cosθ is proportional to the square of the position.
         let i = p.cell as f32;
         let s = p.fraction * (2.0 * i + p.fraction) / (2.0 * i + 1.0);
         near + (far - near) * Spectral::splat(s)
     }
 
-    /// An angle with the density of one lane.
+    /// Samples an angle with the density of one lane.
     #[inline]
     #[must_use]
     pub fn sample(&self, lane: usize, stream: &mut Stream) -> Angle {

@@ -1,8 +1,8 @@
-//! Water: the host of milk and of most suspensions.
+//! Water, the host of milk and of most suspensions.
 //!
-//! Its refractive index is that of the optical constants (Daimon & Masumura 2007, 20 °C). It absorbs as Pope & Fry
-//! measured (1997, Appl. Opt. 36, 8710, 380 to 700 nm), and beyond as Hale & Querry found (1973, Appl. Opt. 12, 555);
-//! both are interpolated linearly.
+//! The refractive index is that of the optical constants (Daimon & Masumura 2007, 20 °C). The absorption is
+//! from Pope & Fry (1997, Appl. Opt. 36, 8710) from 380 to 700 nm, and from Hale & Querry (1973, Appl. Opt.
+//! 12, 555) beyond. Both are interpolated linearly.
 
 use crate::material::constants::{ConstantsError, lookup};
 use std::f64::consts::PI;
@@ -23,7 +23,7 @@ const INFRARED: [f64; 12] = [
     2.89e-6,
 ];
 
-/// Linear in a table that begins at `first` and goes on in steps of `step`; its ends beyond them.
+/// Interpolates linearly in a table with arguments `first`, `first + step`, …; clamps at its ends.
 pub(super) fn even_table(values: &[f64], first: f64, step: f64, at: f64) -> f64 {
     let Some(last) = values.len().checked_sub(1) else {
         return 0.0;
@@ -34,14 +34,13 @@ pub(super) fn even_table(values: &[f64], first: f64, step: f64, at: f64) -> f64 
     values[i] + (next - values[i]) * (place - i as f64)
 }
 
-/// Absorption coefficient 4πk/λ, 1/m, of an extinction coefficient k at a vacuum wavelength in nanometres.
+/// Returns the absorption coefficient 4πk/λ, 1/m, at a vacuum wavelength in nanometres.
 #[must_use]
 pub fn of_extinction(k: f64, nm: f64) -> f64 {
     4.0 * PI * k / (nm * 1e-9)
 }
 
-/// Absorption coefficient of pure water, 1/m, at a vacuum wavelength in nanometres; outside 380 to 1000 nm that of the
-/// nearer end.
+/// Returns the absorption coefficient of pure water, 1/m, at a vacuum wavelength, clamped to 380 to 1000 nm.
 #[must_use]
 pub fn absorption(nm: f64) -> f64 {
     let infrared = |nm: f64| of_extinction(even_table(&INFRARED, 725.0, 25.0, nm), nm);
@@ -55,7 +54,7 @@ pub fn absorption(nm: f64) -> f64 {
     }
 }
 
-/// Refractive index of water at 20 °C.
+/// Returns the refractive index of water at 20 °C.
 ///
 /// # Errors
 /// [`ConstantsError`] outside 380 to 1000 nm.
@@ -69,7 +68,7 @@ mod tests {
 
     #[test]
     fn the_published_numbers_are_met() {
-        // Nodes, one half way, the seam, and 4πk/λ beyond it.
+        // Table entries, a midpoint, the seam between the tables, and 4πk/λ beyond it.
         for (nm, want) in [
             (380.0, 0.01137),
             (450.0, 0.00922),

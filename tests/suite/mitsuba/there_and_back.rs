@@ -51,7 +51,7 @@ fn several_wavelengths_come_back() {
 
 #[test]
 fn the_mirror_room_goes_there_and_back() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/mirror_room/scene.toml");
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes/mirror_room/scene.toml");
     let export = Export::load(&path, None).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("room");

@@ -1,9 +1,10 @@
-//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light, which rough faces reflect, against what
-//! one reflection at the true normals brings and against the renderer's labels.
+//! The surface profile of crystals (Baek & Heide 2021, Fig. 7): −(3,3) of epipolar light, which rough faces
+//! reflect, compared with a single reflection at the true normals and with the renderer's labels.
 //!
-//! One reflection by glass turns the hand of circular light, up to Brewster's angle, so that (3,3) is negative. A diffuse ground
-//! behind keeps none of it. What faces reflect from inside is neither: it is turned by the crystal's retardance, which is another
-//! on every way. Nothing is learnt here; variants to learn from are asked for because every application has some.
+//! One reflection by glass reverses the handedness of circular light up to Brewster's angle, so (3,3) is
+//! negative. A diffuse ground behind the crystal keeps none of it. Internal reflections of the faces are
+//! neither: the crystal's retardance, which differs between paths, changes them. Nothing is learned here;
+//! training variants are listed because every application has some.
 
 pub mod predicted;
 
@@ -19,7 +20,6 @@ use crate::paths::{Path, Paths};
 use nalgebra::Vector3;
 use predicted::Glass;
 
-/// The application.
 #[derive(Clone, Copy, Debug)]
 pub struct CrystalFaces;
 
@@ -31,16 +31,16 @@ const METRICS: [Metric; 5] = [
     Metric::new("edges of faces, area under the curve", "", true),
 ];
 
-/// An image that is judged.
+/// An image to test.
 #[derive(Clone, Copy)]
 enum Image {
     /// An element 4 i + j of epipolar light, times a sign.
     Epipolar(usize, f64),
-    /// Of all light.
+    /// An element of all light, times a sign.
     All(usize, f64),
-    /// Of all light less the epipolar.
+    /// An element of non-epipolar light, times a sign.
     Other(usize, f64),
-    /// The closed form, of the true normals.
+    /// The closed form, for the true normals.
     Predicted,
 }
 
@@ -72,13 +72,14 @@ const METHODS: [(Method, Image); 7] = [
     ),
 ];
 
-/// Share of a pixel's light that is the surface's, from which on it is to be found.
+/// Minimum share of surface light of a positive pixel.
 const SHARE: f64 = 0.1;
 
-/// Share of a pixel that the crystal covers, from which on it is the crystal's.
+/// Minimum coverage of a pixel that counts as crystal.
 const WHOLE: f64 = 0.999;
 
-/// Cosines between the normals of two pixels of one face, at least, and of two faces, at most: 1° and 10°.
+/// Minimum cosine between the normals of two pixels of one face, and maximum cosine for two faces: 1° and
+/// 10°.
 const ALIKE: f64 = 0.999_848;
 const UNLIKE: f64 = 0.984_808;
 
@@ -100,7 +101,7 @@ impl Application for CrystalFaces {
         Plan {
             scene: "crystals/faces.toml",
             train: vec![0],
-            // 1 to 3 were looked at while metrics were settled.
+            // Variants 1 to 3 were used to define the metrics.
             test: (4..11).collect(),
             slices: vec!["polarimetric", "epipolar"],
             truth: vec![
@@ -151,7 +152,7 @@ impl Application for CrystalFaces {
     }
 }
 
-/// Pixels of the crystal whose normals are those of all their neighbours on it.
+/// Returns the pixels of the crystal whose normals equal those of all their neighbours on it.
 fn of_one_face([w, h]: [usize; 2], is_face: &[bool], normal: &[Vector3<f64>]) -> Vec<usize> {
     let alike = |i: usize, j: usize| !is_face[j] || normal[i].dot(&normal[j]) > ALIKE;
     let inner = |i: usize| {
@@ -165,20 +166,19 @@ fn of_one_face([w, h]: [usize; 2], is_face: &[bool], normal: &[Vector3<f64>]) ->
     (0..w * h).filter(|i| inner(*i)).collect()
 }
 
-/// A variant.
 struct Seen {
     variant: u64,
     size: [usize; 2],
     all: Pixels,
     epipolar: Pixels,
-    /// Whether a pixel is wholly the crystal's.
+    /// Whether the crystal covers the whole pixel.
     is_face: Vec<bool>,
-    /// Numbers of those of one face: of others the mean normal is no face's.
+    /// Pixels within one face; at other pixels, the mean normal is not that of a face.
     faces: Vec<usize>,
     normal: Vec<Vector3<f64>>,
-    /// −(3,3) by the closed form; 0 off the crystal.
+    /// −(3,3) by the closed form; 0 outside the crystal.
     predicted: Vec<f64>,
-    /// Intensity of light that the surface alone turned, and of all.
+    /// Intensity of the light reflected by the surface only, and of all light.
     surface: Vec<f64>,
     total: Vec<f64>,
 }
@@ -244,7 +244,7 @@ impl Seen {
         })
     }
 
-    /// An image, Σ over wavelengths.
+    /// Returns an image, summed over wavelengths.
     fn values(&self, image: Image) -> Vec<f64> {
         let of = |p: &Pixels, i: usize, e: usize| (0..p.wavelengths).map(|k| p.at(i, 0, e, k)).sum::<f64>();
         (0..self.total.len())
@@ -257,7 +257,7 @@ impl Seen {
             .collect()
     }
 
-    /// The metrics of an image.
+    /// Returns the metrics of an image.
     fn judge(&self, image: &[f64]) -> [f64; METRICS.len()] {
         let of = |values: &[f64]| self.faces.iter().map(|i| values[*i]).collect::<Vec<f64>>();
         let behind: Vec<f64> = self.total.iter().zip(&self.surface).map(|(a, s)| a - s).collect();
@@ -272,7 +272,8 @@ impl Seen {
         ]
     }
 
-    /// Area under the curve of differences of two pixels, one apart, on both sides of an edge against those within a face.
+    /// Returns the area under the curve of differences between two pixels, one apart, across an edge against
+    /// those within a face.
     fn edges(&self, image: &[f64]) -> f64 {
         let [w, h] = self.size;
         let (mut across, mut within) = (vec![], vec![]);

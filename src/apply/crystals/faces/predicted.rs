@@ -1,28 +1,27 @@
-//! What a face of known normal reflects of circular light: −(3,3) of one reflection by facets.
+//! The reflection of circular light by a face of known normal: −(3,3) of one reflection by microfacets.
 //!
-//! With h the half vector of the directions to the camera and to the projector, θ the angle between it and either, and r_s, r_p
-//! Fresnel's amplitudes there,
+//! With the half vector h of the directions to the camera and to the projector, the angle θ between it and
+//! either, and Fresnel's amplitudes r_s, r_p at θ,
 //!
 //! > −M33 = −r_s r_p · D(h) G2 / (4 cosθ_o) · 1/(cos³θ_p d²),
 //!
-//! the GGX facets of Walter et al. (2007) with Heitz's correlated masking (2014, eq. 99) and a projector at distance d, θ_p off
-//! its axis, whose irradiance on the plane at 1 m is 1. Turns of frames do nothing to (3,3). At the normal −r_s r_p is the
-//! reflectance; beyond Brewster's angle it is negative.
+//! with the GGX facets of Walter et al. (2007), Heitz's correlated masking (2014, eq. 99) and a projector at
+//! distance d, θ_p off its axis, whose irradiance on the plane at 1 m is 1. Rotations of frames do not change
+//! (3,3). At normal incidence, −r_s r_p is the reflectance; beyond Brewster's angle it is negative.
 
 use crate::pinhole::Rig;
 use nalgebra::Vector3;
 
-/// Rough glass of one index.
+/// Rough glass.
 #[derive(Clone, Copy, Debug)]
 pub struct Glass {
-    /// Refractive index.
     pub index: f64,
-    /// Roughness α of its facets.
+    /// Roughness α of the facets.
     pub alpha: f64,
 }
 
 impl Glass {
-    /// −r_s r_p at cosine `cos` of incidence.
+    /// Returns −r_s r_p at cosine `cos` of incidence.
     #[must_use]
     pub fn turned(self, cos: f64) -> f64 {
         let n2 = self.index * self.index;
@@ -31,8 +30,8 @@ impl Glass {
         -s * p
     }
 
-    /// D(h) G2 / (4 cosθ_o), 1/sr: radiance over irradiance across the beam if facets reflect all light; 0 unless the normal
-    /// `n` looks at both unit directions.
+    /// Returns D(h) G2 / (4 cosθ_o), 1/sr: radiance over irradiance perpendicular to the beam for perfectly
+    /// reflecting facets; 0 unless both unit directions are on the side of the normal `n`.
     #[must_use]
     pub fn facets(self, n: Vector3<f64>, wo: Vector3<f64>, wi: Vector3<f64>) -> f64 {
         let (co, ci) = (n.dot(&wo), n.dot(&wi));
@@ -45,7 +44,8 @@ impl Glass {
         d / (1.0 + lambda(co) + lambda(ci)) / (4.0 * co)
     }
 
-    /// −(3,3) of a point at `p` of normal `n`, for an irradiance of 1 on the plane at 1 m before the projector.
+    /// Returns −(3,3) of a point at `p` with normal `n`, for an irradiance of 1 on the plane 1 m in front of
+    /// the projector.
     #[must_use]
     pub fn reflected(self, rig: &Rig, p: Vector3<f64>, n: Vector3<f64>) -> f64 {
         let (to_camera, to_projector) = (rig.camera.origin - p, rig.projector.origin - p);
@@ -64,7 +64,7 @@ impl Glass {
 mod tests {
     use super::*;
 
-    /// The numbers that `CONVENTIONS.md` pins: glass of 1.5 at the normal and at 45°.
+    /// The values in `CONVENTIONS.md`: glass of index 1.5 at normal incidence and at 45°.
     #[test]
     fn circular_light_is_turned_as_pinned() {
         let glass = Glass {
@@ -73,12 +73,13 @@ mod tests {
         };
         assert!((glass.turned(1.0) - 0.04).abs() < 1e-12);
         assert!((glass.turned(0.5_f64.sqrt()) - 0.0279111).abs() < 1e-6);
-        // Brewster.
+        // Brewster's angle.
         let cos = 1.0 / (1.0 + 1.5_f64.powi(2)).sqrt();
         assert!(glass.turned(cos).abs() < 1e-12 && glass.turned(0.9 * cos) < 0.0);
     }
 
-    /// D cosθ_h integrates to 1 over the half vectors (Walter et al. 2007, eq. 4): at the normal, with G2 divided out.
+    /// D cosθ_h integrates to 1 over the half vectors (Walter et al. 2007, eq. 4): at normal incidence, with
+    /// G2 divided out.
     #[test]
     fn facets_are_normalized() {
         let glass = Glass {

@@ -1,4 +1,4 @@
-//! The application on a roof of two faces over a striped ground, of which all is known.
+//! Tests with a roof of two known faces over a striped ground.
 
 use super::predicted::Glass;
 use super::{CrystalFaces, METRICS};
@@ -22,8 +22,8 @@ fn device(x: f64) -> Pinhole {
     Pinhole::new([SIZE; 2], [100.0; 2], [SIZE as f64 / 2.0; 2], [x, 0.0, 0.2], axes)
 }
 
-/// The left face leans by `lean` degrees to the left, the right face by 2° less to the right, so that the half vector, some 6° to the
-/// right, is nearer to its normal; the outermost columns are ground alone.
+/// The left face is tilted by `lean` degrees to the left, the right face by 2° less to the right, so that the
+/// half vector, about 6° to the right, is closer to its normal. The outermost columns are ground only.
 fn normal(pixel: usize, lean: f64) -> Vector3<f64> {
     let angle = if pixel % SIZE < SIZE / 2 {
         -lean
@@ -38,7 +38,8 @@ fn is_face(pixel: usize) -> bool {
     (1..SIZE - 1).contains(&(pixel % SIZE))
 }
 
-/// Faces lean by `lean` degrees, and are said to lean by `told`; the surface reflects `shine` times as glass does.
+/// Faces are tilted by `lean` degrees, and the truth map has `told`; the surface reflects `shine` times as
+/// much as glass.
 fn observation(variant: u64, [lean, told]: [f64; 2], shine: f64) -> Observation {
     let rig = Rig {
         camera: device(-0.02),
@@ -123,13 +124,13 @@ fn circular_light_shows_the_faces_alone() {
         }
         assert!(score(&outcome, method, 3) < 0.1, "{method}");
     }
-    // The ground hides them.
+    // The ground hides the faces.
     assert!(score(&outcome, "intensity", 0) < 0.5 && score(&outcome, "intensity", 3) > 0.9);
     assert!(score(&outcome, "-(3,3), non-epipolar", 0).abs() < 0.5);
     assert_eq!(outcome.pictures.len(), 8);
 }
 
-/// Planted: normals that are not the faces' are found, and so is a surface that turns nothing.
+/// Planted errors: wrong normals are detected, and so is a surface that does not reverse handedness.
 #[test]
 fn wrong_normals_and_dull_faces_are_found() {
     let outcome = run(observation(4, [8.0, -20.0], 1.0));

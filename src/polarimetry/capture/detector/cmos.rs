@@ -1,15 +1,16 @@
-//! A camera: electrons by EMVA 1288's linear model, clipped, read and digitized.
+//! A camera: electrons by the linear model of EMVA 1288, clipped, read out and digitized.
 //!
 //! > e = Poisson(η Φ t L) + Poisson(I_d t),  DN = round((min(e, e_full) + N(0, σ_r²))/K + b)
 //!
-//! with quantum efficiency η, photons Φ per second and unit of radiance L, exposure t, dark current I_d, full well
-//! e_full, read noise σ_r, gain K in e⁻/DN and black level b; DN is clipped to 0 to 2^bits - 1. Unclipped,
+//! with quantum efficiency η, photons Φ per second and unit of radiance L, exposure t, dark current I_d, full
+//! well e_full, read noise σ_r, gain K in e⁻/DN and black level b. DN is clipped to 0 to 2^bits - 1. Without
+//! clipping,
 //!
 //! > E DN = (ηΦtL + I_d t)/K + b,  Var DN = (ηΦtL + I_d t + σ_r²)/K² + 1/12
 //!
-//! (EMVA Standard 1288, release 3.1, section 2; there K is in DN/e⁻). The 1/12 of quantization needs noise of half a
-//! DN or more besides. Sources of noise that differ from pixel to pixel but not from frame to frame (PRNU, DSNU) are
-//! left out: calibration removes them.
+//! (EMVA Standard 1288, release 3.1, section 2; there K is in DN/e⁻). The quantization variance 1/12 is valid
+//! if the other noise is at least half a DN. Noise that differs between pixels but not between frames (PRNU,
+//! DSNU) is not modelled: calibration removes it.
 
 use super::super::spectral_value::SpectralValue;
 use super::error::{DetectorError, area, count, demand, efficiency, finite, non_negative, positive};
@@ -18,37 +19,39 @@ use super::random::{normal, poisson, stream};
 use optics::sampling::stream::Stream;
 use serde::{Deserialize, Serialize};
 
-/// A full well shows as a reading that is at most so many standard deviations of the read-out below it.
+/// A full well is assumed if the reading is at most this many standard deviations of the read-out below it.
 const CERTAIN: f64 = 4.0;
 
-/// A camera's settings. The defaults are near data sheets of cameras with Sony's IMX250 (12 bits, maximal SNR 40.3 dB:
-/// 10.7 ke⁻); `photons_per_unit` depends on the scene and the lens and is only a placeholder.
+/// The settings of a camera. The defaults are close to the data sheets of cameras with Sony's IMX250 (12
+/// bits, maximal SNR 40.3 dB: 10.7 ke⁻). `photons_per_unit` depends on scene and lens; its default is only a
+/// placeholder.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cmos {
     /// Exposure time, s.
     pub exposure_s: f64,
-    /// Factors of the exposure time, one for each exposure that is taken.
+    /// Factors of the exposure time, one per exposure.
     pub bracket: Vec<f64>,
     /// Electrons per photon.
     pub quantum_efficiency: SpectralValue,
-    /// Photons that reach one pixel per second and unit of the scene's radiance.
+    /// Photons per pixel, second and unit of the scene's radiance.
     pub photons_per_unit: f64,
     /// Standard deviation of the read noise, e⁻.
     pub read_noise_e: f64,
     /// Dark current, e⁻/s.
     pub dark_current_e_s: f64,
-    /// Electrons that a pixel holds; more are lost.
+    /// Capacity of a pixel, electrons; the excess is lost.
     pub full_well_e: f64,
     /// Bits of the digital output, 1 to 24.
     pub bit_depth: u32,
-    /// Electrons per DN; without it, the full well over the output's range.
+    /// Electrons per DN; by default the full well divided by the output's range.
     pub gain_e_per_dn: Option<f64>,
-    /// Output without electrons, DN; some times the read noise, or dark readings are clipped at 0 and biased.
+    /// Output without electrons, DN. It should be several times the read noise; otherwise dark readings are
+    /// clipped at 0 and biased.
     pub black_level_dn: f64,
     /// 1, or 2 to average 2×2 pixels after read-out.
     pub binning: u32,
-    /// False to leave the photons' and the dark electrons' noise out.
+    /// `false` disables the noise of photons and dark electrons.
     pub shot_noise: bool,
 }
 
@@ -71,7 +74,6 @@ impl Default for Cmos {
     }
 }
 
-/// The output of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
     /// Digital number.
@@ -85,13 +87,11 @@ pub struct Reading {
 pub struct Exposed {
     /// Radiance in the scene's unit; NaN where saturated.
     pub radiance: Vec<f64>,
-    /// Its variance; infinite where saturated.
+    /// Variance of the radiance; infinite where saturated.
     pub variance: Vec<f64>,
     /// True where all exposures are saturated.
     pub saturated: Vec<bool>,
-    /// Columns.
     pub width: usize,
-    /// Rows.
     pub height: usize,
 }
 
@@ -99,7 +99,7 @@ impl Cmos {
     /// Checks the settings.
     ///
     /// # Errors
-    /// [`DetectorError::Field`] with the name of the first bad field.
+    /// [`DetectorError::Field`] with the name of the first invalid field.
     pub fn check(&self) -> Result<(), DetectorError> {
         let number = |field, value, need| demand(field, value, positive(value), need);
         number("exposure_s", self.exposure_s, "a positive time in seconds")?;
@@ -148,37 +148,38 @@ impl Cmos {
         demand("binning", f64::from(self.binning), holds, "1 or 2")
     }
 
-    /// The greatest output, DN.
+    /// The largest output, DN.
     fn top(&self) -> f64 {
         ((1_u64 << self.bit_depth.min(32)) - 1) as f64
     }
 
-    /// e⁻/DN.
+    /// Gain, e⁻/DN.
     fn gain(&self) -> f64 {
         self.gain_e_per_dn.unwrap_or(self.full_well_e / self.top())
     }
 
-    /// Electrons per unit of radiance, and dark electrons, of an exposure.
+    /// Returns the electrons per unit of radiance and the dark electrons of an exposure.
     fn electrons(&self, nm: f64, factor: f64) -> (f64, f64) {
         let t = self.exposure_s * factor;
         let per_unit = self.quantum_efficiency.at(nm) * self.photons_per_unit * t;
         (per_unit, self.dark_current_e_s * t)
     }
 
-    /// Variance of the electrons that the read-out adds: read noise and quantization.
+    /// Returns the variance of read noise and quantization, in electrons squared.
     fn read_out(&self) -> f64 {
         self.read_noise_e.powi(2) + self.gain().powi(2) / 12.0
     }
 
-    /// Variance of `mean` electrons.
+    /// Returns the shot-noise variance of `mean` electrons.
     fn shot(&self, mean: f64) -> f64 {
         if self.shot_noise { mean } else { 0.0 }
     }
 
-    /// The least DN that counts as saturated: the output's maximum, or where a full well may be read.
+    /// Returns the smallest DN that counts as saturated: the maximum of the output, or a possible reading of
+    /// a full well.
     ///
-    /// Within some standard deviations below it, unsaturated readings are those with little noise, and the mean of
-    /// their estimates is low by a part of one.
+    /// A few standard deviations below a full well, the only unsaturated readings are those with low noise.
+    /// The mean of their estimates would be too low by a fraction of a standard deviation.
     #[must_use]
     pub fn saturation_dn(&self) -> u32 {
         let noise = self.read_out().sqrt();
@@ -186,10 +187,11 @@ impl Cmos {
         full.min(self.top()) as u32
     }
 
-    /// The reading of one pixel.
+    /// Returns a random reading of one pixel.
     ///
-    /// `radiance` in the scene's unit (dark if negative or not a number), `nm` the vacuum wavelength, `factor` that of
-    /// `bracket`. Draws the two kinds of electrons together: the sum of Poisson numbers is one.
+    /// `radiance` is in the scene's unit (negative or NaN counts as dark), `nm` is the vacuum wavelength, and
+    /// `factor` is the one of `bracket`. Photoelectrons and dark electrons are drawn as one number: the sum
+    /// of Poisson numbers is a Poisson number.
     #[must_use]
     pub fn sample(&self, radiance: f64, nm: f64, factor: f64, stream: &mut Stream) -> Reading {
         let (per_unit, dark) = self.electrons(nm, factor);
@@ -208,7 +210,7 @@ impl Cmos {
         }
     }
 
-    /// Mean and variance of the DN of one pixel, were it not clipped; arguments as for [`Self::sample`].
+    /// Returns the mean and variance of one pixel's DN without clipping; arguments as for [`Self::sample`].
     #[must_use]
     pub fn expected(&self, radiance: f64, nm: f64, factor: f64) -> (f64, f64) {
         let (per_unit, dark) = self.electrons(nm, factor);
@@ -217,10 +219,10 @@ impl Cmos {
         (mean / self.gain() + self.black_level_dn, variance)
     }
 
-    /// The radiance that a reading tells of, its black level and dark current subtracted.
+    /// Returns the radiance estimate of a reading, with black level and dark current subtracted.
     ///
-    /// The variance takes the shot noise from the reading itself, at least that of the dark current; this floor makes it a
-    /// little high in the dark.
+    /// The shot noise in the variance is estimated from the reading, with the dark current's shot noise as
+    /// lower bound. This bound makes the variance slightly too high in the dark.
     #[must_use]
     pub fn estimate(&self, dn: u32, nm: f64, factor: f64) -> Estimate {
         let (per_unit, dark) = self.electrons(nm, factor);
@@ -238,11 +240,13 @@ impl Cmos {
         }
     }
 
-    /// One estimate from those of all exposures, in the order of `bracket`; each may be the mean of `binning`² pixels.
+    /// Combines the estimates of all exposures, in the order of `bracket`; each may be the mean of `binning`²
+    /// pixels.
     ///
-    /// Weights are inverse variances. Those of the single estimates would not do: a low reading has a low variance and
-    /// so a high weight, which biases the mean. Instead all variances are predicted from the pooled radiance (electrons
-    /// over electrons per unit), on which the weights depend little, and where shot noise reigns not at all.
+    /// Weights are inverse variances. The variances of the single estimates would bias the mean: a low
+    /// reading has a low variance and therefore a high weight. Instead all variances are predicted from the
+    /// pooled radiance (electrons divided by electrons per unit). The weights depend little on it, and not at
+    /// all where shot noise dominates.
     #[must_use]
     pub fn combine(&self, estimates: &[Estimate], nm: f64) -> Estimate {
         let exposures = || {
@@ -276,12 +280,12 @@ impl Cmos {
         }
     }
 
-    /// One frame: the digital numbers of one exposure of an image. `key` is the number of the frame under `seed`, and
-    /// `pixels` says which of the sensor's pixels each value falls on, so that a part of the sensor reads what the whole
-    /// would.
+    /// Returns one frame: the digital numbers of one exposure of an image. `key` is the index of the frame
+    /// under `seed`. `pixels` maps each value to a pixel of the sensor, so that reading a region gives the
+    /// same values as the full sensor.
     ///
     /// # Errors
-    /// Those of [`Self::check`]; [`DetectorError::Radiance`] if `image` holds values that are not finite.
+    /// As [`Self::check`]; [`DetectorError::Radiance`] if `image` contains non-finite values.
     pub fn frame(
         &self,
         image: &[f64],
@@ -300,14 +304,15 @@ impl Cmos {
         Ok(image.iter().zip(pixels).map(one).collect())
     }
 
-    /// Takes all exposures of an image and estimates it from them.
+    /// Simulates all exposures of an image and combines them into one estimate.
     ///
-    /// `image` holds `height` rows of `width` values of radiance, from the top; `key` is the number of the capture under
-    /// `seed`, whose exposures are frames `key` × exposures and those that follow. With `binning` 2 the result has half the width and height, an odd last row or column being dropped.
+    /// `image` holds `height` rows of `width` radiance values, from the top. `key` is the index of the
+    /// capture under `seed`; its exposures are the frames from `key` × exposures on. With `binning` 2 the
+    /// result has half the width and height, and an odd last row or column is dropped.
     ///
     /// # Errors
-    /// Those of [`Self::check`]; [`DetectorError::Count`] if `image` has another size (or more than 2³² values),
-    /// [`DetectorError::Radiance`] if it holds values that are not finite.
+    /// As [`Self::check`]; [`DetectorError::Count`] if `image` has another size (or more than 2³² values);
+    /// [`DetectorError::Radiance`] if it contains non-finite values.
     pub fn capture(
         &self,
         image: &[f64],
@@ -356,7 +361,7 @@ impl Cmos {
     }
 }
 
-/// The mean of independent estimates; saturated if one of them is.
+/// Returns the mean of independent estimates; saturated if one of them is.
 fn mean(estimates: impl Iterator<Item = Estimate>) -> Estimate {
     let (mut n, mut sum, mut variance, mut saturated) = (0.0, 0.0, 0.0, false);
     for e in estimates {

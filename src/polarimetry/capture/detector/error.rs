@@ -1,47 +1,39 @@
-//! Why detectors refuse settings and data, and the checks that find it.
+//! Errors of detectors for settings and data, and the checks that report them.
 
 use crate::capture::spectral_value::SpectralValue;
 
-/// Why a detector refused its settings or its data.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DetectorError {
-    /// A field has a value that no instrument has.
     #[error("`{field}` is {value}; give {need}")]
     Field {
         /// Name of the field in the configuration.
         field: &'static str,
-        /// What it holds.
         value: f64,
-        /// What it should hold.
+        /// Description of valid values.
         need: &'static str,
     },
-    /// A list of numbers has the wrong length.
     #[error("{found} values were given for {what}; give {expected}")]
     Count {
-        /// What the list holds.
+        /// Contents of the list.
         what: &'static str,
-        /// Length that is asked for.
         expected: usize,
-        /// Length of the list.
         found: usize,
     },
-    /// A value of the scene is not finite.
     #[error("radiance {index} is {value}; radiance must be finite")]
     Radiance {
-        /// Place in the list, from 0.
+        /// Index in the list, from 0.
         index: usize,
-        /// What stands there.
         value: f64,
     },
-    /// A simulation would follow more detections than anyone waits for.
+    /// A simulation would take too many single detections.
     #[error(
         "some {expected:.0e} detections would be simulated one by one, at most {most:.0e} are; give fewer `pulses`, less \
          `photons_per_unit` or `dark_counts_per_s`, or a longer `dead_time_ps`"
     )]
     Detections {
-        /// How many are to be expected at most.
+        /// Expected number of detections, at most.
         expected: f64,
-        /// How many are simulated.
+        /// Limit of simulated detections.
         most: f64,
     },
 }
@@ -65,7 +57,7 @@ pub(in crate::capture) fn demand(
     Err(DetectorError::Field { field, value, need })
 }
 
-/// The largest number of a setting: products of several stay finite.
+/// The largest allowed setting: products of several stay finite.
 const LARGEST: f64 = 1e20;
 
 pub(super) fn positive(value: f64) -> bool {
@@ -80,7 +72,6 @@ pub(super) fn share(value: f64) -> bool {
     (0.0..=1.0).contains(&value)
 }
 
-/// Checks the length of a list.
 pub(in crate::capture) fn count(
     what: &'static str,
     expected: usize,
@@ -96,7 +87,7 @@ pub(in crate::capture) fn count(
     })
 }
 
-/// Checks the length of an image; no list is as long as one whose size overflows.
+/// Checks the length of an image. The size saturates on overflow, which no list can match.
 pub(super) fn area(
     what: &'static str,
     width: usize,
@@ -106,7 +97,6 @@ pub(super) fn area(
     count(what, width.saturating_mul(height), found)
 }
 
-/// Checks that all values of radiance are finite.
 pub(super) fn finite(radiance: &[f64]) -> Result<(), DetectorError> {
     match radiance.iter().position(|v| !v.is_finite()) {
         None => Ok(()),

@@ -1,25 +1,25 @@
-//! What a detector's reading tells of the light.
+//! The radiance estimate of a detector reading.
 
-/// What a reading tells of the radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Radiance in the scene's unit, the dark signal subtracted, so it may be negative; NaN if saturated.
+    /// Radiance in the scene's unit, with the dark signal subtracted, so that it can be negative; NaN if
+    /// saturated.
     pub radiance: f64,
-    /// Variance of `radiance`; infinite where nothing is known.
+    /// Variance of `radiance`; infinite if unknown.
     pub variance: f64,
-    /// True if the reading only bounds the radiance from below.
+    /// True if the reading is only a lower bound of the radiance.
     pub saturated: bool,
 }
 
 impl Estimate {
-    /// Says nothing but that there was too much light.
+    /// The estimate of a saturated reading.
     pub const SATURATED: Self = Self {
         radiance: f64::NAN,
         variance: f64::INFINITY,
         saturated: true,
     };
 
-    /// Says nothing: an instrument that light does not reach.
+    /// The estimate of an instrument that receives no light.
     pub const UNKNOWN: Self = Self {
         radiance: f64::NAN,
         variance: f64::INFINITY,

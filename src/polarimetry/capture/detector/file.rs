@@ -1,13 +1,14 @@
 //! Detector files: TOML with the settings of one instrument.
 //!
 //! ```toml
-//! demosaic = "bilinear"         # of a polarizer array: "none" (every pixel sees all four), "bilinear", "superpixel"
-//! [cmos]                        # or [spad]; what is left out has the default value
+//! demosaic = "bilinear"        # polarizer array: "none" (all four at every pixel), "bilinear", "superpixel"
+//! [cmos]                        # or [spad]; omitted settings have default values
 //! exposure_s = 0.02
 //! photons_per_unit = 2e6
 //! ```
 //!
-//! A calibration's file ([`base::calibration_file`]) is one too, by its `[detector.cmos]` and `[detector.spad]`.
+//! A calibration file ([`base::calibration_file`]) also works, through its `[detector.cmos]` and
+//! `[detector.spad]`.
 
 use super::cmos::Cmos;
 use super::error::{DetectorError, demand, positive};
@@ -21,14 +22,11 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The instrument that a file describes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Detector {
-    /// A camera.
     Cmos {
-        /// Its settings.
         camera: Cmos,
-        /// How the mosaic of a polarizer array is taken apart; without it every pixel sees all four channels.
+        /// Demosaicking method for a polarizer array; without it every pixel records all four channels.
         demosaic: Option<Method>,
     },
     /// A single-photon avalanche diode.
@@ -55,7 +53,7 @@ impl DemosaicFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(dead_code)] // what others read of a calibration has to be allowed, no more
+#[allow(dead_code)] // calibration tables of other readers are only accepted
 struct DetectorFile {
     demosaic: Option<Located<DemosaicFile>>,
     cmos: Option<Located<Cmos>>,
@@ -90,7 +88,7 @@ struct DetectorFile {
     analyzer: IgnoredAny,
 }
 
-/// `[detector]` of a calibration, which may have both.
+/// `[detector]` of a calibration, which may hold both.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Calibrated {
@@ -98,18 +96,18 @@ struct Calibrated {
     spad: Option<Located<Spad>>,
 }
 
-/// Reads a detector file; of a calibration's two detectors the counter if what it is to read has time bins (`timed`), else the
-/// camera.
+/// Reads a detector file. If a calibration has both detectors, `timed` (data with time bins) selects the
+/// photon counter, otherwise the camera.
 ///
 /// # Errors
-/// [`InputError`] naming file, place and fix.
+/// [`InputError`] with file, location and fix.
 pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
     let fix = "write a file with the line [cmos] or [spad]; all settings have defaults";
     let text = document::read(path, "detector", fix)?;
     from_toml(path, &text, timed)
 }
 
-/// A detector from TOML text; `path` is for messages.
+/// Parses a detector from TOML text; `path` is used in messages.
 ///
 /// # Errors
 /// As [`load`].
@@ -193,7 +191,8 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
     }
 }
 
-/// Where the field that an error names is set: its name at the beginning of a line, else the whole table.
+/// Returns the span of the field that an error names: its name at the beginning of a line, otherwise the
+/// whole table.
 fn field_span(text: &str, section: &Range<usize>, e: &DetectorError) -> Range<usize> {
     let DetectorError::Field { field, .. } = e else {
         return section.clone();
@@ -211,7 +210,8 @@ fn field_span(text: &str, section: &Range<usize>, e: &DetectorError) -> Range<us
     section.clone()
 }
 
-/// What can be checked of a diode before the bins of a slice are known: with bins that fit where those are the default ones.
+/// Returns a diode with valid bins in place of the default ones, so that the other settings can be checked
+/// before the bins of a slice are known.
 fn without_bins(diode: &Spad) -> Spad {
     let (standard, mut out) = (Spad::default(), diode.clone());
     if diode.bins == standard.bins {
@@ -223,11 +223,11 @@ fn without_bins(diode: &Spad) -> Spad {
     out
 }
 
-/// A diode whose counter has the time bins of a histogram: `bins` of `bin_ps` each, from the laser pulse on. Settings that
-/// are not the default ones must agree with it.
+/// Returns a diode whose counter has the time bins of a histogram: `bins` bins of `bin_ps` each, starting at
+/// the laser pulse. Settings that differ from the defaults must agree with them.
 ///
 /// # Errors
-/// [`DetectorError::Field`] if they do not, or the histogram is longer than the period.
+/// [`DetectorError::Field`] if they differ, or if the histogram is longer than the period.
 pub fn with_bins(diode: &Spad, bins: usize, bin_ps: f64) -> Result<Spad, DetectorError> {
     let (standard, mut out) = (Spad::default(), diode.clone());
     let free = diode.bin_ps == standard.bin_ps;
@@ -248,7 +248,7 @@ pub fn with_bins(diode: &Spad, bins: usize, bin_ps: f64) -> Result<Spad, Detecto
     out.bin_ps = bin_ps;
     out.bins = bins;
     if diode.period_ps == standard.period_ps {
-        // The default period, or what holds all bins, in whole bins.
+        // The default period, extended to hold all bins and rounded up to whole bins.
         out.period_ps = (diode.period_ps / bin_ps).ceil().max(bins as f64) * bin_ps;
     }
     out.check()?;
@@ -280,7 +280,7 @@ mod tests {
         assert!(matches!(none, Detector::Cmos { demosaic: None, .. }));
         let diode = read("[spad]\npulses = 5").expect("a diode");
         assert!(matches!(diode, Detector::Spad(d) if d.pulses == 5));
-        // The bins of a slice may fit a period that the default ones do not.
+        // A slice's bins may fit a period that the default bins do not fit.
         for text in [
             "[spad]\nperiod_ps = 9990",
             "[spad]\nperiod_ps = 9990\nbin_ps = 30",
@@ -290,7 +290,7 @@ mod tests {
         }
     }
 
-    /// Of a calibration the detector that fits what is read, whatever else it has.
+    /// A calibration yields the detector that fits the data, and its other tables are ignored.
     #[test]
     fn calibrations_are_read() {
         let both = "[camera]\nresolution = [4, 3]\n[quality]\nviews = 1\n[radiometric]\nx = 1\n[detector.cmos]\nread_noise_e = 3.5\n\

@@ -1,30 +1,35 @@
-//! Corrections of photon-counting histograms for photons that came while the diode was dead.
+//! Corrections of photon-counting histograms for photons that arrive during the dead time of the diode.
 //!
-//! Both divide counts by the pulses in which the diode was armed, and differ in which these are. Synchronous: those
-//! without an earlier count (Coates 1968, J. Phys. E 1:878, "The correction for photon 'pile-up' in the measurement of
-//! radiative lifetimes"),
+//! Both corrections divide counts by the number of pulses in which the diode was armed. In synchronous mode
+//! these are the pulses without an earlier count (Coates 1968, J. Phys. E 1:878, "The correction for photon
+//! 'pile-up' in the measurement of radiative lifetimes"),
 //!
 //! > λ_i = -ln(1 - n_i/A_i),  A_i = N - Σ_{j<i} n_j,  Var λ_i ≈ n_i/(A_i (A_i - n_i)).
 //!
-//! Free-running with dead time D: bin i is dead for the part of it that the dead times of counts in bins j cover. With
-//! counts anywhere in their bins, that is H(D - d) - H(-d) for bins d = i - j apart, H the distribution of the
-//! difference of two uniform numbers, on the circle of the laser's period (cf. Isbaner et al. 2016, Opt. Express
-//! 24:9429, "Dead-time correction of fluorescence lifetime measurements and fluorescence lifetime imaging"):
+//! In free-running mode with dead time D, the dead times of counts in bins j cover a part of bin i. For
+//! counts that are uniform within their bins, this part is H(D - d) - H(-d) for bins d = i - j apart, on the
+//! circle of the laser's period. H is the distribution function of the difference of two uniform numbers (cf.
+//! Isbaner et al. 2016, Opt. Express 24:9429, "Dead-time correction of fluorescence lifetime measurements and
+//! fluorescence lifetime imaging"):
 //!
 //! > λ_i = n_i/A_i,  A_i = N - Σ_d n_{i-d} (H(D - d) - H(-d)),  Var λ_i ≈ n_i/A_i².
 //!
-//! n_i - λ_i A_i is a martingale of mean 0 and of variance E n_i, whence both. Neglected: after-pulses, which stay in
-//! the counts as light some dead time later; the uneven place of counts within a bin, of relative order λ_i²; and
-//! the dead times that the end of the capture cuts, of relative order D over the capture's length.
+//! Both results follow because n_i - λ_i A_i is a martingale with mean 0 and variance E n_i. The model
+//! neglects:
+//!
+//! - after-pulses, which remain in the counts as light that arrives a dead time later;
+//! - the uneven position of counts within a bin, of relative order λ_i²;
+//! - dead times cut off at the end of the capture, of relative order D over the capture's length.
 
-/// Detections per pulse and bin, were the diode always armed.
+/// Detections per pulse and bin of a diode that is always armed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
-    /// The rate; NaN where the diode was never armed, or detected something whenever it was.
+    /// The rate; NaN where the diode was never armed, or detected a photon whenever it was armed.
     pub value: f64,
-    /// An unbiased estimate of its variance, 0 in an empty bin, so no weight for single bins.
+    /// An unbiased estimate of the variance. It is 0 in an empty bin and thus unsuitable as a weight of
+    /// single bins.
     pub variance: f64,
-    /// True where there is no estimate since there was too much light.
+    /// True where too much light prevents an estimate.
     pub saturated: bool,
 }
 
@@ -36,7 +41,7 @@ impl Rate {
     };
 }
 
-/// Coates's correction of the counts of a period's bins in `pulses` periods, for a synchronous diode.
+/// Applies Coates's correction to the counts of a period's bins in `pulses` periods, for a synchronous diode.
 #[must_use]
 pub fn coates(counts: &[u64], pulses: u64) -> Vec<Rate> {
     let mut left = pulses as f64;
@@ -55,8 +60,8 @@ pub fn coates(counts: &[u64], pulses: u64) -> Vec<Rate> {
     counts.iter().map(rate).collect()
 }
 
-/// Live-time correction of the counts of all bins of the laser's period in `pulses` periods, for a free-running diode
-/// with a dead time of `dead` bins.
+/// Applies the live-time correction to the counts of all bins of the laser's period in `pulses` periods, for
+/// a free-running diode with a dead time of `dead` bins.
 #[must_use]
 pub fn live_time(counts: &[u64], pulses: u64, dead: f64) -> Vec<Rate> {
     let armed = armed(counts, pulses, dead);
@@ -74,7 +79,8 @@ pub fn live_time(counts: &[u64], pulses: u64, dead: f64) -> Vec<Rate> {
     counts.iter().zip(armed).map(rate).collect()
 }
 
-/// The pulses in which a synchronous diode was still armed at each bin: A_i of [`coates`]; 0 where counts exceed pulses.
+/// Returns A_i of [`coates`]: the pulses in which a synchronous diode was still armed at each bin; 0 where
+/// counts exceed pulses.
 #[must_use]
 pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
     let mut left = pulses as f64;
@@ -86,8 +92,8 @@ pub fn armed_before(counts: &[u64], pulses: u64) -> Vec<f64> {
     counts.iter().map(armed).collect()
 }
 
-/// The pulses, in parts, in which a free-running diode with a dead time of `dead` bins was armed at each bin of the period:
-/// A_i of [`live_time`]; not positive where it saw too much.
+/// Returns A_i of [`live_time`]: the fractional number of pulses in which a free-running diode with a dead
+/// time of `dead` bins was armed at each bin of the period. It is not positive where the counts are too high.
 #[must_use]
 pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
     let bins = counts.len();
@@ -98,7 +104,7 @@ pub fn armed(counts: &[u64], pulses: u64, dead: f64) -> Vec<f64> {
         Some(*sum)
     }));
     let total = before[bins];
-    // Bins 1 to `whole` behind a count are dead altogether, and so are the counts of whole periods.
+    // A count blocks bins 1 to `whole` behind it completely. Dead times of whole periods block all bins.
     let whole = (dead.floor() - 1.0).max(0.0);
     let laps = (whole / bins as f64).floor();
     let rest = ((whole - laps * bins as f64).max(0.0) as usize).min(bins);
@@ -138,15 +144,16 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Means of the corrected rates over captures are the true ones within 5 standard errors, and the mean of the stated
-    /// variances is the variance seen, both per bin; and so is the mean of their sum, whose variance is the sum (errors of
-    /// martingales are not correlated), which shows ten times smaller biases.
+    /// Checks that mean corrected rates are the true ones within 5 standard errors, and that the mean of the
+    /// stated variances is the observed variance, per bin. The sum over bins is checked in the same way and
+    /// reveals biases ten times smaller. Its variance is the sum, because errors of martingales are
+    /// uncorrelated.
     fn assert_unbiased(rates: &[f64], captures: &[Vec<Rate>]) {
         for (i, rate) in rates.iter().enumerate() {
             let seen = Moments::of(captures.iter().map(|c| c[i].value));
             let stated = Moments::of(captures.iter().map(|c| c[i].variance));
             seen.assert_mean(*rate, stated.mean);
-            // κ₄ of counts of mean ≥ 20 is below σ⁴/10; stated variances are known better than that.
+            // κ₄ of counts with mean ≥ 20 is below σ⁴/10; the stated variances are more precise than that.
             seen.assert_variance(stated.mean, 0.1 * stated.mean.powi(2));
         }
         let sum = |one: fn(&Rate) -> f64| Moments::of(captures.iter().map(|c| c.iter().map(one).sum()));
@@ -162,7 +169,7 @@ mod tests {
         let counts: Vec<_> = (0..2000)
             .map(|key| tcspc::synchronous(&rates, 20_000, &mut stream(21, 0, key)))
             .collect();
-        // Uncorrected, the last bin has a tenth of its photons, and its ratio to the first is far off.
+        // Without correction, the last bin has a tenth of its photons, and its ratio to the first is far off.
         let raw = |i: usize| counts.iter().map(|c| c[i] as f64).sum::<f64>() / 2000.0 / 20_000.0;
         assert!((raw(7) / (f64::exp(-2.6) * (1.0 - f64::exp(-0.2))) - 1.0).abs() < 0.01);
         assert!(raw(7) < 0.1 * raw(0));
@@ -172,8 +179,8 @@ mod tests {
         );
     }
 
-    /// Dead times of a part of a bin, of bins, of a part of a period, and of more than one and two periods, for 0.95
-    /// photons per pulse: 300 captures of 10 000 pulses.
+    /// Dead times of part of a bin, several bins, part of a period, and more than one and two periods, with
+    /// 0.95 photons per pulse: 300 captures of 10 000 pulses.
     #[test]
     fn live_time_undoes_dead_time() {
         let rates: Vec<_> = (0..40)
@@ -196,7 +203,7 @@ mod tests {
         }
     }
 
-    /// The weights sum to D: each count takes so many bins.
+    /// The weights of a count sum to D, its dead time in bins.
     #[test]
     fn each_count_takes_its_dead_time() {
         for dead in [0.0, 0.4, 1.0, 1.5, 2.0, 3.7, 8.0, 9.5, 16.0, 23.2] {

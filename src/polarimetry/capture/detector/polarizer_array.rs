@@ -1,19 +1,20 @@
-//! The mosaic of polarizers on a sensor (division of focal plane), and what undoes it.
+//! The mosaic of polarizers on a sensor (division of focal plane), and demosaicking.
 //!
-//! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2; its colour version, IMX250MYR, has a
-//! Bayer mosaic over it, each of whose fields is one such block, so that 4×4 pixels repeat:
+//! Sony's IMX250MZR has a wire-grid polarizer over each pixel, in blocks of 2×2. Its colour version,
+//! IMX250MYR, adds a Bayer mosaic with one such block per field, so that a pattern of 4×4 pixels repeats:
 //!
 //! > 90°  45°         R  R  G  G
 //! > 135°  0°         R  R  G  G
 //! >                  G  G  B  B
 //! >                  G  G  B  B
 //!
-//! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the top one, column 0 the
-//! left one). Images of the four polarizers are kept in the order of [`ARRAY_DEG`](crate::capture::scheme::ARRAY_DEG), that of Baek & Heide 2021.
+//! (Sony Semiconductor Solutions, "Polarization image sensor technology: Polarsens"; row 0 is the top one,
+//! column 0 the left one). Images of the four polarizers are in the order of
+//! [`ARRAY_DEG`](crate::capture::scheme::ARRAY_DEG), as in Baek & Heide 2021.
 //!
-//! Polarizers beside one another see points beside one another, so edges of the scene pass for polarization: no method
-//! here avoids that (for those that trade it for other errors, see Zhang, Luo, Liu & Cui 2016, "Image interpolation for
-//! division of focal plane polarimeters with intensity correlation").
+//! Adjacent polarizers observe adjacent points, so edges of the scene cause false polarization. No method
+//! here avoids that (for methods that exchange it for other errors, see Zhang, Luo, Liu & Cui 2016, "Image
+//! interpolation for division of focal plane polarimeters with intensity correlation").
 
 use super::error::{DetectorError, area};
 use serde::{Deserialize, Serialize};
@@ -21,51 +22,48 @@ use serde::{Deserialize, Serialize};
 /// Index in `ARRAY_DEG` of the polarizer in `[y % 2][x % 2]`.
 const LAYOUT: [[usize; 2]; 2] = [[2, 1], [3, 0]];
 
-/// Index of the polarizer (in `ARRAY_DEG`) over a pixel.
+/// Returns the index (in `ARRAY_DEG`) of the polarizer over a pixel.
 #[must_use]
 pub fn polarizer(x: usize, y: usize) -> usize {
     LAYOUT[y % 2][x % 2]
 }
 
-/// Field of the Bayer mosaic over a pixel: 0 red, 1 green beside red, 2 green beside blue, 3 blue.
+/// Returns the Bayer field over a pixel: 0 red, 1 green in a red row, 2 green in a blue row, 3 blue.
 #[must_use]
 pub fn bayer_field(x: usize, y: usize) -> usize {
     y / 2 % 2 * 2 + x / 2 % 2
 }
 
-/// How a mosaic is taken apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Each 2×2 block is one pixel with four polarizers; an odd last row or column is dropped.
+    /// Each 2×2 block becomes one pixel with four polarizers; an odd last row or column is dropped.
     Superpixel,
-    /// All pixels get all polarizers: means of the two or four nearest.
+    /// Every pixel gets all polarizers: means of the two or four nearest.
     Bilinear,
 }
 
 /// Images of the four polarizers, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Images {
-    /// In the order of `ARRAY_DEG`, each `width`·`height` values.
+    /// In the order of `ARRAY_DEG`, each with `width`·`height` values.
     pub images: [Vec<f64>; 4],
-    /// Columns.
     pub width: usize,
-    /// Rows.
     pub height: usize,
 }
 
-/// Mosaics of polarizers, one for each field of a Bayer mosaic, of half the width and height.
+/// Mosaics of polarizers, one per field of a Bayer mosaic, each with half the width and height.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bayer<T> {
-    /// Red, green beside red, green beside blue, blue; each a mosaic for [`demosaic`].
+    /// Red, green in red rows, green in blue rows, blue; each a mosaic for [`demosaic`].
     pub fields: [Vec<T>; 4],
-    /// Columns of each.
+    /// Columns of each field.
     pub width: usize,
-    /// Rows of each.
+    /// Rows of each field.
     pub height: usize,
 }
 
-/// The raw frame of a sensor in front of which each polarizer gives one full-resolution image.
+/// Returns the raw frame of a sensor from one full-resolution image per polarizer.
 ///
 /// # Errors
 /// [`DetectorError::Count`] unless all images have `width`·`height` values.
@@ -73,7 +71,7 @@ pub fn mosaic<T: Copy>(images: [&[T]; 4], width: usize, height: usize) -> Result
     mosaic_bayer([images; 3], width, height)
 }
 
-/// The raw frame of a colour sensor: `images` by colour (red, green, blue), then by polarizer.
+/// Returns the raw frame of a colour sensor; `images` is by colour (red, green, blue), then by polarizer.
 ///
 /// # Errors
 /// [`DetectorError::Count`] unless all images have `width`·`height` values.
@@ -91,7 +89,8 @@ pub fn mosaic_bayer<T: Copy>(
     Ok(raw.collect())
 }
 
-/// Splits the raw frame of a colour sensor by colours. Rows and columns beyond the last 4×4 block are dropped.
+/// Splits the raw frame of a colour sensor into its Bayer fields. Rows and columns beyond the last 4×4 block
+/// are dropped.
 ///
 /// # Errors
 /// [`DetectorError::Count`] unless `raw` has `width`·`height` values.
@@ -111,9 +110,9 @@ pub fn split_bayer<T: Copy>(raw: &[T], width: usize, height: usize) -> Result<Ba
     })
 }
 
-/// Takes a mosaic apart.
+/// Demosaics a raw frame.
 ///
-/// Values that are not finite (of saturated pixels) have no weight; where none is left, the result is NaN.
+/// Non-finite values (from saturated pixels) have zero weight. A result without any finite value is NaN.
 ///
 /// # Errors
 /// [`DetectorError::Count`] unless `raw` has `width`·`height` values.
@@ -123,8 +122,8 @@ pub fn demosaic(raw: &[f64], width: usize, height: usize, method: Method) -> Res
     })
 }
 
-/// The variances of what [`demosaic`] gives, from those of independent pixels. Neighbours of a bilinear image share
-/// pixels, so their errors are correlated, of which this says nothing.
+/// Returns the variances of the results of [`demosaic`] from the variances of independent pixels. Neighbours
+/// of a bilinear image share pixels, so their errors are correlated; the variances do not include this.
 ///
 /// # Errors
 /// [`DetectorError::Count`] unless `variance` has `width`·`height` values.
@@ -139,7 +138,7 @@ pub fn demosaic_variance(
     })
 }
 
-/// Takes a mosaic apart; `value` gets Σ w v, Σ w and Σ w² v.
+/// Demosaics a raw frame; `value` receives Σ w v, Σ w and Σ w² v.
 fn apart(
     raw: &[f64],
     width: usize,
@@ -181,7 +180,8 @@ fn apart(
     Ok(out)
 }
 
-/// Places below `size` of parity `parity` that make the value at place `at` of the result, with their weights.
+/// Returns the positions below `size` with parity `parity` that contribute to position `at` of the result,
+/// with their weights.
 fn nearest(at: usize, parity: usize, size: usize, method: Method) -> impl Iterator<Item = (usize, f64)> {
     let places = match (method, at % 2 == parity) {
         (Method::Superpixel, _) => [Some((2 * at + parity, 1.0)), None],
@@ -199,7 +199,7 @@ mod tests {
 
     const SIZE: [usize; 2] = [9, 7];
 
-    /// An image f(x, y, polarizer) for each polarizer.
+    /// Returns an image f(x, y, polarizer) for each polarizer.
     fn images([w, h]: [usize; 2], f: impl Fn(usize, usize, usize) -> f64) -> [Vec<f64>; 4] {
         std::array::from_fn(|p| (0..w * h).map(|i| f(i % w, i / w, p)).collect())
     }
@@ -267,18 +267,18 @@ mod tests {
                 raw_of(&images([4, 4], |_, _, p| (10 * colour + p) as f64), [4, 4])
             );
         }
-        // Places: the field below and right of a block's corner.
+        // Positions: the field below and right of a block's corner.
         let numbers: Vec<_> = (0..64).collect();
         let split = split_bayer(&numbers, 8, 8).expect("has the size");
         assert_eq!(split.fields[0][..4], [0, 1, 4, 5]);
         assert_eq!(split.fields[3][4..8], [26, 27, 30, 31]);
     }
 
-    /// Means of one, two or four equal variances, and of fewer at the borders.
+    /// Averages of one, two or four equal variances, and of fewer at the borders.
     #[test]
     fn variances_fall_with_the_pixels_that_are_averaged() {
         let got = demosaic_variance(&[4.0; 25], 5, 5, Method::Bilinear).expect("has the size");
-        // Over pixel (2, 2) lies 90°; 45° is beside it, 135° below and 0° across.
+        // Pixel (2, 2) has 90°; 45° is horizontally adjacent, 135° vertically, 0° diagonally.
         let inside: Vec<_> = got.images.iter().map(|v| v[12]).collect();
         assert_eq!(inside, [1.0, 2.0, 4.0, 2.0]);
         let corner: Vec<_> = got.images.iter().map(|v| v[0]).collect();

@@ -3,21 +3,23 @@
 use optics::sampling::stream::Stream;
 use rand_distr::{Distribution, Poisson, StandardNormal};
 
-/// Keeps detectors' random numbers apart from the renderer's, which has the same (seed, pixel, sample) keys: noise must
-/// not be correlated with the render that it is added to. Any constant does.
+/// Separates the detectors' random numbers from the renderer's, which use the same (seed, pixel, sample)
+/// keys. Noise must not be correlated with the render that it is added to. The value of the constant is
+/// arbitrary.
 const SALT: u64 = 0x6465_7465_6374_6f72;
 
-/// Above this mean, Poisson numbers are drawn as normal ones: their skewness, 1e-5, is then far below any test, and
-/// rejection loses accuracy in double precision (rust-random/rand issue 1515).
+/// Above this mean, a normal number replaces a Poisson number. Its skewness, 1e-5, is then far below the
+/// resolution of any test, and rejection sampling loses accuracy in double precision (rust-random/rand issue
+/// 1515).
 const NORMAL_ABOVE: f64 = 1e10;
 
-/// The random stream of pixel number `pixel` in capture `key`, apart from all streams of the renderer.
+/// Returns the random stream of pixel `pixel` in capture `key`, separate from all streams of the renderer.
 #[must_use]
 pub fn stream(seed: u64, pixel: u32, key: u32) -> Stream {
     Stream::new(seed ^ SALT, pixel, key)
 }
 
-/// A Poisson number; 0 where the mean is not positive or not a number.
+/// Returns a Poisson number; 0 if the mean is NaN or not positive.
 pub(super) fn poisson(mean: f64, stream: &mut Stream) -> f64 {
     if mean > NORMAL_ABOVE {
         let mean = mean.min(f64::MAX);
@@ -26,7 +28,7 @@ pub(super) fn poisson(mean: f64, stream: &mut Stream) -> f64 {
     Poisson::new(mean).map_or(0.0, |p| p.sample(stream))
 }
 
-/// A standard normal number.
+/// Returns a standard normal number.
 pub(super) fn normal(stream: &mut Stream) -> f64 {
     StandardNormal.sample(stream)
 }

@@ -2,43 +2,43 @@
 //!
 //! > h(t) = (1 - a) N(t; σ) + a ∫₀^∞ N(t - s; σ) exp(-s/τ)/τ ds
 //!
-//! a Gaussian of the jitter of laser, diode and clock, and an exponential tail of carriers that diffuse into the
-//! junction (the usual description of SPADs: Lacaita, Cova, Ghioni & Zappa 1993, "Single-photon avalanche diode with
-//! ultrafast pulse response free from slow tails"). Up to the time t it has given
+//! It combines a Gaussian for the jitter of laser, diode and clock with an exponential tail from carriers
+//! that diffuse into the junction (the usual model of SPADs: Lacaita, Cova, Ghioni & Zappa 1993,
+//! "Single-photon avalanche diode with ultrafast pulse response free from slow tails"). The cumulative
+//! response is
 //!
 //! > H(t) = Φ(t/σ) - a exp(σ²/2τ² - t/τ) Φ(t/σ - σ/τ),
 //!
-//! the exponentially modified Gaussian's distribution (Grushka 1972, Anal. Chem. 44:1733) mixed with the normal one, Φ.
-//! Light is taken to arrive in the middle of its bin.
+//! the distribution function of the exponentially modified Gaussian (Grushka 1972, Anal. Chem. 44:1733) mixed
+//! with that of the normal distribution, Φ. Light is assumed to arrive in the middle of its bin.
 
 /// FWHM of a Gaussian over its standard deviation, 2√(2 ln 2).
 pub const FWHM_PER_SIGMA: f64 = 2.354_820_045_030_949_3;
 
-/// What lies further out than so many standard deviations and so many times τ is below double precision.
+/// Beyond this number of standard deviations plus this multiple of τ, the response is below double precision.
 const SIGMAS: f64 = 9.0;
 const TAUS: f64 = 40.0;
 
-/// Below this, Φ is taken from its asymptotic series: Φ alone would soon underflow, and its factor overflow.
+/// Below this, Φ comes from its asymptotic series: Φ itself would soon underflow, and its factor overflow.
 const FAR: f64 = -30.0;
 
-/// The instrument's response; times in any one unit.
+/// The instrument's response; all times have the same arbitrary unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// Standard deviation σ of the jitter, zero or more.
     pub sigma: f64,
-    /// Share a of the tail, 0 to 1.
+    /// Fraction a of the tail, 0 to 1.
     pub tail: f64,
     /// Time constant τ of the tail, zero or more.
     pub tau: f64,
 }
 
-/// The normal distribution.
 fn normal_distribution(x: f64) -> f64 {
     0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
 impl Response {
-    /// H(t): the share of the response before `t`.
+    /// Returns H(t), the fraction of the response before `t`.
     #[must_use]
     pub fn before(&self, t: f64) -> f64 {
         let Self { sigma, tail, tau } = *self;
@@ -65,18 +65,18 @@ impl Response {
         gauss - tail * late
     }
 
-    /// The mean delay, aτ.
+    /// Returns the mean delay, aτ.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.tail * self.tau
     }
 
-    /// Shares that arrive 0, 1, … bins of length `bin` later, on a circle of `bins`; their sum is 1. What arrives
-    /// earlier stands at the end.
+    /// Returns the fractions that arrive 0, 1, … bins of length `bin` later, on a circle of `bins` bins;
+    /// their sum is 1. Earlier arrivals are at the end.
     #[must_use]
     pub fn binned(&self, bin: f64, bins: usize) -> Vec<f64> {
         let mut out = vec![0.0; bins];
-        // No checked setting reaches further; the bound keeps others from looping for ever.
+        // No checked setting reaches further; the bound prevents an endless loop for others.
         let reach = |time: f64| (time / bin).ceil().min(64.0 * bins as f64) as i64 + 1;
         let (early, late) = (
             reach(SIGMAS * self.sigma),
@@ -93,7 +93,7 @@ impl Response {
             }
             below = above;
         }
-        // What is cut off at both ends is below rounding, but rates must add up.
+        // The truncated ends are below rounding, but the rates must sum to 1.
         let sum: f64 = out.iter().sum();
         out.iter_mut().for_each(|v| *v /= sum);
         out
@@ -108,7 +108,7 @@ mod tests {
         Response { sigma, tail, tau }
     }
 
-    /// Bins with the times of their middles, those of the second half being negative.
+    /// Returns bins with the times of their centres, negative in the second half.
     fn timed(shares: &[f64]) -> Vec<(f64, f64)> {
         let n = shares.len() as i64;
         let time = |k: i64| if k < n / 2 { k } else { k - n } as f64;
@@ -127,7 +127,7 @@ mod tests {
             let sum = |power: i32| timed(&shares).iter().map(|(t, v)| v * t.powi(power)).sum::<f64>();
             assert!((sum(0) - 1.0).abs() < 1e-13);
             assert!((sum(1) - r.mean()).abs() < 1e-9, "{r:?}: {}", sum(1));
-            // Second moment: σ² + 2aτ², and 1/12 of the bins.
+            // Second moment: σ² + 2aτ², plus 1/12 from the bins.
             let second = r.sigma.powi(2) + 2.0 * r.tail * r.tau.powi(2) + 1.0 / 12.0;
             assert!(
                 (sum(2) / second - 1.0).abs() < 1e-9,
@@ -145,7 +145,7 @@ mod tests {
         assert!((wide - 70.0).abs() <= 0.5, "{wide}");
     }
 
-    /// The closed form is the convolution integral, by the trapezoidal rule.
+    /// The closed form equals the convolution integral, computed by the trapezoidal rule.
     #[test]
     fn tail_is_the_convolution_of_both() {
         for (sigma, tau) in [(1.0, 3.0), (2.0, 0.5), (1.0, 0.06)] {

@@ -1,16 +1,17 @@
-//! A single-photon avalanche diode with time-correlated counting (TCSPC).
+//! A single-photon avalanche diode with time-correlated single-photon counting (TCSPC).
 //!
-//! Light of radiance L_j in time bin j of a laser's period gives, per pulse and while the diode is armed,
+//! Light of radiance L_j in time bin j of a laser's period causes, per pulse while the diode is armed,
 //!
 //! > λ_i = η Φ Σ_j h_{i-j} L_j + d Δ
 //!
-//! detections in bin i, with detection efficiency η, photons Φ per pulse and unit of radiance, the instrument's response h
-//! on the circle of the period (`response.rs`), dark counts d per second and bins of length Δ. Dead time makes the
-//! histogram of N pulses from it (`tcspc.rs`), and [`super::pile_up`] undoes that. The response stays in the estimates:
-//! they are of h ∗ L, later than L by [`Spad::response_mean_ps`] on average.
+//! detections in bin i. Here η is the detection efficiency, Φ the photons per pulse and unit of radiance, h
+//! the instrument's response on the circle of the period (`response.rs`), d the dark counts per second and Δ
+//! the length of a bin. Dead time converts these rates to the histogram of N pulses (`tcspc.rs`), and
+//! [`super::pile_up`] corrects for it. The estimates include the response: they estimate h ∗ L, which is
+//! later than L by [`Spad::response_mean_ps`] on average.
 //!
-//! The jitter is applied to the rates, before the dead time; the difference is of the order of the jitter over the
-//! dead time.
+//! The jitter is applied to the rates, before the dead time. The resulting error is of the order of the
+//! jitter over the dead time.
 
 use super::super::spectral_value::SpectralValue;
 use super::error::{DetectorError, count, demand, efficiency, finite, non_negative, positive, share};
@@ -21,50 +22,50 @@ use super::tcspc::{self, Recovery};
 use optics::sampling::stream::Stream;
 use serde::{Deserialize, Serialize};
 
-/// Most bins of a period.
+/// Maximum number of bins of a period.
 const MAX_BINS: f64 = 1_048_576.0;
 
-/// Most pulses of a capture; a day at 10 MHz.
+/// Maximum number of pulses of a capture: a day at 10 MHz.
 const MAX_PULSES: u64 = 1_000_000_000_000;
 
-/// Most detections that a free-running diode may be expected to have in one capture: they are followed one by one, some 10⁷ a
-/// second. As many are seen in five seconds by a diode that is dead for 50 ns and always sees light.
+/// Maximum expected number of detections of a free-running diode in one capture. They are simulated one by
+/// one, about 10⁷ per second. A diode with a dead time of 50 ns in constant light reaches this number in five
+/// seconds.
 const MAX_DETECTIONS: f64 = 1e8;
 
 /// When the diode is armed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
-    /// At each laser pulse: classical counting, at most one detection per pulse. `dead_time_ps` and after-pulses have no
-    /// part in it: they are to be over at the next pulse.
+    /// At each laser pulse: classical counting with at most one detection per pulse. `dead_time_ps` and
+    /// after-pulses have no effect: both are assumed to end before the next pulse.
     #[default]
     Synchronous,
-    /// A fixed dead time after each detection (not prolonged by photons that come meanwhile).
+    /// After a fixed dead time that follows each detection (photons during it do not extend it).
     FreeRunning,
 }
 
-/// A diode's and its counter's settings. The defaults are typical numbers of silicon SPADs with a 10 MHz laser;
-/// `photons_per_unit` depends on the scene, the laser and the lens and is only a placeholder.
+/// The settings of a diode and its counter. The defaults are typical of silicon SPADs with a 10 MHz laser.
+/// `photons_per_unit` depends on scene, laser and lens; its default is only a placeholder.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Spad {
-    /// When the diode is armed.
     pub mode: Mode,
     /// Length of a bin, ps.
     pub bin_ps: f64,
-    /// Bins from the start of the period of which estimates are made; counts are kept of all.
+    /// Number of bins from the start of the period that are estimated; counts are kept for all bins.
     pub bins: usize,
-    /// Time from one laser pulse to the next, ps; a whole number of bins.
+    /// Time between laser pulses, ps; a whole number of bins.
     pub period_ps: f64,
-    /// Laser pulses of a capture.
+    /// Laser pulses per capture.
     pub pulses: u64,
-    /// Photons that reach the diode per pulse and unit of the scene's radiance.
+    /// Photons per pulse at the diode and unit of the scene's radiance.
     pub photons_per_unit: f64,
     /// Detections per photon while the diode is armed.
     pub detection_efficiency: SpectralValue,
     /// Detections per second without light.
     pub dark_counts_per_s: f64,
-    /// Time after a detection in which there is none, ps (free-running).
+    /// Time without detections after a detection, ps (free-running).
     pub dead_time_ps: f64,
     /// Probability that a detection causes another one (free-running).
     pub after_pulsing: f64,
@@ -72,9 +73,9 @@ pub struct Spad {
     pub after_pulse_time_ps: f64,
     /// Full width at half maximum of the Gaussian part of the response, ps.
     pub irf_fwhm_ps: f64,
-    /// Share of the response that has an exponential tail.
+    /// Fraction of the response in the exponential tail.
     pub irf_tail: f64,
-    /// Time constant of that tail, ps.
+    /// Time constant of the tail, ps.
     pub irf_tail_ps: f64,
 }
 
@@ -103,7 +104,7 @@ impl Spad {
     /// Checks the settings.
     ///
     /// # Errors
-    /// [`DetectorError::Field`] with the name of the first bad field.
+    /// [`DetectorError::Field`] with the name of the first invalid field.
     pub fn check(&self) -> Result<(), DetectorError> {
         let number = |field, value, need| demand(field, value, positive(value), need);
         let or_zero = |field, value, need| demand(field, value, non_negative(value), need);
@@ -158,7 +159,7 @@ impl Spad {
         within("irf_tail_ps", self.irf_tail_ps)
     }
 
-    /// Bins of the laser's period.
+    /// Returns the number of bins of the laser's period.
     #[must_use]
     pub fn period_bins(&self) -> usize {
         (self.period_ps / self.bin_ps).round() as usize
@@ -190,28 +191,30 @@ impl Spad {
         self.detection_efficiency.at(nm) * self.photons_per_unit
     }
 
-    /// Mean delay of the response, ps: that of its tail.
+    /// Returns the mean delay of the response, ps, which is due to its tail.
     #[must_use]
     pub fn response_mean_ps(&self) -> f64 {
         self.instrument().mean()
     }
 
-    /// Shares of light that are detected 0, 1, … bins later on the circle of the period; their sum is 1.
+    /// Returns the fractions of light that are detected 0, 1, … bins later on the circle of the period; their
+    /// sum is 1.
     ///
     /// # Errors
-    /// Those of [`Self::check`].
+    /// As [`Self::check`].
     pub fn response(&self) -> Result<Vec<f64>, DetectorError> {
         self.check()?;
         Ok(self.instrument().binned(self.bin_ps, self.period_bins()))
     }
 
-    /// Detections per pulse in each bin of the period while the diode is armed.
+    /// Returns the detections per pulse in each bin of the period while the diode is armed.
     ///
-    /// `histogram` is the radiance (scene's unit) in each bin since the laser pulse, at wavelength `nm`; light that comes
-    /// later than a period is seen with the next pulses. Sums that are negative count as none.
+    /// `histogram` is the radiance (scene's unit) in each bin after the laser pulse, at wavelength `nm`.
+    /// Light that arrives later than one period is counted with the following pulses. Negative sums count as
+    /// 0.
     ///
     /// # Errors
-    /// Those of [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.
+    /// As [`Self::check`]; [`DetectorError::Radiance`] if a value is not finite.
     pub fn rates(&self, histogram: &[f64], nm: f64) -> Result<Vec<f64>, DetectorError> {
         finite(histogram)?;
         let response = self.response()?;
@@ -239,22 +242,23 @@ impl Spad {
         Ok(rates)
     }
 
-    /// Variance of the estimate in one bin of this radiance after all pulses, dead time left out: photons and dark counts are
-    /// Poisson's.
+    /// Returns the variance of one bin's estimate at this radiance after all pulses, without dead time.
+    /// Photons and dark counts follow Poisson statistics.
     #[must_use]
     pub fn variance(&self, radiance: f64, nm: f64) -> f64 {
         let unit = self.per_unit(nm);
         let rate = (unit * radiance).max(0.0) + self.dark();
-        // At least one count in all: no bin is known better than that.
+        // At least one count in total, which limits the precision of a bin.
         let pulses = self.pulses as f64;
         rate.max(1.0 / pulses) / (pulses * unit * unit)
     }
 
-    /// Counts in each bin of the period after all pulses of one capture, for rates of [`Self::rates`].
+    /// Returns random counts in each bin of the period after all pulses of one capture, for rates from
+    /// [`Self::rates`].
     ///
     /// # Errors
-    /// Those of [`Self::check`]; [`DetectorError::Count`] if there is not a rate for each bin of the period,
-    /// [`DetectorError::Detections`] if a free-running diode could be expected to have more than 10⁸ of them.
+    /// As [`Self::check`]; [`DetectorError::Count`] unless there is one rate per bin of the period;
+    /// [`DetectorError::Detections`] if a free-running diode is expected to have more than 10⁸ detections.
     pub fn count(&self, rates: &[f64], stream: &mut Stream) -> Result<Vec<u64>, DetectorError> {
         self.check()?;
         count("the rates of a period", self.period_bins(), rates.len())?;
@@ -270,13 +274,14 @@ impl Spad {
         Ok(tcspc::free_running(rates, &recovery, self.pulses, stream))
     }
 
-    /// The radiance in each of the first `bins` bins that counts in all bins of the period tell of, dead time undone and
-    /// dark counts subtracted (see [`pile_up`] for what is neglected).
+    /// Returns radiance estimates in the first `bins` bins from the counts in all bins of the period. The
+    /// dead time is corrected and dark counts are subtracted (see [`pile_up`] for the neglected effects).
     ///
-    /// The variances are unbiased, and so 0 in bins without counts: no weights for single bins.
+    /// The variances are unbiased and therefore 0 in bins without counts, so they are unsuitable as weights
+    /// of single bins.
     ///
     /// # Errors
-    /// Those of [`Self::check`]; [`DetectorError::Count`] if there is not a count for each bin of the period.
+    /// As [`Self::check`]; [`DetectorError::Count`] unless there is one count per bin of the period.
     pub fn estimate(&self, counts: &[u64], nm: f64) -> Result<Vec<Estimate>, DetectorError> {
         self.check()?;
         count("the counts of a period", self.period_bins(), counts.len())?;

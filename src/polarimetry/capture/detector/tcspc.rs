@@ -1,22 +1,22 @@
 //! Simulated time-correlated photon counting: histograms of detections over the laser's period.
 //!
-//! Synchronous (the diode is armed anew at every pulse, and only its first detection of a period counts): one pulse gives
-//! a count in bin i with probability
+//! In synchronous mode the diode is rearmed at every pulse, and only its first detection in a period counts.
+//! One pulse causes a count in bin i with probability
 //!
 //! > p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i))
 //!
-//! and none otherwise (Becker, "Advanced time-correlated single photon counting techniques", 2005), so N pulses give
-//! exactly a multinomial histogram, drawn as a chain of binomial numbers.
+//! and no count otherwise (Becker, "Advanced time-correlated single photon counting techniques", 2005). The
+//! histogram of N pulses is therefore exactly multinomial and is drawn as a chain of binomial numbers.
 //!
-//! Free-running (the diode is dead for a fixed time after each detection, whatever the laser does): the detections are
-//! followed one by one. The next one comes where the integral of the rate since the diode was armed reaches an
-//! exponential number of mean 1, so empty periods cost nothing.
+//! In free-running mode the diode is dead for a fixed time after each detection, independently of the laser.
+//! Detections are simulated one by one. The next detection occurs when the integral of the rate since the
+//! diode was armed reaches an exponential number of mean 1, so empty periods cost no time.
 
 use super::random::poisson;
 use optics::sampling::stream::Stream;
 use rand_distr::{Binomial, Distribution, Exp1};
 
-/// What a free-running diode does after a detection; times in bins.
+/// The behaviour of a free-running diode after a detection; times are in bins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Recovery {
     /// Time without detections.
@@ -27,12 +27,13 @@ pub(super) struct Recovery {
     pub after_pulse: f64,
 }
 
-/// A rate that detections come at: negative ones and those that are not numbers are none.
+/// Returns a rate with negative and NaN values replaced by 0.
 fn sound(rate: f64) -> f64 {
     rate.max(0.0)
 }
 
-/// Counts of `pulses` periods of a synchronous diode; `rates` are detections per pulse and bin while armed.
+/// Returns the counts of `pulses` periods of a synchronous diode; `rates` are detections per pulse and bin
+/// while armed.
 pub(super) fn synchronous(rates: &[f64], pulses: u64, stream: &mut Stream) -> Vec<u64> {
     let mut left = pulses;
     let draw = |rate: &f64| {
@@ -44,20 +45,20 @@ pub(super) fn synchronous(rates: &[f64], pulses: u64, stream: &mut Stream) -> Ve
     rates.iter().map(draw).collect()
 }
 
-/// Most detections that a free-running diode can be expected to have.
+/// Returns an upper bound of the expected number of detections of a free-running diode.
 pub(super) fn most_detections(rates: &[f64], recovery: &Recovery, pulses: u64) -> f64 {
     let pulses = pulses as f64;
     let seen = pulses * rates.iter().copied().map(sound).sum::<f64>() / (1.0 - recovery.after_pulsing);
     seen.min(pulses * rates.len() as f64 / recovery.dead)
 }
 
-/// Counts of `pulses` periods of a free-running diode that is armed at the start; `rates` are detections per pulse and
-/// bin while armed, constant within a bin.
+/// Returns the counts of `pulses` periods of a free-running diode that is armed at the start; `rates` are
+/// detections per pulse and bin while armed, constant within a bin.
 ///
-/// An after-pulse that is still to come is forgotten if a photon is detected first: that avalanche fills the traps anew.
+/// A pending after-pulse is dropped if a photon is detected first, because that avalanche refills the traps.
 pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stream: &mut Stream) -> Vec<u64> {
     if recovery.dead <= 0.0 && recovery.after_pulsing <= 0.0 {
-        // Nothing ties detections to one another, so the counts are independent.
+        // Detections do not affect each other, so the counts are independent.
         let n = pulses as f64;
         return rates
             .iter()
@@ -99,7 +100,7 @@ pub(super) fn free_running(rates: &[f64], recovery: &Recovery, pulses: u64, stre
     }
 }
 
-/// A time as a number of periods and bins since, so that it stays exact over long captures.
+/// A time as periods and bins, which stays exact over long captures.
 #[derive(Clone, Copy)]
 struct Time {
     pulse: u64,
@@ -133,7 +134,7 @@ impl<'a> Clock<'a> {
         self.rates.len() as f64
     }
 
-    /// The time `bins` after `time`.
+    /// Returns the time `bins` after `time`.
     fn later(&self, time: Time, bins: f64) -> Time {
         let bin = time.bin + bins;
         let laps = (bin / self.bins()).floor();
@@ -143,7 +144,7 @@ impl<'a> Clock<'a> {
         }
     }
 
-    /// When the integral of the rate from `time` reaches `wait`; never without light.
+    /// Returns the time when the integral of the rate from `time` reaches `wait`; `None` without light.
     fn photon(&self, time: Time, wait: f64) -> Option<Time> {
         let total = *self.integral.last()?;
         let rate = |bin: usize| self.rates.get(bin).map_or(0.0, |rate| sound(*rate));
@@ -154,7 +155,7 @@ impl<'a> Clock<'a> {
             return None;
         }
         let rest = target - laps * total;
-        // Bins without light are passed over: their integral is that of the next one.
+        // Skips bins without light: their integral equals that of the next bin.
         let bin = self
             .integral
             .partition_point(|sum| *sum <= rest)
@@ -182,7 +183,7 @@ mod tests {
         }
     }
 
-    /// Sums of the counts of `n` captures.
+    /// Returns the moments of the total counts of `n` captures.
     fn sums(n: u32, mut capture: impl FnMut(&mut Stream) -> Vec<u64>) -> Moments {
         Moments::of((0..n).map(|key| capture(&mut stream(11, 0, key)).iter().sum::<u64>() as f64))
     }
@@ -217,8 +218,8 @@ mod tests {
         both.assert_variance(variance, variance * (1.0 - 6.0 * (p + q) * (1.0 - p - q)));
     }
 
-    /// 5000 captures of 20 000 pulses, without and with a dead time that takes 1e-4 of the time: counts are Poisson
-    /// numbers.
+    /// Counts at low flux follow Poisson statistics, without and with a dead time that takes 1e-4 of the
+    /// time: 5000 captures of 20 000 pulses.
     #[test]
     fn low_flux_gives_poisson_counts() {
         let rates = [1e-3, 4e-3, 0.0, 2e-3];
@@ -236,10 +237,11 @@ mod tests {
         }
     }
 
-    /// Constant light of r per bin with dead times τ of a part of a period to several: the count of a time T is that of a
-    /// renewal process whose intervals τ + Exp(r) have mean μ = τ + 1/r and deviation 1/r. It is armed at the start, as
-    /// if the last event had been τ before, so its mean is (T + τ)/μ + ((1/r)² - μ²)/2μ² (Cox 1962, "Renewal theory",
-    /// ch. 4), near r T/(1 + rτ); the variance is r T/(1 + rτ)³. 400 captures of 10 000 bins.
+    /// Constant light of r per bin with dead times τ between part of a period and several periods. The count
+    /// in a time T is that of a renewal process whose intervals τ + Exp(r) have mean μ = τ + 1/r and
+    /// deviation 1/r. The diode is armed at the start, as if the last event had occurred τ before. The mean
+    /// is therefore (T + τ)/μ + ((1/r)² - μ²)/2μ² (Cox 1962, "Renewal theory", ch. 4), near r T/(1 + rτ); the
+    /// variance is r T/(1 + rτ)³. Uses 400 captures of 10 000 bins.
     #[test]
     fn dead_time_saturates_like_a_renewal_process() {
         for (rate, dead) in [(0.02, 30.0), (0.2, 7.5), (1.0, 3.3), (0.5, 45.0), (5.0, 60.0)] {
@@ -252,7 +254,8 @@ mod tests {
             assert!((mean / (rate * time / (1.0 + rate * dead)) - 1.0).abs() < 0.01);
             let variance = rate * time / (1.0 + rate * dead).powi(3);
             if variance < 1.0 {
-                // Fewer than one count of spread: the asymptotic variance does not hold, and the mean is known to a count.
+                // The spread is below one count: the asymptotic variance is invalid, and the mean is exact to
+                // one count.
                 assert!((seen.mean - mean).abs() < 1.0, "{} for {mean}", seen.mean);
                 continue;
             }
@@ -261,8 +264,9 @@ mod tests {
         }
     }
 
-    /// Each detection brings another one with probability p, which may do so itself: clusters of geometric size have mean
-    /// 1/(1 - p) and mean square (1 + p)/(1 - p)². 4000 captures with some 100 photons in 10⁶ pulses.
+    /// Each detection causes another one with probability p, and so on: clusters have geometric size with
+    /// mean 1/(1 - p) and mean square (1 + p)/(1 - p)². Uses 4000 captures with about 100 photons in 10⁶
+    /// pulses.
     #[test]
     fn after_pulses_multiply_the_counts() {
         let p: f64 = 0.2;
@@ -275,7 +279,7 @@ mod tests {
             free_running(&[1e-5; 10], &recovery, 1_000_000, stream)
         });
         let variance = 100.0 * (1.0 + p) / (1.0 - p).powi(2);
-        // Dead time and after-pulses that photons forestall lose some 1e-3.
+        // Dead time and after-pulses that photons preempt reduce the counts by about 1e-3.
         assert!(
             (seen.mean * (1.0 - p) / 100.0 - 1.0).abs() < 5.0 * (variance / 4000.0).sqrt() / 100.0 + 1e-3
         );
@@ -283,7 +287,8 @@ mod tests {
         seen.assert_variance(variance, 890.0);
     }
 
-    /// After-pulses come a dead time and an exponential time later. Light in one bin of 200: the counts behind it.
+    /// After-pulses follow after the dead time plus an exponential time. Light is in one of 200 bins; the
+    /// counts behind it are checked.
     #[test]
     fn after_pulses_come_after_the_dead_time() {
         let mut rates = [0.0; 200];
@@ -296,7 +301,8 @@ mod tests {
         let counts = free_running(&rates, &recovery, 10_000_000, &mut stream(3, 0, 0));
         assert_eq!(counts[1..20].iter().sum::<u64>(), 0);
         let after: u64 = counts[20..].iter().sum();
-        // Mean time from the light, by the first after-pulses: half a bin after the light's on average.
+        // Mean time from the light, from the first after-pulses: on average half a bin after that of the
+        // light.
         let early = &counts[20..41];
         assert!(early[..5].iter().sum::<u64>() > early[5..10].iter().sum::<u64>());
         let (n, share) = (counts[0] as f64, 0.1 / 0.9);
@@ -304,7 +310,7 @@ mod tests {
         assert!((after as f64 - n * share).abs() < 5.0 * spread, "{after} of {n}");
     }
 
-    /// A dead time of 2.5 periods with certain light in one bin: detections are three periods apart.
+    /// With a dead time of 2.5 periods and certain light in one bin, detections are three periods apart.
     #[test]
     fn dead_times_beyond_the_period_skip_pulses() {
         let counts = free_running(&[0.0, 1e6, 0.0, 0.0], &recovery(10.0), 300, &mut stream(4, 0, 0));

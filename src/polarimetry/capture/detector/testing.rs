@@ -21,13 +21,15 @@ impl Moments {
         Self { n, mean, variance }
     }
 
-    /// The mean is `want` within 5·√(variance/n), `variance` being the true one of a value.
+    /// Checks that the mean is `want` within 5·√(variance/n), where `variance` is the true variance of a
+    /// value.
     pub fn assert_mean(&self, want: f64, variance: f64) {
         let off = (self.mean - want) / (variance / self.n).sqrt();
         assert!(off.abs() < 5.0, "mean {} is {off} sigma off {want}", self.mean);
     }
 
-    /// The variance is `want` within five standard errors, Var s² ≈ (2σ⁴ + κ₄)/n, κ₄ being the fourth cumulant.
+    /// Checks that the variance is `want` within five standard errors: Var s² ≈ (2σ⁴ + κ₄)/n, with fourth
+    /// cumulant κ₄.
     pub fn assert_variance(&self, want: f64, fourth: f64) {
         let off = (self.variance - want) / ((2.0 * want * want + fourth) / self.n).sqrt();
         assert!(
@@ -38,7 +40,7 @@ impl Moments {
     }
 }
 
-/// All cumulants of a Poisson number are its mean.
+/// All cumulants of a Poisson number equal its mean.
 pub fn poisson_moments(seen: &Moments, mean: f64) {
     seen.assert_mean(mean, mean);
     seen.assert_variance(mean, mean);

@@ -1,4 +1,4 @@
-//! What scheme files hold, and its checks.
+//! The contents of scheme files, and their checks.
 
 use crate::capture::coaxial::Coaxial;
 use crate::capture::element::{Element, ElementKind, Setting};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
-/// One number, or one for each capture; degrees.
+/// One number, or one per capture; degrees.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(untagged)]
 pub(super) enum SettingFile {
@@ -34,7 +34,7 @@ impl SettingFile {
     }
 }
 
-/// Degrees to 1e-9, so that 90° is not written as 90.00000000000001.
+/// Rounds degrees to 1e-9, so that 90° is not written as 90.00000000000001.
 pub(super) fn tidy(degrees: f64) -> f64 {
     (degrees * 1e9).round() / 1e9
 }
@@ -78,7 +78,7 @@ pub(super) struct SensorFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(dead_code)] // what others read has to be allowed, no more
+#[allow(dead_code)] // fields of other readers are only accepted
 pub(super) struct SchemeFile {
     pub(super) name: Option<String>,
     pub(super) sensor: SensorFile,
@@ -88,7 +88,7 @@ pub(super) struct SchemeFile {
     pub(super) generator: Vec<Located<ElementFile>>,
     #[serde(default)]
     pub(super) analyzer: Vec<Located<ElementFile>>,
-    // What others read of a calibration's file.
+    // Tables of a calibration file that other modules read.
     #[serde(default)]
     polarimetric: IgnoredAny,
     #[serde(default)]
@@ -107,10 +107,10 @@ pub(super) struct SchemeFile {
     detector: IgnoredAny,
 }
 
-/// The largest angle in degrees, and number of any kind.
+/// The largest allowed angle in degrees, and the limit of all other numbers.
 const LARGEST: f64 = 1e6;
 
-/// A file's text, for errors that name places in it.
+/// The text of a file, for errors with locations.
 pub(super) struct Text<'a> {
     pub(super) path: &'a Path,
     pub(super) text: Arc<str>,
@@ -159,7 +159,7 @@ impl Text<'_> {
         default: f64,
     ) -> Result<f64, InputError> {
         match value {
-            // Turned more often, an angle means nothing; all others are smaller.
+            // Beyond this, an angle has no precision left; all other numbers are smaller.
             Some(v) if !(-LARGEST..=LARGEST).contains(&**v) => Err(self.error(
                 Some(v.span()),
                 format!("`{name}` is not a finite number of moderate size"),
@@ -170,7 +170,7 @@ impl Text<'_> {
         }
     }
 
-    /// Checks that settings are of moderate size; what are no numbers at all, schemes refuse.
+    /// Checks that settings are of moderate size. `Scheme` rejects non-finite values.
     fn settings(&self, value: &Located<SettingFile>, name: &str) -> Result<(), InputError> {
         let all = match &**value {
             SettingFile::Fixed(v) => std::slice::from_ref(v),
@@ -293,7 +293,7 @@ impl Text<'_> {
     }
 }
 
-/// The name of a scheme whose file gives none.
+/// Returns the default name of a scheme.
 pub(super) fn stem(path: &Path) -> String {
     path.file_stem()
         .map_or_else(|| "scheme".to_owned(), |s| s.to_string_lossy().into_owned())

@@ -15,7 +15,7 @@ const COLUMNS: [&str; 6] = [
     "retardance_3",
 ];
 
-/// A scheme from a CSV table of angles.
+/// Parses a scheme from a CSV table of angles.
 ///
 /// # Errors
 /// As [`load`](super::load).

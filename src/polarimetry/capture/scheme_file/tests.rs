@@ -1,4 +1,4 @@
-//! Schemes as TOML and CSV: read, written, damaged.
+//! Schemes in TOML and CSV files: reading, writing, damaged input.
 
 use super::*;
 use crate::capture::scheme::Sensor;
@@ -89,7 +89,7 @@ fn faults_have_places_and_fixes() {
     );
 }
 
-/// A calibration's file is the scheme that it has; one without is told what is missing.
+/// A calibration file yields its scheme; without a scheme, the error names what is missing.
 #[test]
 fn calibrations_are_schemes() {
     let others = "[polarimetric]\nnames = []\n[camera]\nresolution = [4, 3]\n[projector]\nx = 1\n[quality]\n[covariance]\n[radiometric]\n\
@@ -132,7 +132,7 @@ fn tables_of_angles() {
 }
 
 proptest! {
-    /// Damaged files are refused or read, never a panic.
+    /// Damaged files are rejected or read, and never cause a panic.
     #[test]
     fn damage_is_survived(at in 0_usize..FULL.len(), with in "[ -~]{0,6}", csv in "[ -~\n,]{0,80}") {
         let mut text = FULL.to_owned();

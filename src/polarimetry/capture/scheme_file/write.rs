@@ -1,4 +1,4 @@
-//! Schemes as TOML text: what differs from ideal elements.
+//! Writes schemes as TOML text.
 
 use super::super::coaxial::Coaxial;
 use super::super::element::{Element, ElementKind};
@@ -7,7 +7,7 @@ use super::super::spectral_value::SpectralValue;
 use super::format::{KindFile, SensorKind, SettingFile, tidy};
 use serde::Serialize;
 
-/// What is written: only what differs from an ideal element.
+/// The written fields: only those that differ from an ideal element.
 #[derive(Serialize)]
 struct ElementOut {
     name: String,
@@ -85,10 +85,10 @@ fn element_out(e: &Element) -> ElementOut {
     out
 }
 
-/// A scheme as TOML.
+/// Returns a scheme as TOML.
 ///
 /// # Errors
-/// If a number cannot be written (none of a checked scheme).
+/// If a number cannot be serialized, which cannot happen for a checked scheme.
 pub fn to_toml(scheme: &Scheme) -> Result<String, toml::ser::Error> {
     let sensor = match &scheme.sensor {
         Sensor::Intensity => SensorOut {

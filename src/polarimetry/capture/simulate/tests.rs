@@ -1,9 +1,9 @@
-//! Simulated captures against the design matrix, and their noise against what it is stated to be.
+//! Tests simulated captures against the design matrix, and their noise against its stated size.
 
 use super::*;
 use crate::capture::detector::testing::Moments;
 
-/// Matrices that differ from pixel to pixel, about `scale` bright; bright in every capture.
+/// Returns matrices that differ per pixel, with T00 equal to `scale`; every capture is bright.
 fn matrices(layout: Layout, scale: f64) -> Vec<f64> {
     let of = |i: usize| match i % 16 {
         0 => scale,
@@ -37,7 +37,7 @@ fn camera(photons_per_unit: f64) -> Noise {
     }
 }
 
-/// A camera without noise but rounding to 24 bits of 1e7 electrons.
+/// Returns a camera whose only noise is 24-bit quantization of 1e7 electrons.
 fn still(demosaic: Option<Method>, binning: u32) -> Noise {
     Noise::Cmos {
         camera: Cmos {
@@ -89,7 +89,7 @@ fn normal_noise_has_its_mean_and_variance() {
     assert_ne!(noisy.intensities, other.intensities);
 }
 
-/// The variances that a camera states are those of its readings over many seeds, with and without a mosaic.
+/// A camera's stated variances agree with the scatter of readings over many seeds, with and without a mosaic.
 #[test]
 fn variances_of_cameras_are_the_scatter() {
     let m = matrices(SMALL, 1.0);
@@ -110,7 +110,7 @@ fn variances_of_cameras_are_the_scatter() {
             let seen = shoot(&with(camera(1e6)), seed);
             let variances = seen.variances.expect("a camera's");
             for ((a, b), v) in seen.intensities.iter().zip(&clean.intensities).zip(&variances) {
-                // Over the stated deviation, so that bright and dark pixels count alike.
+                // Divided by the stated deviation, so that bright and dark pixels have equal weight.
                 off.push(f64::from(*a - *b) / f64::from(*v).sqrt());
                 stated += f64::from(*v);
                 n += 1.0;
@@ -118,7 +118,7 @@ fn variances_of_cameras_are_the_scatter() {
         }
         assert!(stated / n > 0.0);
         let seen = Moments::of(off.into_iter());
-        // Neighbours of a bilinear image share pixels: a quarter of the numbers is independent at least.
+        // Neighbours in a bilinear image share pixels: at least a quarter of the numbers are independent.
         let independent = if demosaic == Some(Method::Bilinear) {
             4.0
         } else {
@@ -128,7 +128,7 @@ fn variances_of_cameras_are_the_scatter() {
             n: seen.n / independent,
             ..seen
         };
-        // The variance is taken from the reading itself, so the quotient is off by a part of 1/(2 √electrons).
+        // The variance is computed from the reading, so the quotient is off by about 1/(2 √electrons).
         assert!(of.mean.abs() < 5.0 / of.n.sqrt() + 0.02, "{}", of.mean);
         of.assert_variance(1.0, 0.0);
     }
@@ -171,7 +171,7 @@ fn too_much_light_is_no_number() {
     assert!(got.variances.is_some_and(|v| v.iter().all(|v| v.is_infinite())));
 }
 
-/// Binning halves the size, and what is read is the mean matrix's intensity.
+/// Binning halves the size, and readings equal the intensity of the mean matrix.
 #[test]
 fn binning_is_the_mean_of_the_matrices() {
     let odd = Layout {
@@ -193,7 +193,8 @@ fn binning_is_the_mean_of_the_matrices() {
     assert!(worst.fold(0.0, f32::max) < 2e-6);
 }
 
-/// What is the same within each superpixel comes back from the mosaic; what is the same everywhere, from interpolation too.
+/// Superpixels recover images that are constant within each superpixel. Interpolation recovers constant
+/// images.
 #[test]
 fn mosaics_of_even_images_come_back() {
     let half = Layout {
@@ -229,7 +230,7 @@ fn mosaics_of_even_images_come_back() {
     }
 }
 
-/// A diode without jitter has the intensities of all time bins on average.
+/// Without jitter, a diode's mean counts equal the intensities of all time bins.
 #[test]
 fn diodes_count_what_is_there() {
     let layout = Layout {
@@ -256,7 +257,7 @@ fn diodes_count_what_is_there() {
     let seen = simulate(&m, layout, &scheme, rays, &diode(40), 0).expect("fits");
     assert_eq!((seen.saturated, seen.variances), (0, None));
     for (a, b) in seen.intensities.iter().zip(&clean.intensities) {
-        // 0.3 x 1e-3 x 1e8 = 30 000 counts a unit.
+        // 0.3 x 1e-3 x 1e8 = 30 000 counts per unit.
         let sigma = (b / 30_000.0).sqrt();
         assert!((a - b).abs() < 6.0 * sigma, "{a} {b}");
     }

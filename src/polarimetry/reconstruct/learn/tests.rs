@@ -1,4 +1,4 @@
-//! Gradients against differences, losses against sampled ones, bounds.
+//! Tests gradients against differences, losses against sampled ones, and learned schemes against bounds.
 
 use super::*;
 use crate::capture::design_matrix::a_optimal_bound;
@@ -21,14 +21,15 @@ fn objective(estimator: Estimator, angle_error: f64) -> Objective {
     }
 }
 
-/// What counts: two functionals of the elements.
+/// A metric of two functionals of the elements.
 fn functionals() -> Moment {
     let of = |f: f64| std::array::from_fn(|e| (f * e as f64).cos());
     metric(&[of(1.3), of(0.4)])
 }
 
-/// Analytic gradients against central differences: both sensors, both estimates, few and many captures, with and without
-/// errors of the stages, of all elements and of a few functionals, plates that differ with wavelength, and liquid crystals.
+/// Analytic gradients agree with central differences. Covers both sensors, both estimators, few and many
+/// captures, with and without angle errors, and metrics of all elements and of a few functionals. Also covers
+/// chromatic plates and liquid crystals.
 #[test]
 fn gradients_are_exact() {
     let mut checked = 0;
@@ -83,7 +84,8 @@ fn gradients_are_exact() {
     assert!(checked > 300);
 }
 
-/// With M = 1 it is the error of all elements, and with M = Σ w wᵀ the sum of those of the functionals, each by itself.
+/// With M = 1 the error is that of all elements. With M = Σ w wᵀ it is the sum of the single functionals'
+/// errors.
 #[test]
 fn errors_are_those_of_what_counts() {
     for (captures, estimator) in [
@@ -111,10 +113,11 @@ fn errors_are_those_of_what_counts() {
     }
 }
 
-/// The brightness in unpolarized light takes one capture: with light of which nothing else is known but that it may be anything,
-/// M00 and one captured number I = a·t + η are Gaussian together, and the best error is 1 - (a₀₀)²/(|a|² + σ²). Behind
-/// polarizers every row has |a|² = 4 a₀₀²: three quarters remain whatever the angles, and K captures at rest no less; of the
-/// prior that light is never polarized, K captures leave σ²/(K a₀₀² + σ²).
+/// Measuring the brightness in unpolarized light takes one capture. With an uninformative prior, M00 and one
+/// captured number I = a·t + η are jointly Gaussian, and the smallest error is 1 - (a₀₀)²/(|a|² + σ²). Behind
+/// polarizers every row has |a|² = 4 a₀₀², so three quarters remain for any angles, and K captures with the
+/// same settings do not reduce it. With the prior that light is never polarized, K captures leave σ²/(K a₀₀²
+/// + σ²).
 #[test]
 fn few_captures_reach_the_bound_of_one_functional() {
     let brightness = std::array::from_fn(|e| f64::from(u8::from(e == 0)));
@@ -148,7 +151,7 @@ fn few_captures_reach_the_bound_of_one_functional() {
     }
 }
 
-/// The closed form is the mean of the paper's Monte Carlo loss (eq. 8), over noise, data and errors of the stages.
+/// The closed form is the mean of the paper's Monte Carlo loss (eq. 8) over noise, data and angle errors.
 #[test]
 fn the_closed_form_is_the_sampled_loss() {
     use rand_distr::{Distribution, StandardNormal};
@@ -203,7 +206,7 @@ fn the_closed_form_is_the_sampled_loss() {
     }
 }
 
-/// Learned angles reach the bound that no scheme can beat: 1600/K, 440/K.
+/// Learned angles reach the lower bound of all schemes: 1600/K, 440/K.
 #[test]
 fn learned_schemes_reach_the_bound() {
     let mut objective = objective(Estimator::LeastSquares, 0.0);
@@ -223,7 +226,7 @@ fn learned_schemes_reach_the_bound() {
     }
 }
 
-/// Who looks on hears of every descent, and can end them; histories hold what was found.
+/// The observer is notified of every descent and can stop it; histories contain the found minimum.
 #[test]
 fn somebody_may_look_on_and_end_it() {
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -267,7 +270,7 @@ fn somebody_may_look_on_and_end_it() {
     assert!(none.descents.iter().all(|d| d.history.is_empty()) && none.loss > found.loss);
 }
 
-/// The same whatever the number of threads.
+/// Results do not depend on the number of threads.
 #[test]
 fn threads_do_not_matter() {
     let objective = objective(Estimator::Prior, 0.0);

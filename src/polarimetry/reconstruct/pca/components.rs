@@ -1,37 +1,38 @@
 //! Principal components of a set of Mueller matrices.
 //!
-//! With X the matrices as rows, n of them, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ (X - mean) = n S,
-//! S the covariance, V holds the eigenvectors of S and Σ = √(n λ) its eigenvalues: 16 × 16 numbers stand for all of X.
-//!
-//! The price are singular values below about 1e-8 of the first: they are rounding.
+//! With the n matrices as rows of X, X - mean = U Σ Vᵀ (Baek & Heide 2021, §3.2). Since (X - mean)ᵀ (X -
+//! mean) = n S with covariance S, V contains the eigenvectors of S, and Σ = √(n λ) follows from its
+//! eigenvalues λ. The 16 × 16 matrix S is therefore sufficient. The drawback: singular values below about
+//! 1e-8 of the first are rounding errors.
 
 use super::moments::{MatrixRow, Moments};
 use nalgebra::{SMatrix, SymmetricEigen};
 
-/// Steps of the eigenvalue iteration; a few per value are enough.
+/// Maximum number of steps of the eigenvalue iteration; a few per value suffice.
 const MOST_STEPS: usize = 10_000;
 
-/// Principal components, the strongest first. Matrices are row by row, Stokes out first.
+/// Principal components in descending order. Matrices are row-major, Stokes out first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Components {
     /// Number of rows n.
     pub count: f64,
     /// Mean of the rows.
     pub mean: MatrixRow,
-    /// Singular values of X - mean, falling: they grow with √n.
+    /// Singular values of X - mean in descending order; they grow with √n.
     pub spectrum: MatrixRow,
-    /// Share of each in the total variance, σ² / Σ σ²; all 0 of a set without variance.
+    /// Fraction of each in the total variance, σ² / Σ σ²; all 0 for a set without variance.
     pub share: MatrixRow,
-    /// V by columns: `vectors[k]` is the unit vector of component k. Its largest element in magnitude is positive.
+    /// V by columns: `vectors[k]` is the unit vector of component k. Its largest element in magnitude is
+    /// positive.
     pub vectors: [MatrixRow; 16],
-    /// V Σ / √n by columns: how far the set reaches along each component, as a standard deviation of the matrix. These are
+    /// V Σ / √n by columns: the standard deviation of the set along each component, as a matrix. These are
     /// the paper's scaled components, in a scale that does not depend on the number of bins.
     pub scaled: [MatrixRow; 16],
 }
 
 impl Components {
-    /// Of a set; `None` if it is empty, or too large numbers overflowed in it. Of a set of fewer than 17 rows, all
-    /// components from the last row on have no variance, and any directions across the others.
+    /// Computes the components of a set; `None` if it is empty or overflowed. In a set of n < 17 rows, all
+    /// components from the n-th on have no variance and arbitrary perpendicular directions.
     #[must_use]
     pub fn of(moments: &Moments) -> Option<Self> {
         let (count, mean, covariance) = (moments.count(), moments.mean(), moments.covariance());
@@ -46,7 +47,7 @@ impl Components {
         let eigen = SymmetricEigen::try_new(s, f64::EPSILON, MOST_STEPS)?;
         let mut order: [usize; 16] = std::array::from_fn(|k| k);
         order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-        // Rounding makes eigenvalues of 0 slightly negative.
+        // Rounding makes zero eigenvalues slightly negative.
         let variance = order.map(|k| eigen.eigenvalues[k].max(0.0));
         let total: f64 = variance.iter().sum();
         let vectors = order.map(|k| {
@@ -66,7 +67,7 @@ impl Components {
         })
     }
 
-    /// The nearest row in the span of the mean and the first `n` components.
+    /// Returns the nearest row in the span of the mean and the first `n` components.
     #[must_use]
     pub fn nearest(&self, row: &MatrixRow, n: usize) -> MatrixRow {
         let mut out = self.mean;
@@ -85,7 +86,7 @@ mod tests {
     use nalgebra::DMatrix;
     use proptest::prelude::*;
 
-    /// Singular values and vectors are those of X - mean itself.
+    /// Singular values and vectors are those of X - mean.
     #[test]
     fn components_are_the_singular_vectors() {
         let rows = rows(400, 5);
@@ -118,7 +119,7 @@ mod tests {
         assert!(c.spectrum.windows(2).all(|w| w[0] >= w[1]));
     }
 
-    /// What n components leave of X is the tail of the spectrum.
+    /// The residual of X after n components is the tail of the spectrum.
     #[test]
     fn what_is_left_is_the_tail() {
         let rows = rows(300, 6);
@@ -137,7 +138,7 @@ mod tests {
         }
     }
 
-    /// Of few rows there are fewer components than rows; of equal ones none.
+    /// A set of few rows has fewer components than rows; equal rows have none.
     #[test]
     fn few_rows_and_equal_rows() {
         for n in [1, 2, 5, 15] {
@@ -156,7 +157,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..Default::default() })]
 
-        /// Any numbers at all give finite components or none.
+        /// Arbitrary numbers give finite components or none.
         #[test]
         fn odd_rows_do_no_harm(all in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..30)) {
             if let Some(c) = Components::of(&Moments::of(&all)) {

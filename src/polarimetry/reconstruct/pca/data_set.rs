@@ -1,18 +1,19 @@
-//! Data sets of pBRDFs: moments and samples of every material. Where the matrices come from is not said here.
+//! Data sets of pBRDFs: moments and samples of every material. The source of the matrices is up to the
+//! caller.
 
 use super::gather::{Gathered, Tally};
 use super::moments::Moments;
 use rayon::prelude::*;
 
-/// Slabs gathered between two merges: enough for many threads, few enough for little memory.
+/// Slabs between two merges: enough for many threads, few enough for little memory.
 const BATCH: u32 = 64;
 
-/// What is kept of each material.
+/// Settings of the data kept for each material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// c of the map arctan(c T); the paper's is 8.
+    /// c of the map arctan(c T); 8 in the paper.
     pub c: f64,
-    /// Bins chosen by chance (always the same), for experiments that need matrices themselves.
+    /// Number of bins sampled at random (with a fixed seed), for experiments that need single matrices.
     pub samples: usize,
 }
 
@@ -25,41 +26,40 @@ impl Default for Settings {
     }
 }
 
-/// A material.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// Name of the file without its ending, or of the analytic material.
+    /// File name without extension, or name of the analytic material.
     pub name: String,
-    /// Of T / T00 over all valid bins and bands.
+    /// Moments of T / T00 over all valid bins and bands.
     pub plain: Moments,
-    /// Of arctan(c T / T00).
+    /// Moments of arctan(c T / T00).
     pub mapped: Moments,
-    /// How many bins were valid, and why others were not.
+    /// Number of valid bins, and of bins excluded for each reason.
     pub tally: Tally,
-    /// Chosen bins, T / T00, row by row, in an order as good as random.
+    /// Sampled bins, T / T00, row-major, in random order.
     pub samples: Vec<[f32; 16]>,
 }
 
 /// Materials in order of name.
 #[derive(Clone, Debug)]
 pub struct DataSet {
-    /// The materials.
     pub materials: Vec<Material>,
 }
 
-/// How much each material counts.
+/// The weight of each material.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Weight {
-    /// As much as it has valid bins, as in the paper, whose X stacks all bins. Where all tables have one resolution this
-    /// is nearly the same as [`Self::Materials`].
+    /// In proportion to its valid bins, as in the paper, whose X stacks all bins. If all tables have one
+    /// resolution, this is nearly the same as [`Self::Materials`].
     #[default]
     Bins,
-    /// All alike, whatever their bins.
+    /// Equal for all materials.
     Materials,
 }
 
 impl Weight {
-    /// Moments of some materials together, of one kind (`of`): T / T00 plain or mapped. The count is that of the bins.
+    /// Returns the pooled moments of some materials, plain or mapped as selected by `of`. The count is that
+    /// of the bins.
     #[must_use]
     pub fn pool<'a>(
         self,
@@ -79,42 +79,33 @@ impl Weight {
     }
 }
 
-/// Why there is no data set, and the fix.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// Nothing to learn from.
+    /// A material has no valid bin.
     #[error("{name}: no bin is valid (finite, M00 > 0, other elements no larger); leave this material out")]
-    NoBins {
-        /// Name of the material.
-        name: String,
-    },
-    /// c of arctan(c T).
+    NoBins { name: String },
+    /// c of arctan(c T) is invalid.
     #[error("arctan(c T) has c = {0}; c must be a positive number, in the paper 8")]
     Factor(f64),
     /// One side of a split would be empty.
     #[error("{materials} materials cannot be split into {folds} folds; two or more of each are needed")]
-    Folds {
-        /// Folds that were asked for.
-        folds: usize,
-        /// Materials that there are.
-        materials: usize,
-    },
+    Folds { folds: usize, materials: usize },
 }
 
 impl DataSet {
-    /// Moments of T / T00 over all materials.
+    /// Returns the moments of T / T00 over all materials.
     #[must_use]
     pub fn plain(&self, weight: Weight) -> Moments {
         weight.pool(&self.materials, |m| &m.plain)
     }
 
-    /// Moments of arctan(c T / T00) over all materials.
+    /// Returns the moments of arctan(c T / T00) over all materials.
     #[must_use]
     pub fn mapped(&self, weight: Weight) -> Moments {
         weight.pool(&self.materials, |m| &m.mapped)
     }
 
-    /// Bins of all materials.
+    /// Returns the bin counts of all materials.
     #[must_use]
     pub fn tally(&self) -> Tally {
         let mut all = Tally::default();
@@ -123,7 +114,7 @@ impl DataSet {
     }
 }
 
-/// A material from its slabs, each of which `visit` gives to what gathers it.
+/// Gathers a material from its slabs; `visit` passes the entries of a slab to the accumulator.
 ///
 /// # Errors
 /// [`DataError::Factor`], [`DataError::NoBins`].
@@ -136,7 +127,7 @@ pub fn gather(
     if !(settings.c > 0.0 && settings.c.is_finite()) {
         return Err(DataError::Factor(settings.c));
     }
-    // No file holds 2^32 slabs.
+    // No file has 2^32 slabs.
     let slabs = slabs as u32;
     let mut all = Gathered::new(0, settings.c, settings.samples);
     for first in (0..slabs).step_by(BATCH as usize) {

@@ -1,36 +1,37 @@
-//! Cross-validation over materials: what is learned from some is judged on others (Baek & Heide 2021, §4).
+//! Cross-validation over materials: learning from some materials and testing on others (Baek & Heide 2021,
+//! §4).
 //!
-//! Materials are in order of name. Fold f of k tests materials f, f + k, f + 2k, … and learns from all others, so that
-//! related materials, whose names are neighbours, do not all go together; nothing is drawn by chance. Where a fold's test
-//! has relatives in its training (a silicone of another colour), it judges new specimens rather than new kinds of matter.
+//! Materials are in order of name. Fold f of k tests materials f, f + k, f + 2k, … and learns from all
+//! others. This separates related materials, whose names are adjacent; nothing is random. If relatives of a
+//! test material are in the training set (a silicone of another colour), the fold tests new specimens rather
+//! than new kinds of material.
 
 use super::data_set::{DataError, DataSet, Weight};
 use super::moments::Moments;
 
-/// One way to split a data set.
+/// One split of a data set.
 #[derive(Clone, Debug)]
 pub struct Fold {
-    /// Moments of T / T00 over the materials to learn from.
+    /// Moments of T / T00 over the training materials.
     pub train: Moments,
-    /// The same over those to judge on.
+    /// Moments of T / T00 over the test materials.
     pub test: Moments,
-    /// Numbers of the latter in [`DataSet::materials`], rising.
+    /// Indices of the test materials in [`DataSet::materials`], ascending.
     pub test_materials: Vec<usize>,
-    /// Their names.
     pub test_names: Vec<String>,
 }
 
-/// Numbers 0..n in k lists, f, f + k, … each; there are never more lists than numbers.
+/// Splits the numbers 0..n into k lists f, f + k, …; the number of lists is at most n.
 #[must_use]
 pub fn split(n: usize, k: usize) -> Vec<Vec<usize>> {
     let k = k.min(n);
     (0..k).map(|f| (f..n).step_by(k).collect()).collect()
 }
 
-/// The `k` folds of a data set, at most one for each material; every material is tested once.
+/// Returns the `k` folds of a data set, at most one per material; every material is tested once.
 ///
 /// # Errors
-/// [`DataError::Folds`] if there are fewer than two folds or materials: one side would be empty.
+/// [`DataError::Folds`] if there are fewer than two folds or materials, which would leave one side empty.
 pub fn folds(data: &DataSet, k: usize, weight: Weight) -> Result<Vec<Fold>, DataError> {
     let all = &data.materials;
     if k < 2 || all.len() < 2 {
@@ -75,7 +76,7 @@ mod tests {
         }
     }
 
-    /// Every material is tested once, and each fold holds all bins once.
+    /// Every material is tested once, and each fold contains all bins once.
     #[test]
     fn folds_split_the_materials() {
         let data = data(25);
@@ -95,7 +96,7 @@ mod tests {
         assert!(split(0, 5).is_empty());
     }
 
-    /// Materials that count alike have the mean of their means.
+    /// Materials with equal weights have the mean of their means.
     #[test]
     fn materials_can_count_alike() {
         let data = data(4);

@@ -1,32 +1,32 @@
-//! Which entries of a pBRDF count, and what is kept of them.
+//! Selects the valid entries of a pBRDF and accumulates their moments and samples.
 //!
-//! An entry (one angular bin at one wavelength) counts if all its elements are finite and T00 is positive; it is divided
-//! by T00. Where an element then exceeds [`GREATEST`] in magnitude, no passive matter has such a matrix: T00 is noise
-//! about 0, the quotient is arbitrarily large, and a few of them would rule the second moments. They are left out and
-//! counted. Entries that noise made unphysical by less stay as measured. There is no least T00: a dim bin is no wrong one,
-//! and the paper stacks them all.
+//! An entry (one angular bin at one wavelength) is valid if all its elements are finite and T00 is positive;
+//! it is divided by T00. An entry with an element above [`GREATEST`] in magnitude is impossible for passive
+//! materials: T00 is noise around 0, and the quotient is arbitrarily large. A few such entries would dominate
+//! the second moments, so they are excluded and counted. Entries that are slightly unphysical because of
+//! noise stay as measured. There is no lower limit of T00: a dim bin is not wrong, and the paper stacks them
+//! all.
 //!
-//! Entries come slab by slab and in parallel. What is kept of each slab is bounded in size and merged in order of slabs, so
-//! that the result depends neither on threads nor on how a file is cut.
+//! Slabs of entries are processed in parallel. The data kept per slab is bounded in size and merged in the
+//! order of slabs. The result therefore does not depend on threads or on the split of a file into slabs.
 
 use super::moments::{MatrixRow, Moments};
 use optics::sampling::mix::mix;
 
-/// Greatest magnitude of a normalised element: 1, and 10 % for noise and calibration.
+/// Largest valid magnitude of a normalized element: 1, plus 10 % for noise and calibration.
 pub const GREATEST: f64 = 1.1;
-/// Below this T00 the other elements lose digits in single precision; it is no light.
+/// Below this T00 the other elements lose digits in single precision, so the entry counts as dark.
 const LEAST: f32 = 1e-30;
 
-/// How many entries there were of each kind.
+/// Number of entries of each kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Counted.
     pub valid: u64,
     /// Not a number, infinite, or below the horizon.
     pub holes: u64,
     /// T00 is not positive.
     pub dark: u64,
-    /// A normalised element beyond [`GREATEST`].
+    /// A normalized element exceeds [`GREATEST`].
     pub unreal: u64,
 }
 
@@ -40,17 +40,17 @@ impl Tally {
     }
 }
 
-/// The map of §3.2: arctan(c v), element by element. It spreads out the small elements, among which most matter differs.
+/// The map of §3.2: arctan(c v) per element. It expands small elements, in which most materials differ.
 #[must_use]
 pub fn arctan(v: &MatrixRow, c: f64) -> MatrixRow {
     v.map(|e| (c * e).atan())
 }
 
-/// A uniform choice without replacement of at most `most` entries: those with the least keys.
+/// A uniform choice without replacement of at most `most` entries: those with the smallest keys.
 #[derive(Clone, Debug)]
 struct Choice {
     most: usize,
-    /// No key from here on is among the least.
+    /// Keys from here on are not among the smallest.
     bound: u64,
     kept: Vec<(u64, [f32; 16])>,
 }
@@ -74,7 +74,7 @@ impl Choice {
         }
     }
 
-    /// Leaves the least `most` keys, in order.
+    /// Keeps the `most` smallest keys, in order.
     fn prune(&mut self) {
         self.kept.sort_unstable_by_key(|k| k.0);
         self.kept.truncate(self.most);
@@ -84,23 +84,23 @@ impl Choice {
     }
 }
 
-/// What is kept of a slab, or of all of them.
+/// The accumulated data of one or more slabs.
 #[derive(Clone, Debug)]
 pub struct Gathered {
-    /// Of T / T00.
+    /// Moments of T / T00.
     pub plain: Moments,
-    /// Of arctan(c T / T00).
+    /// Moments of arctan(c T / T00).
     pub mapped: Moments,
-    /// Entries seen.
+    /// Number of entries of each kind.
     pub tally: Tally,
     c: f64,
     choice: Choice,
-    /// Number of the next entry; the slab is in the upper half.
+    /// Index of the next entry; the upper half contains the slab.
     next: u64,
 }
 
 impl Gathered {
-    /// Nothing yet of a slab; maps by arctan(c T) and chooses up to `most` samples.
+    /// Creates an empty accumulator for a slab, which maps by arctan(c T) and chooses up to `most` samples.
     #[must_use]
     pub fn new(slab: u32, c: f64, most: usize) -> Self {
         Self {
@@ -113,7 +113,8 @@ impl Gathered {
         }
     }
 
-    /// Nothing yet of another slab, which offers as samples only what those gathered here leave room for.
+    /// Creates an empty accumulator for another slab, which skips samples that cannot displace those chosen
+    /// here.
     #[must_use]
     pub fn beside(&self, slab: u32) -> Self {
         let mut new = Self::new(slab, self.c, self.choice.most);
@@ -121,7 +122,7 @@ impl Gathered {
         new
     }
 
-    /// Takes the next entry, row by row of the matrix; `None` is a hole.
+    /// Adds the next entry, a row-major matrix; `None` is a hole.
     #[inline]
     pub fn take(&mut self, m: Option<&[f32; 16]>) {
         self.next += 1;
@@ -144,7 +145,7 @@ impl Gathered {
         self.choice.offer(mix(self.next), || v.map(|e| e as f32));
     }
 
-    /// Adds the entries of another part; parts are merged in their order.
+    /// Adds the entries of another part; parts must be merged in order.
     pub fn merge(&mut self, other: Self) {
         self.plain.merge(&other.plain);
         self.mapped.merge(&other.mapped);
@@ -153,8 +154,8 @@ impl Gathered {
         self.choice.prune();
     }
 
-    /// The chosen entries, divided by T00, in an order as good as random: the first so many of them are a uniform choice
-    /// too.
+    /// Returns the sampled entries, divided by T00, in random order. The first n of them are also a uniform
+    /// sample.
     #[must_use]
     pub fn samples(mut self) -> Vec<[f32; 16]> {
         self.choice.prune();
@@ -167,7 +168,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// An entry whose second element tells its number.
+    /// Returns an entry whose second element encodes its index.
     fn entry(k: u32) -> [f32; 16] {
         std::array::from_fn(|e| match e {
             0 => 2.0,
@@ -209,7 +210,7 @@ mod tests {
         assert_eq!(g.samples().len(), 2);
     }
 
-    /// Which samples are chosen does not depend on how slabs are grouped, and all entries are equally likely (5 sigma).
+    /// The samples do not depend on the grouping of slabs, and all entries are equally likely (5 sigma).
     #[test]
     fn choice_is_uniform_and_the_same_in_any_parts() {
         let (slabs, n, most) = (40, 500, 1000);
@@ -242,7 +243,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..Default::default() })]
 
-        /// Any numbers at all: nothing but finite moments comes out.
+        /// Arbitrary input gives only finite moments.
         #[test]
         fn odd_matrices_do_no_harm(all in prop::collection::vec(prop::array::uniform16(any::<f32>()), 0..20), c in any::<f64>()) {
             let mut g = Gathered::new(7, c, 5);

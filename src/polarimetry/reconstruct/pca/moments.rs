@@ -1,19 +1,20 @@
-//! Mean and second moments of sets of Mueller matrices, put together in any number of parts.
+//! Mean and second moments of sets of Mueller matrices, accumulated in any number of parts.
 //!
-//! A matrix is a row v of 16 elements, `v[4 i + j] = m[i][j]`, i = Stokes out, j = Stokes in. Kept are the number of rows n,
-//! their mean μ and the co-moments C = Σ (v - μ)(v - μ)ᵀ. One row is added after Welford 1962; two sets are merged after
-//! Chan, Golub & LeVeque 1983, "Algorithms for computing the sample variance":
+//! A matrix is a row v of 16 elements, `v[4 i + j] = m[i][j]`, i = Stokes out, j = Stokes in. The accumulator
+//! stores the number of rows n, their mean μ and the co-moments C = Σ (v - μ)(v - μ)ᵀ. Rows are added as in
+//! Welford 1962. Two sets are merged as in Chan, Golub & LeVeque 1983, "Algorithms for computing the sample
+//! variance":
 //!
 //! > μ = μ_a + δ n_b / n,  C = C_a + C_b + δ δᵀ n_a n_b / n,  δ = μ_b - μ_a.
 //!
-//! No sum of squares is formed, in which a variance that is small beside the mean would drown.
+//! This avoids a sum of squares, which would lose a variance that is small relative to the mean.
 
 use rayon::prelude::*;
 
 /// A Mueller matrix as a row of X.
 pub type MatrixRow = [f64; 16];
 
-/// Rows that one piece of parallel work sums; fixed, so that the result does not depend on the number of threads.
+/// Rows per parallel work unit; constant, so that the result does not depend on the number of threads.
 const CHUNK: usize = 4096;
 
 /// Moments of a set of rows. The empty set has mean 0.
@@ -26,7 +27,7 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Of all rows, in parallel; the same on any machine.
+    /// Computes the moments of all rows in parallel, with the same result on any machine.
     #[must_use]
     pub fn of(rows: &[MatrixRow]) -> Self {
         let parts: Vec<Self> = rows
@@ -40,7 +41,7 @@ impl Moments {
         Self::sum(&parts)
     }
 
-    /// Of sets merged in their order.
+    /// Merges sets in order.
     #[must_use]
     pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut all = Self::default();
@@ -50,7 +51,7 @@ impl Moments {
         all
     }
 
-    /// Adds one row. One with an element that is not finite is left out.
+    /// Adds one row. Rows with a non-finite element are ignored.
     #[inline]
     pub fn add(&mut self, row: &MatrixRow) {
         if !row.iter().all(|e| e.is_finite()) {
@@ -62,7 +63,8 @@ impl Moments {
             *mean += d / self.count;
         }
         let after: MatrixRow = std::array::from_fn(|i| row[i] - self.mean[i]);
-        // before - after is parallel to both, so the product is symmetric but for rounding; half of it would be slower.
+        // before - after is parallel to both, so the product is symmetric except for rounding. Computing half
+        // of it would be slower.
         for (c, a) in self.about_mean.iter_mut().zip(&after) {
             for (c, b) in c.iter_mut().zip(&before) {
                 *c += a * b;
@@ -87,7 +89,7 @@ impl Moments {
         self.count = count;
     }
 
-    /// The same set with every row counted `weight` times; weights that are negative or not finite count as 0.
+    /// Returns the set with every row counted `weight` times; negative or non-finite weights count as 0.
     #[must_use]
     pub fn weighted(&self, weight: f64) -> Self {
         if !(weight > 0.0 && weight.is_finite()) {
@@ -100,19 +102,19 @@ impl Moments {
         }
     }
 
-    /// Number of rows; not whole after [`Self::weighted`].
+    /// Returns the number of rows, which is fractional after [`Self::weighted`].
     #[must_use]
     pub fn count(&self) -> f64 {
         self.count
     }
 
-    /// E\[v\]: the mean matrix.
+    /// Returns the mean matrix, E\[v\].
     #[must_use]
     pub fn mean(&self) -> MatrixRow {
         self.mean
     }
 
-    /// E[(v - μ)(v - μ)ᵀ]: C / n, symmetric to the last bit; 0 of the empty set.
+    /// Returns E[(v - μ)(v - μ)ᵀ] = C / n, exactly symmetric; 0 for the empty set.
     #[must_use]
     pub fn covariance(&self) -> [MatrixRow; 16] {
         if self.count <= 0.0 {
@@ -122,7 +124,7 @@ impl Moments {
         std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (c[i][j] + c[j][i]) / self.count))
     }
 
-    /// E[v vᵀ]: the raw second moment, covariance + μ μᵀ.
+    /// Returns E[v vᵀ]: the raw second moment, covariance + μ μᵀ.
     #[must_use]
     pub fn second(&self) -> [MatrixRow; 16] {
         let (mut out, mean) = (self.covariance(), &self.mean);
@@ -152,7 +154,7 @@ mod tests {
         }
     }
 
-    /// Both moments are their definitions, and merging in any parts changes nothing.
+    /// Both moments equal their definitions, and merging in any parts changes nothing.
     #[test]
     fn moments_are_their_definitions() {
         let rows = rows(9001, 3);
@@ -174,18 +176,18 @@ mod tests {
         assert_eq!(Moments::of(&rows), all, "the same twice");
     }
 
-    /// A variance of 1e-12 on a mean of 1e4, which a sum of squares loses entirely.
+    /// A variance of 1e-12 with a mean of 1e4, which a sum of squares would lose entirely.
     #[test]
     fn small_variances_survive_large_means() {
         let rows: Vec<MatrixRow> = (0..20_000)
             .map(|k| [1e4 + if k % 2 == 0 { 1e-6 } else { -1e-6 }; 16])
             .collect();
         let c = Moments::of(&rows).covariance()[3][7];
-        // The rows themselves are rounded to 1e-12 of their size, 2e-6 of what is asked for.
+        // The rows are rounded to 1e-12 of their size, 2e-6 of the expected result.
         assert!((c / 1e-12 - 1.0).abs() < 1e-5, "{c}");
     }
 
-    /// Weights count rows many times; nothing is the empty set.
+    /// Weights are equivalent to repeated rows; weight zero gives the empty set.
     #[test]
     fn weights_are_repetitions() {
         let (a, b) = (Moments::of(&rows(50, 1)), Moments::of(&rows(70, 2)));
@@ -204,7 +206,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..Default::default() })]
 
-        /// Rows that are no numbers are left out, whatever else they hold.
+        /// Rows with non-finite elements are ignored, whatever their other elements.
         #[test]
         fn odd_rows_are_left_out(
             odd in prop::collection::vec(prop::array::uniform16(any::<f64>()), 0..8),

@@ -1,9 +1,9 @@
-//! Rows with structure, for tests.
+//! Structured rows for tests.
 
 use super::moments::MatrixRow;
 use optics::sampling::stream::Stream;
 
-/// `n` rows about a mean, with four strong directions and a little of everything.
+/// Returns `n` rows around a mean, with four strong directions and weak variance in all others.
 pub fn rows(n: u32, seed: u64) -> Vec<MatrixRow> {
     (0..n)
         .map(|k| {

@@ -1,4 +1,4 @@
-//! Reconstruction of whole images: wavelengths, saturation, errors, projection, priors.
+//! Tests the reconstruction of whole images: wavelengths, saturation, errors, projection, priors.
 
 use super::*;
 use crate::decompose::cloude::is_realizable;
@@ -16,7 +16,7 @@ fn t(p: usize) -> [f64; 16] {
     })
 }
 
-/// Intensities of pixels that go round the wavelengths.
+/// Returns the intensities of pixels that cycle through the wavelengths.
 fn captured(scheme: &Scheme, rays: &[Ray], pixels: usize, sigma: f64) -> Vec<f64> {
     let designs: Vec<DesignMatrix> = rays.iter().map(|r| DesignMatrix::new(scheme, r)).collect();
     let count = scheme.measurements();
@@ -64,7 +64,8 @@ fn every_wavelength_has_its_own_optics() {
     assert!(worst(&out) > 1e-2);
 }
 
-/// Saturated and missing measurements cost only themselves; a pixel without enough of them is lost, not its neighbours.
+/// Saturated and missing measurements affect only their own pixel. A pixel with too few measurements is lost,
+/// but not its neighbours.
 #[test]
 fn saturation_is_left_out_pixel_by_pixel() {
     let (scheme, rays) = (Scheme::drr(36, false).expect("a scheme"), rays()[..1].to_vec());
@@ -105,7 +106,7 @@ fn saturation_is_left_out_pixel_by_pixel() {
     }
 }
 
-/// Stated errors are those that are made, however they are known: from σ, from a map of variances, from what is left over.
+/// Stated errors equal the actual ones, whether from σ, from a map of variances or from residuals.
 #[test]
 fn errors_are_honest() {
     let (scheme, rays, pixels, sigma) = (chromatic(24), rays(), 6000, 1e-3);
@@ -129,8 +130,8 @@ fn errors_are_honest() {
             said[i % 16] += errors[i].powi(2);
         }
         for e in 0..16 {
-            // The mean of 6000 squares of normal numbers has a relative error of √(2/6000); that of σ̂² over 8 spare
-            // measurements adds √(2/8/6000).
+            // The mean of 6000 squares of normal numbers has a relative error of √(2/6000); that of σ̂² over
+            // 8 redundant measurements adds √(2/8/6000).
             let ratio: f64 = off[e] / said[e];
             assert!(
                 (ratio - 1.0).abs() < 5.0 * (2.25_f64 / 6000.0).sqrt(),
@@ -140,7 +141,7 @@ fn errors_are_honest() {
     }
 }
 
-/// Projected matrices can exist, and those that could before are the same.
+/// Projected matrices are realizable, and matrices that already were do not change.
 #[test]
 fn projections_are_realizable() {
     let (scheme, rays, pixels) = (
@@ -165,7 +166,7 @@ fn projections_are_realizable() {
     assert!(projected.chunks(16).all(|m| is_realizable(&of(m), 1e-9)));
 }
 
-/// With few captures: no estimate without a prior, a good one with it, whatever the brightness.
+/// With few captures, there is no estimate without a prior, and a good one with it at any brightness.
 #[test]
 fn priors_serve_few_captures() {
     let (scheme, rays, pixels) = (
@@ -195,7 +196,7 @@ fn priors_serve_few_captures() {
         let clean = design.intensities(&truth(p));
         (0..8).for_each(|m| seen[m * pixels + p] = clean[m]);
     }
-    // One measurement of one pixel is missing: solved by itself.
+    // One measurement of one pixel is missing, so that it is solved individually.
     seen[3 * pixels + 11] = f64::NAN;
     let options = Options {
         prior: Some(s),
@@ -213,8 +214,8 @@ fn priors_serve_few_captures() {
 }
 
 proptest! {
-    /// Realizable matrices of any kind, captured without noise, come back from any built-in scheme of full rank, and
-    /// projecting them changes nothing.
+    /// Realizable matrices of any kind, captured without noise, are recovered from any built-in scheme of
+    /// full rank, and the projection does not change them.
     #[test]
     fn realizable_matrices_come_back(
         raw in prop::array::uniform16(-1.0_f64..1.0),

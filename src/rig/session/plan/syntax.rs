@@ -77,21 +77,21 @@ fn ten_megahertz() -> f64 {
     1e7
 }
 
-/// When to try again, wait, or give up.
+/// Limits of retries and waits.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
-    /// How often a step is tried again.
+    /// Maximum number of retries of a step.
     pub retries: u32,
-    /// First wait before that, seconds; doubled every time, up to 30 s.
+    /// First wait before a retry in seconds. It doubles at each retry, up to 30 s.
     pub backoff_s: f64,
-    /// Longest that any call to an instrument may take beyond what it is asked to do, seconds.
+    /// Maximum time in seconds that a call to an instrument may take beyond the duration of its operation.
     pub deadline_s: f64,
-    /// Longest wait for a condition, seconds.
+    /// Maximum wait for a condition, in seconds.
     pub suspend_s: f64,
-    /// Least power of the laser over nominal.
+    /// Minimum laser power relative to nominal.
     pub laser_power: f64,
-    /// Largest share of saturated pixels in the shortest exposure; beyond it a frame is taken again.
+    /// Maximum fraction of saturated pixels in the shortest exposure. Beyond it a frame is taken again.
     pub saturated_share: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Plans: what is read, what is refused, and that no text panics.
+//! Tests of plans: valid plans, rejected plans, and no panic on any text.
 
 use super::*;
 use proptest::prelude::*;
@@ -45,7 +45,7 @@ fn faults_name_their_place_and_fix() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
-    /// Damaged plans are refused or mean something; they never panic.
+    /// Damaged plans are rejected or parsed, without a panic.
     #[test]
     fn no_text_panics(at in any::<prop::sample::Index>(), with in ".{0,6}", cut in 0..8_usize) {
         let at = at.index(GOOD.len());

@@ -1,89 +1,59 @@
-//! Why parts of a render could not be joined.
+//! Errors of joining parts of a render.
 
 use crate::denoised::Denoised;
 use crate::zarr::{AccessError, CreateError, OpenError};
 use std::path::PathBuf;
 use tensor::part::Part;
 
-/// Parts of a render could not be joined.
 #[derive(Debug, thiserror::Error)]
 pub enum JoinError {
-    /// Some inputs are parts and some are not.
     #[error(
         "{part} is {of} of a render and {other} is not a part of one: join the parts of each render first, then merge renders"
     )]
-    Mixed {
-        /// A part.
-        part: PathBuf,
-        /// Which.
-        of: Part,
-        /// The store that is no part.
-        other: PathBuf,
-    },
-    /// Parts are joined whole or not at all.
+    Mixed { part: PathBuf, of: Part, other: PathBuf },
+    /// Parts can only be joined when all are finished.
     #[error("{path} is a part of a render, and parts are joined when all are there: leave out `--partial`")]
-    Partial {
-        /// The part.
-        path: PathBuf,
-    },
-    /// A part is not finished.
+    Partial { path: PathBuf },
     #[error("{path}, {part} of a render, is not finished: go on with `sunstone render --resume`")]
-    Unfinished {
-        /// The part.
-        path: PathBuf,
-        /// Which.
-        part: Part,
-    },
-    /// The parts are of different renders.
+    Unfinished { path: PathBuf, part: Part },
     #[error(
         "{first} and {second} are parts of different renders: `{what}` differs ({theirs} and {ours}); give the parts of one"
     )]
     Renders {
-        /// One part.
         first: PathBuf,
-        /// The part that disagrees with it.
         second: PathBuf,
-        /// What differs.
+        /// The attribute that differs.
         what: String,
-        /// What the first has.
+        /// Its value in the first.
         theirs: String,
-        /// What the second has.
+        /// Its value in the second.
         ours: String,
     },
-    /// Two parts have tiles in common.
     #[error("{first} ({part}) and {second} ({other}) both have tile {tile}: leave one of them out")]
     Overlap {
-        /// One part.
         first: PathBuf,
-        /// Which.
         part: Part,
-        /// The other.
         second: PathBuf,
-        /// Which.
         other: Part,
-        /// The first tile that both have.
+        /// The first tile of both.
         tile: u32,
     },
-    /// Two stores are the same part and have different values.
+    /// Two stores are the same part but have different values.
     #[error(
         "{first} and {second} are both {part} and differ in {file}: one of them is not what was rendered; render it again"
     )]
     Differ {
-        /// One store.
         first: PathBuf,
-        /// The other.
         second: PathBuf,
-        /// Which part.
         part: Part,
         /// The first file that differs.
         file: String,
     },
-    /// Tiles are missing.
     #[error("{missing} missing: render what is missing (`sunstone render {option}`) and join again")]
     Missing {
-        /// Which, with their verb.
+        /// The missing parts or tiles, with a verb.
         missing: String,
-        /// What to render them with.
+        /// Option of `sunstone render` that renders them.
         option: String,
     },
     /// An element has values in two parts.
@@ -92,35 +62,28 @@ pub enum JoinError {
         first.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     Twice {
-        /// The slices of parts that were put together so far.
+        /// The slices that were combined before.
         first: Vec<PathBuf>,
-        /// The slice that has values of them.
+        /// The slice with a duplicate value.
         second: PathBuf,
-        /// The field.
         field: &'static str,
     },
-    /// A store is no part of a render.
+    /// A store is not a part of a render.
     #[error("{path} is not a part of a render: give the parts of one")]
-    NoPart {
-        /// The store.
-        path: PathBuf,
-    },
-    /// An input was denoised: it has no samples of its own.
+    NoPart { path: PathBuf },
+    /// An input is denoised.
     #[error(transparent)]
     Denoised(#[from] Denoised),
-    /// An input cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// The output cannot be created.
     #[error(transparent)]
     Create(#[from] CreateError),
-    /// Values cannot be read or written.
     #[error(transparent)]
     Access(#[from] AccessError),
 }
 
 impl JoinError {
-    /// Whether the system refused to write, not the parts to be joined.
+    /// Returns whether a system error is the cause, rather than the parts.
     #[must_use]
     pub fn is_of_system(&self) -> bool {
         match self {

@@ -1,4 +1,4 @@
-//! The parts of one render: all of them, each once, and of nothing else.
+//! The complete set of parts of one render, each part once.
 
 use super::error::JoinError;
 use crate::zarr::{AccessError, TensorStore};
@@ -7,17 +7,17 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use tensor::part::{self, Part};
 
-/// Numbers of parts or tiles that a message names one by one.
+/// Maximum number of parts or tiles that a message lists.
 const NAMED: usize = 12;
 
-/// Root attributes in which the parts of one render may differ.
+/// Root attributes that may differ between the parts of one render.
 const OWN: [&str; 4] = [part::ATTRIBUTE, "discarded_samples", "rays", "wall_time_s"];
 
-/// A complete set.
 pub(super) struct Set(Vec<(Part, TensorStore)>);
 
 impl Set {
-    /// Opens parts and checks that they are a set. The same part may come twice, if it is the same to the bit.
+    /// Opens parts and checks that they are a complete set. A part may occur twice if both copies are
+    /// bit-identical.
     pub(super) fn open(paths: &[PathBuf]) -> Result<Self, JoinError> {
         let mut set: Vec<(Part, TensorStore)> = Vec::new();
         for path in paths {
@@ -30,7 +30,7 @@ impl Set {
                 None => set.push((part, store)),
             }
         }
-        // Values are then put together in one order, however the parts are listed.
+        // Sort, so that the result does not depend on the order of the inputs.
         set.sort_by_key(|(part, _)| *part);
         let tiles = tiles(&set[0].1)?;
         check_complete(&set, tiles)?;
@@ -73,7 +73,7 @@ fn open(path: &Path, all: &[PathBuf]) -> Result<(Part, TensorStore), JoinError> 
     Ok((part, store))
 }
 
-/// How many tiles the render has.
+/// Returns the number of tiles of the render.
 fn tiles(store: &TensorStore) -> Result<u32, JoinError> {
     let Some((shape, chunk)) = store.samples_shape() else {
         return Err(AccessError::NoSamples {
@@ -96,7 +96,7 @@ fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), Jo
     };
     let (a, b) = (first.attributes(), second.attributes());
     let keys: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
-    // The text of a scene is long, and its checksum says as much: what is short is told first.
+    // The text of a scene is long and its checksum is equivalent, so short attributes are compared first.
     let (long, short): (Vec<&String>, Vec<&String>) = keys.into_iter().partition(|key| *key == "scene");
     for key in short.into_iter().chain(long) {
         let (theirs, ours) = (a.get(key), b.get(key));
@@ -122,7 +122,7 @@ fn check_same_render(first: &TensorStore, second: &TensorStore) -> Result<(), Jo
     Ok(())
 }
 
-/// A value as a message shows it.
+/// Formats a value for a message.
 fn shown(value: Option<&Value>) -> String {
     let text = value.map_or("nothing".into(), Value::to_string);
     match text.char_indices().nth(60) {
@@ -143,7 +143,7 @@ fn check_twins(first: &TensorStore, second: &TensorStore, part: Part) -> Result<
     }
 }
 
-/// Every tile is in one part.
+/// Checks that every tile is in exactly one part.
 fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinError> {
     let mut owners: Vec<Option<usize>> = vec![None; tiles as usize];
     for (n, (part, store)) in set.iter().enumerate() {
@@ -170,7 +170,7 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
     Err(told(&parts, &missing))
 }
 
-/// What is missing: shares, where all parts are shares of one number, else tiles.
+/// Returns the error for missing shares, if all parts are shares of one number, otherwise for missing tiles.
 fn told(parts: &[Part], missing: &[u32]) -> JoinError {
     if let Part::Share { of, .. } = parts[0]
         && parts
@@ -217,7 +217,7 @@ fn told(parts: &[Part], missing: &[u32]) -> JoinError {
     }
 }
 
-/// The first few of some names.
+/// Formats the first few of several names.
 fn listed(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.collect();
     match names.len().checked_sub(NAMED) {

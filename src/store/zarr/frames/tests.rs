@@ -1,4 +1,4 @@
-//! Frames written, read, finished and locked.
+//! Tests of writing, reading, finishing and locking frames.
 
 use super::*;
 
@@ -30,7 +30,7 @@ fn what_is_written_is_read() {
             values: vec![0.0; 3],
             ..map.clone()
         };
-        // What cannot be made whole is not there.
+        // A failed creation leaves nothing.
         let maps = [map.clone(), short];
         assert!(FrameStore::create(&path, &layout, &maps, &Map::new(), false).is_err());
         assert!(!path.exists() && !staging::part_of(&path).exists());

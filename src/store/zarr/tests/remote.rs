@@ -1,9 +1,9 @@
-//! Stores below an address read as those in a folder do, in few requests, and damage is found there.
+//! Stores at an address read like those in a folder, with few requests, and damage is detected.
 
 use super::*;
 use crate::objects::fake::{memory, put, remove, requests, upload};
 
-/// A finished store in a folder, and below `memory://NAME/a/out.zarr`.
+/// Creates a finished store in a folder and at `memory://NAME/a/out.zarr`.
 fn both(name: &str) -> (tempfile::TempDir, TensorStore, PathBuf) {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("out.zarr");
@@ -53,7 +53,7 @@ fn an_address_reads_as_a_folder() {
     assert_eq!(verified.faults, Vec::<String>::new());
 }
 
-/// Two requests open a store, one each the coordinates of a slice that are stored, one each the chunks that are.
+/// Opening takes two requests, and one for each stored coordinate array of a slice and for each stored chunk.
 #[test]
 fn requests_are_few() {
     let (_dir, _, address) = both("few");
@@ -71,7 +71,7 @@ fn requests_are_few() {
     let values = slice.read(Field::Mean, &at, &profile).expect("reads");
     assert!(values.iter().all(|v| *v != 0.0));
     assert_eq!(requests("few"), opened + 1, "a pixel's profile");
-    // A dark one is known from the manifest.
+    // A dark pixel is known from the manifest.
     at[0] = 1;
     slice.read(Field::Mean, &at, &profile).expect("reads");
     assert_eq!(requests("few"), opened + 1);
@@ -129,7 +129,7 @@ fn damage_is_found() {
     assert_eq!(faults(), [format!("{chunk}: is missing")]);
     put(&objects, &key, sound.clone());
     assert_eq!(told(), "nothing");
-    // Of a render that came later, everything but the manifest.
+    // All files except the manifest are from a later render.
     let root = std::fs::read(folder.path().join("zarr.json")).expect("reads");
     let later = String::from_utf8(root.clone())
         .expect("JSON")

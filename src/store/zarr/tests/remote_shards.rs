@@ -1,4 +1,5 @@
-//! Stores in shards below an address: the same values by ranges of bytes, whatever fails or is killed on the way.
+//! Sharded stores at an address have the same values by byte ranges, even after failures and killed
+//! processes.
 
 use super::remote_writing::{address, kill_everywhere, objects_of};
 use super::shards::{SMALL, both, same, shards};
@@ -41,13 +42,13 @@ fn a_profile_is_few_ranges() {
     let first = requests("ranges") - opened;
     let _ = read(5, 7);
     let second = requests("ranges") - opened - first;
-    // The tail of the shard, and what of it a pixel has; a neighbour's takes no other tail.
+    // The tail of the shard, and the pixel's part of it; a neighbour needs no other tail.
     assert!(second >= 1 && first == second + 1, "{first}, then {second}");
-    // Of a dark pixel, nothing is asked but the tail, at most.
+    // A dark pixel needs at most the tail.
     let before = requests("ranges");
     assert!(read(1, 6).iter().all(|v| *v == 0.0));
     assert!(requests("ranges") - before <= 1);
-    // All of it is the tails and, of what lies beside each other, one request.
+    // Complete reads need the tails and one request for adjacent chunks.
     let all = shards(&sharded);
     let of_error = all
         .iter()
@@ -60,7 +61,7 @@ fn a_profile_is_few_ranges() {
         (of_error + 1..=2 * of_error).contains(&asked),
         "{asked} of {of_error} shards"
     );
-    // What is fetched together is not fetched again.
+    // Data that was fetched together is not fetched again.
     let (at, profile) = region(6, 2);
     let fields = [Field::Mean, Field::StdError];
     slice
@@ -93,7 +94,7 @@ fn sharding_may_be_killed_anywhere() {
         |path| shard_to(&plain, path, false, SMALL).is_ok(),
         |path| match shard_to(&plain, path, false, SMALL) {
             Ok(()) => true,
-            // Killed after the last put of the store: it is whole.
+            // Killed after the last put of the store, which is complete.
             Err(ShardError::Create(CreateError::Exists { .. })) => {
                 let name = path.to_str().expect("text").split('/').nth(2).expect("a name");
                 remove(&memory(name), "s.zarr/.sunstone-origin");

@@ -1,4 +1,5 @@
-//! Stores written below an address are those of a folder, byte for byte, whatever fails or is killed on the way.
+//! Stores written at an address equal those in a folder byte for byte, even after failures and killed
+//! processes.
 
 use super::*;
 use crate::objects::fake::life;
@@ -16,7 +17,7 @@ pub(super) fn address(scheme: &str, name: &str) -> PathBuf {
     PathBuf::from(format!("{scheme}://{name}/s.zarr"))
 }
 
-/// The objects of a store with their bytes.
+/// Returns the objects of a store with their bytes.
 pub(super) fn objects_of(name: &str) -> BTreeMap<PathBuf, Vec<u8>> {
     let address = address("memory", name);
     let objects = remote_store::objects_of(&address)
@@ -46,7 +47,7 @@ fn job(part: Option<Part>) -> Job {
     }
 }
 
-/// Renders what there is not yet, tile by tile.
+/// Renders the missing tiles.
 fn render(path: &Path, resume: bool, part: Option<Part>) -> Result<(), SinkError> {
     let mut sink = ZarrSink::new(Target {
         path: path.to_owned(),
@@ -97,7 +98,7 @@ fn render(path: &Path, resume: bool, part: Option<Part>) -> Result<(), SinkError
     })
 }
 
-/// What a folder gets of the same.
+/// Returns the files of the same store in a folder.
 fn in_folder(make: impl FnOnce(&Path)) -> BTreeMap<PathBuf, Vec<u8>> {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("s.zarr");
@@ -105,8 +106,9 @@ fn in_folder(make: impl FnOnce(&Path)) -> BTreeMap<PathBuf, Vec<u8>> {
     files(&path)
 }
 
-/// Does `make` with a process that is killed before every third of its changes, and lets `again` go on: never is what is not whole taken for
-/// finished, and in the end it is as `expected`. Says how many changes there are.
+/// Runs `make` with a process that is killed before every third of its changes, and resumes with `again`.
+/// Checks that incomplete stores never count as finished and that the result is `expected`. Returns the
+/// number of changes.
 pub(super) fn kill_everywhere(
     name: &str,
     expected: &BTreeMap<PathBuf, Vec<u8>>,
@@ -123,7 +125,7 @@ pub(super) fn kill_everywhere(
     let changes = (1 << 40) - whole.load(Ordering::Relaxed);
     assert!(changes > 40, "{changes}");
     assert_eq!(objects_of(name), *expected);
-    // And each of the first and the last ones, which begin and end the store.
+    // Also test each of the first and last changes, which begin and finish the store.
     let all = 0..changes;
     for n in all.filter(|n| n % 3 == 0 || *n < 6 || changes - n < 16) {
         let name = format!("{name}{n}");
@@ -136,7 +138,7 @@ pub(super) fn kill_everywhere(
         let has_all = expected.iter().all(|(name, bytes)| seen.get(name) == Some(bytes));
         assert_eq!(finished, has_all, "{n}");
         assert!(finished || !told, "{n}");
-        // Its lease is over.
+        // The lease has expired.
         remove(&memory(&name), LOCK);
         assert!(again(&path), "{n}");
         assert_eq!(objects_of(&name), *expected, "{n}");
@@ -173,7 +175,7 @@ fn a_part_may_be_killed_anywhere() {
     assert!(TensorStore::open_part(&address).expect("opens").is_some());
 }
 
-/// A store that is made with its values goes on by making it again.
+/// Creating a store with its values again resumes it.
 #[test]
 fn a_merge_may_be_killed_anywhere() {
     let make = |path: &Path, origin: &str| {
@@ -210,7 +212,7 @@ fn a_merge_may_be_killed_anywhere() {
         |path| make(path, "a b").is_ok(),
         |path| match make(path, "a b") {
             Ok(_) => true,
-            // Killed after the last put of the store: it is whole.
+            // Killed after the last put of the store, which is complete.
             Err(e) => {
                 remove(
                     &memory(path.to_str().expect("text").split('/').nth(2).expect("a name")),
@@ -220,7 +222,7 @@ fn a_merge_may_be_killed_anywhere() {
             }
         },
     );
-    // It goes on with its own chunks, and does not with those of another.
+    // The store resumes with its own chunks, but not with those of another origin.
     let begun = |name: &str| {
         let life = life(name);
         life.store(all - 4, Ordering::Relaxed);
@@ -252,7 +254,7 @@ fn a_render_goes_over_a_bad_line() {
     );
 }
 
-/// Chunks are written again and again, by pixels.
+/// Chunks are written repeatedly, pixel by pixel.
 #[test]
 fn pixels_are_written_into_chunks_that_are_there() {
     let write = |path: &Path| {

@@ -1,4 +1,4 @@
-//! Stores that are removed.
+//! Tests of removing stores.
 
 use crate::zarr::build::ORIGIN;
 use crate::zarr::remote_store::{self, ROOT};
@@ -49,7 +49,7 @@ fn below_an_address_it_is_the_same() {
     objects().delete(vec!["letter.txt".into()]).expect("deletes");
     for _ in 0..2 {
         store(path);
-        // A removal that was cut short: what says that it is a store was the first to go.
+        // An interrupted removal: the file that identifies the store was removed first.
         objects().put(ORIGIN, vec![].into()).expect("puts");
         objects().delete(vec![ROOT.into()]).expect("deletes");
         assert!(remove(path).expect("removes"));

@@ -1,10 +1,10 @@
-//! Stores in shards hold what they were made of, to the bit; and of what is not as it was written, they say so.
+//! Sharded stores are bit-identical to their source, and damage is reported.
 
 use super::*;
 use crate::merge::{Options, merge};
 use crate::shard::{ShardError, shard, shard_to};
 
-/// Shards of some chunks of some pixels, of stores as small as these.
+/// Limits that give shards of several chunks for the small test stores.
 pub(super) const SMALL: Limits = Limits {
     piece: 900,
     enough: 20 << 10,
@@ -12,7 +12,7 @@ pub(super) const SMALL: Limits = Limits {
     pieces: 400,
 };
 
-/// A finished store with dark tiles, negative zeros and what is no number.
+/// Writes a finished store with dark tiles, negative zeros and NaN.
 pub(super) fn finished(path: &Path, seed: u64) {
     let attributes =
         json!({"scene_sha256": "abc", "seeds": [seed], "samples_per_pixel": 9, "wall_time_s": 0.5});
@@ -42,7 +42,7 @@ pub(super) fn finished(path: &Path, seed: u64) {
     store.finish().expect("finishes");
 }
 
-/// A store in a folder, and the same in shards.
+/// Creates a store in a folder, and a sharded copy.
 pub(super) fn both() -> (tempfile::TempDir, [PathBuf; 2]) {
     let dir = tempfile::tempdir().expect("a folder");
     let paths = ["s.zarr", "shards.zarr"].map(|name| dir.path().join(name));
@@ -51,7 +51,7 @@ pub(super) fn both() -> (tempfile::TempDir, [PathBuf; 2]) {
     (dir, paths)
 }
 
-/// All that two stores hold is the same, to the bit, and regions of it are.
+/// Checks that the content and regions of two stores are bit-identical.
 pub(super) fn same(a: &Path, b: &Path) {
     let [a, b] = [a, b].map(|path| TensorStore::open(path).expect("opens"));
     assert!(a.is_finished() && b.is_finished());
@@ -82,7 +82,7 @@ pub(super) fn same(a: &Path, b: &Path) {
     }
 }
 
-/// Shards of a store by their paths.
+/// Returns the shards of a store by path.
 pub(super) fn shards(path: &Path) -> Vec<(PathBuf, usize)> {
     let names: Vec<String> = manifest::files(path).expect("a folder");
     let of = shard::Shards::in_folder(path, &names);
@@ -100,7 +100,7 @@ fn values_are_the_same_to_the_bit() {
     assert_eq!(found.faults, Vec::<String>::new());
     let store = TensorStore::open(&sharded).expect("opens");
     assert!(store.is_sharded().expect("opens"));
-    // Some are of several chunks, some of few of their chunks' pixels, and an array has several.
+    // Some chunks cover several unsharded chunks, some few of their pixels, and an array has several shards.
     let all = shards(&sharded);
     let of_timed = all.iter().filter(|(p, _)| p.starts_with("timed/mean"));
     assert!(
@@ -109,13 +109,13 @@ fn values_are_the_same_to_the_bit() {
     );
     let [before, after] = [&plain, &sharded].map(|p| files(p).len());
     assert!(after < before, "{after} files of {before}");
-    // It is written once.
+    // Sharded stores are read-only.
     let mean = store.slice("timed").expect("a slice");
     let told = mean.write(Field::Mean, &[0; 8], &[1; 8], &[1.0]);
     assert!(told.is_err());
 }
 
-/// The same command gives the same bytes, and larger limits fewer files of the same values.
+/// The same command gives the same bytes; larger limits give fewer files with the same values.
 #[test]
 fn shards_are_reproducible() {
     let (dir, [plain, sharded]) = both();
@@ -176,7 +176,7 @@ fn what_cannot_be_sharded_is_refused() {
     assert!(!out.exists());
 }
 
-/// One changed byte anywhere is found by `verify`, which names the file; and where what is read depends on it, by reading.
+/// Any changed byte is detected by `verify`, which names the file, and by reads that depend on it.
 #[test]
 fn damage_is_found_and_named() {
     let (_dir, [plain, sharded]) = both();
@@ -231,7 +231,7 @@ fn damage_is_found_and_named() {
         std::fs::write(&file, &sound).expect("writes");
     }
     assert_eq!(read(&sharded), expected);
-    // Two shards in each other's place: both are sound.
+    // Two valid shards are exchanged.
     let [a, b] = [0, 1].map(|n| sharded.join(&all[n].0));
     let [of_a, of_b] = [&a, &b].map(|path| std::fs::read(path).expect("reads"));
     std::fs::write(&a, &of_b).expect("writes");
@@ -240,7 +240,8 @@ fn damage_is_found_and_named() {
     assert_eq!(verify(&sharded).expect("a store").faults.len(), 2);
 }
 
-/// A frame in the place of another one of the same size, both sound, with the index as it was: the manifest tells.
+/// A frame replaced by another valid one of the same size, with an unchanged index, is detected by the
+/// manifest.
 #[test]
 fn exchanged_frames_are_found() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -268,7 +269,8 @@ fn exchanged_frames_are_found() {
     );
 }
 
-/// What chunks of a shard cost by their size: `SUNSTONE_STORE=PATH cargo test --release -p sunstone-store -- --ignored --nocapture costs`.
+/// Measures the cost of a shard's chunks by their size: `SUNSTONE_STORE=PATH cargo test --release -p
+/// sunstone-store -- --ignored --nocapture costs`.
 #[test]
 #[ignore = "a measurement"]
 fn costs_of_small_chunks() {

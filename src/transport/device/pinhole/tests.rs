@@ -1,4 +1,4 @@
-//! Pixels and directions, there and back.
+//! Round trips between pixels and directions.
 
 use super::*;
 use crate::device::distortion::fisheye::Fisheye;
@@ -8,7 +8,7 @@ use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 use proptest::prelude::*;
 
-/// One device of each model of lenses.
+/// One device for each distortion model.
 fn devices() -> [Pinhole; 4] {
     let rational = Opencv {
         k1: 0.4,
@@ -90,7 +90,6 @@ fn projection_inverts_direction() {
     }
 }
 
-/// Ideal and distorted.
 #[test]
 fn many_are_as_each_alone() {
     let mut stream = Stream::new(2, 0, 0);
@@ -124,7 +123,7 @@ fn many_are_as_each_alone() {
     assert!(seen > 5000, "{seen}");
 }
 
-/// The density integrates to the number of pixels: mean over directions that are uniform in a cone around the image.
+/// The density integrates to the number of pixels: mean over uniform directions in a cone around the image.
 #[test]
 fn densities_count_the_pixels() {
     for (p, cone) in devices().into_iter().zip([0.75, 0.75, 0.7, 0.3]) {
@@ -156,7 +155,7 @@ fn count(p: &Pinhole, cone: f32) {
     assert!(error < 250.0, "{error}");
 }
 
-/// Through every point of the lens a pixel sees the same point of the plane in focus, and no other.
+/// Through every point of the lens, a pixel sees the same point of the focus plane.
 #[test]
 fn the_plane_in_focus_is_sharp() {
     let mut stream = Stream::new(3, 0, 0);
@@ -184,7 +183,7 @@ fn the_plane_in_focus_is_sharp() {
 
 #[test]
 fn what_folds_back_is_not_seen() {
-    // Barrel distortion maps a far-off-axis point back into the image; it must not count as seen.
+    // Barrel distortion maps a far off-axis point back into the image; it must not count as visible.
     let p = device();
     assert!(p.project(p.origin + Vec3A::new(30.0, 0.0, -10.0)).is_none());
     assert!(p.project(p.origin + Vec3A::Z).is_none(), "behind");
@@ -201,7 +200,7 @@ fn what_folds_back_is_not_seen() {
         ..Opencv::default()
     };
     folds(strong, 100.0);
-    // Rises again beyond the fold, so that every radius of the image has a point somewhere.
+    // Rises again beyond the fold, so that every radius of the image is the image of some direction.
     let wave = Opencv {
         k1: -1.0,
         k2: 0.3,
@@ -209,7 +208,7 @@ fn what_folds_back_is_not_seen() {
     };
     folds(wave, 180.0);
     assert!(made(wave.into(), 800.0).is_ok(), "where it does not fold yet");
-    // A pole of the rational model at r = 0.632: what lies beyond it is not seen.
+    // A pole of the rational model at r = 0.632: points beyond it are not visible.
     let pole = Opencv {
         k4: -2.5,
         ..Opencv::default()

@@ -1,4 +1,4 @@
-//! Both kinds of trees: what they hold, what rays meet in them, and that threads change nothing.
+//! Tests of both kinds of trees: contents, ray queries, and independence of the number of threads.
 
 use super::super::binned::LEAF_SIZE;
 use super::*;
@@ -6,7 +6,7 @@ use glam::Vec3A;
 use optics::sampling::stream::Stream;
 use optics::sampling::warp;
 
-/// Notes the leaves that it meets, and stops at the first if told to.
+/// Records the leaves that it visits, and stops at the first if `stop` is set.
 struct Seen {
     met: Vec<bool>,
     stop: bool,
@@ -32,12 +32,12 @@ fn boxes(n: usize, seed: u64) -> Vec<Aabb> {
         .collect()
 }
 
-/// Which primitives may share a leaf.
+/// Returns true if the primitives may share a leaf.
 fn fits(run: &[u32]) -> bool {
     run.iter().all(|i| i % 5 != 0)
 }
 
-/// Both kinds of trees over boxes, and their leaves.
+/// Returns both kinds of trees over boxes, and their leaves.
 fn both(bounds: &[Aabb]) -> [(Tree, Vec<Vec<u32>>); 2] {
     let at = |i: usize| bounds[i];
     let clustered = Binary::clustered(bounds.len(), &at);
@@ -56,8 +56,8 @@ fn union(boxes: impl Iterator<Item = Aabb>) -> Aabb {
     boxes.fold(Aabb::empty(), |all, b| all.union(&b))
 }
 
-/// Every primitive is in one leaf, leaves hold what they may, every box is that of what it holds, and a ray visits every leaf
-/// whose box it meets.
+/// Checks that each primitive is in one leaf, leaves are valid, boxes are tight, and rays visit all leaves
+/// they hit.
 fn check(bounds: &[Aabb]) {
     for (tree, leaves) in both(bounds) {
         check_one(bounds, &tree, &leaves);
@@ -67,7 +67,7 @@ fn check(bounds: &[Aabb]) {
 fn check_one(bounds: &[Aabb], tree: &Tree, leaves: &[Vec<u32>]) {
     assert!(7 * tree.depth() + 8 <= STACK);
     assert_eq!(tree.extent(), union(bounds.iter().copied()));
-    // A tree that was given up has made leaves as well.
+    // A rejected tree has also created leaves.
     let mut used = vec![false; leaves.len()];
     let mut seen = vec![0; bounds.len()];
     for (aabb, child) in (0..tree.nodes.len()).flat_map(|n| tree.children(n as u32)) {
@@ -121,7 +121,8 @@ fn equal_boxes_make_no_deep_tree() {
         let ends = (0..3000).map(|i| f(i as f32));
         ends.map(|[a, b]| Aabb::new(a, b)).collect()
     };
-    // From one corner, about one middle, without height, without size, long and thin across each other, and ever farther away.
+    // Boxes with a common corner, with a common centre, without height, of zero size, long and thin across
+    // each other, and increasingly far away.
     check(&row(&|i| [Vec3A::ZERO, Vec3A::splat(1.0 + i)]));
     check(&row(&|i| [Vec3A::splat(-1.0 - i), Vec3A::splat(1.0 + i)]));
     check(&row(&|i| {
@@ -139,7 +140,7 @@ fn equal_boxes_make_no_deep_tree() {
     }));
 }
 
-/// Where the nearest of triangles is hit.
+/// Finds the nearest hit among triangles.
 struct Nearest<'a> {
     triangles: &'a [[Vec3A; 3]],
     leaves: &'a [Vec<u32>],

@@ -1,12 +1,12 @@
-//! The angles and wavelengths at which a table has entries, and where a value lies among them.
+//! The angles and wavelengths of a table's entries, and the lookup of values between them.
 
 use super::error::PbsdfError;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Angles beyond their range by less than this are rounding of whoever wrote the file.
+/// Angles outside their range by less than this, in radians, are accepted as rounding errors.
 const TOLERANCE: f32 = 1e-3;
 
-/// The axes of a table, in the order of its dimensions: radians, and nanometres of vacuum wavelength.
+/// The axes of a table, in the order of its dimensions: radians, and vacuum wavelength in nanometres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axes {
     /// Azimuth of the difference vector, -π..π.
@@ -15,11 +15,11 @@ pub struct Axes {
     pub theta_d: Vec<f32>,
     /// Polar angle of the half vector, 0..π/2.
     pub theta_h: Vec<f32>,
-    /// Wavelengths, rising.
+    /// Wavelengths, ascending.
     pub wavelengths_nm: Vec<u16>,
 }
 
-/// `count` values from `low` to `high`, ends included.
+/// Returns `count` values from `low` to `high`, both included.
 fn evenly(low: f32, high: f32, count: usize) -> Vec<f32> {
     let last = count.saturating_sub(1).max(1) as f64;
     let (low, high) = (f64::from(low), f64::from(high));
@@ -36,7 +36,7 @@ pub(super) const ANGLES: [(&str, f32, f32); 3] = [
 ];
 
 impl Axes {
-    /// Evenly spaced angles over their whole range, ends included: counts along phi_d, theta_d and theta_h.
+    /// Returns evenly spaced angles over the whole ranges. `counts` are along phi_d, theta_d and theta_h.
     #[must_use]
     pub fn even(counts: [usize; 3], wavelengths_nm: Vec<u16>) -> Self {
         let [phi_d, theta_d, theta_h] = [0, 1, 2].map(|k| even_axis(k, counts[k]));
@@ -48,15 +48,15 @@ impl Axes {
         }
     }
 
-    /// The angular axes in the order of [`ANGLES`].
+    /// Returns the angular axes in the order of [`ANGLES`].
     pub(super) fn angles(&self) -> [&[f32]; 3] {
         [&self.phi_d, &self.theta_d, &self.theta_h]
     }
 
-    /// Elements of one phi_d slab: theta_d × theta_h × wavelength × 16.
+    /// Returns the number of elements of one phi_d slab: theta_d × theta_h × wavelength × 16.
     ///
     /// # Errors
-    /// [`PbsdfError::TooLarge`] where one slab or the table is more than can be counted.
+    /// [`PbsdfError::TooLarge`] if the size of a slab or of the table overflows.
     pub fn slab_len(&self) -> Result<usize, PbsdfError> {
         let parts = [self.theta_d.len(), self.theta_h.len(), self.wavelengths_nm.len()];
         let slab = parts.iter().try_fold(16, |n: usize, p| n.checked_mul(*p));
@@ -70,8 +70,8 @@ impl Axes {
     /// Checks ranges, order and lengths.
     ///
     /// # Errors
-    /// [`PbsdfError::ShortAxis`], [`PbsdfError::NoWavelengths`], [`PbsdfError::Angle`], [`PbsdfError::Order`],
-    /// [`PbsdfError::HalfCircle`].
+    /// [`PbsdfError::ShortAxis`], [`PbsdfError::NoWavelengths`], [`PbsdfError::Angle`],
+    /// [`PbsdfError::Order`], [`PbsdfError::HalfCircle`].
     pub fn check(&self) -> Result<(), PbsdfError> {
         for (values, (axis, low, high)) in self.angles().into_iter().zip(ANGLES) {
             if values.len() < 2 {
@@ -112,25 +112,25 @@ impl Axes {
     }
 }
 
-/// Evenly spaced values of the `k`-th of [`ANGLES`].
+/// Returns evenly spaced values of the `k`-th of [`ANGLES`].
 pub(super) fn even_axis(k: usize, count: usize) -> Vec<f32> {
     let (_, low, high) = ANGLES[k];
     evenly(low, high, count)
 }
 
-/// The two entries around a value, and the weight of the second.
+/// The indices of the two entries around a value, and the weight of the second.
 pub(super) type Between = (usize, usize, f32);
 
 /// One checked axis, ready for lookup.
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
     nodes: Vec<f32>,
-    /// Entries per radian where they are evenly spaced.
+    /// Entries per radian if they are evenly spaced.
     rate: Option<f32>,
 }
 
 impl Axis {
-    /// Of two or more strictly rising values.
+    /// Creates an axis from two or more strictly ascending values.
     pub fn new(nodes: Vec<f32>) -> Self {
         let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
         let step = (last - first) / (nodes.len() - 1) as f32;
@@ -148,13 +148,13 @@ impl Axis {
         &self.nodes
     }
 
-    /// The entry at or below `x`, which lies within the axis (or beside it by rounding).
+    /// Returns the entry at or below `x`, which is inside the axis (or outside by rounding).
     #[inline]
     fn below(&self, x: f32) -> usize {
         let last = self.nodes.len() - 2;
         match self.rate {
             Some(rate) => {
-                // The guess is at most one off, since the nodes are even to a hundredth of a step.
+                // The guess is off by at most one, since the nodes are even to a hundredth of a step.
                 let i = (((x - self.nodes[0]) * rate) as usize).min(last);
                 if x < self.nodes[i] {
                     i.saturating_sub(1)
@@ -172,7 +172,7 @@ impl Axis {
         }
     }
 
-    /// Where `x` lies; beyond the ends, the end.
+    /// Locates `x`, clamped to the ends of the axis.
     #[inline]
     pub fn place(&self, x: f32) -> Between {
         let i = self.below(x);
@@ -180,7 +180,7 @@ impl Axis {
         (i, i + 1, ((x - a) / (b - a)).clamp(0.0, 1.0))
     }
 
-    /// Where the angle `x` in -π..π lies on an axis that goes round: the last entry and the first are neighbours.
+    /// Locates the angle `x` in -π..π on a periodic axis: the last and the first entries are neighbours.
     #[inline]
     pub fn place_around(&self, x: f32) -> Between {
         let last = self.nodes.len() - 1;
@@ -198,7 +198,7 @@ impl Axis {
 mod tests {
     use super::*;
 
-    /// The fast path finds what a search finds, and interpolating an axis itself gives the value back.
+    /// The fast path agrees with a search, and interpolating the axis itself returns the value.
     #[test]
     fn places_reproduce_values() {
         let even = Axis::new(even_axis(1, 91));
@@ -217,7 +217,7 @@ mod tests {
         }
     }
 
-    /// An axis without its closing entry goes round: the gap is bridged by the last and the first.
+    /// On a periodic axis without a closing entry, the gap is interpolated between its last and first entry.
     #[test]
     fn the_circle_closes() {
         let axis = Axis::new((0..8).map(|i| -PI + PI / 8.0 + TAU / 8.0 * i as f32).collect());

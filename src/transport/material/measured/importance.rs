@@ -1,11 +1,13 @@
-//! Half vectors drawn in proportion to what a table reflects.
+//! Importance sampling of half vectors in proportion to the reflection of a measured table.
 //!
-//! For evenly spaced polar angles θ_o of the viewer, a piecewise constant density over the half vector h is tabulated:
-//! p(h) ∝ M̄(θ_d, θ_h) · cosθ_i · 4 (h·wo), with M̄ the mean of M00 over φ_d and wavelength and the last factor the
-//! Jacobian dω_i/dω_h (Walter et al. 2007, eq. 14). Cells are even in azimuth about the plane of wo and n, which p is
-//! symmetric about, and in q = 1 - cosθ_h between edges that crowd where θ_h is small, so that within a cell a uniform
-//! (q, φ) is uniform in solid angle. One of the two neighbouring θ_o is taken by its linear weight, so the density is
-//! the same blend of both. (Dupuy & Jakob 2018 sample measured BRDFs from tables of their own likewise.)
+//! For evenly spaced polar angles θ_o of the viewer, a piecewise constant density over the half vector h is
+//! tabulated: p(h) ∝ M̄(θ_d, θ_h) · cosθ_i · 4 (h·wo). M̄ is the mean of M00 over φ_d and wavelength; the
+//! last factor is the Jacobian dω_i/dω_h (Walter et al. 2007, eq. 14).
+//!
+//! Cells are evenly spaced in azimuth about the plane of wo and n, in which p is symmetric. In q = 1 - cosθ_h
+//! their edges are denser at small θ_h. A uniform (q, φ) within a cell is uniform in solid angle. One of the
+//! two neighbouring θ_o is sampled by its linear weight, so the density is the same blend of both. (Dupuy &
+//! Jakob 2018 also sample measured BRDFs from tables.)
 
 use super::axes::Axis;
 use glam::Vec3A;
@@ -33,21 +35,21 @@ impl Mean {
     }
 }
 
-/// Tabulated densities of half vectors. Local directions: z the normal, wo in the xz half plane with x ≥ 0.
+/// Tabulated densities of half vectors. Local directions: z is the normal, wo is in the xz plane, x ≥ 0.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Importance {
-    /// Values of θ_o, from 0 to π/2.
+    /// Number of values of θ_o, from 0 to π/2.
     angles: usize,
     rows: usize,
     columns: usize,
     /// q at the borders of rows.
     edges: Vec<f32>,
-    /// For every θ_o the running sums over cells, row by row; the last is 1.
+    /// Cumulative sums over cells for every θ_o, row by row; the last is 1.
     sums: Vec<f32>,
 }
 
 impl Importance {
-    /// From M̄ and the table's number of entries along θ_d, θ_h and φ_d: a coarse table gets a coarse density.
+    /// Tabulates M̄. `entries` are the table's sizes along θ_d, θ_h and φ_d, which set those of the density.
     pub fn new(entries: [usize; 3], mean: &Mean) -> Self {
         let [d, h, phi] = entries;
         let (angles, rows, columns) = (d.clamp(8, 32), (2 * h).clamp(16, 64), (phi / 2).clamp(8, 32));
@@ -69,7 +71,7 @@ impl Importance {
         out
     }
 
-    /// Appends the density for one `wo`, each cell from 2 × 2 points.
+    /// Appends the density for one `wo`, with 2 × 2 points per cell.
     fn tabulate(&mut self, wo: Vec3A, mean: &Mean) {
         let point = |q: f32, phi: f32| {
             let h = direction(q, phi);
@@ -94,7 +96,7 @@ impl Importance {
         }
         let mut total: f64 = masses.iter().sum();
         if total <= 0.0 {
-            // Nothing is known to be reflected (holes, or the very horizon): any half vector is as good.
+            // No reflection is known (holes, or the horizon): use a uniform density of half vectors.
             for (mass, cell) in masses.iter_mut().zip(0..) {
                 let row = cell / self.columns;
                 *mass = f64::from(self.edges[row + 1] - self.edges[row]);
@@ -112,7 +114,7 @@ impl Importance {
         }
     }
 
-    /// The θ_o below `cos_o`, and the weight of the next.
+    /// Returns the index of the θ_o below `cos_o`, and the weight of the next one.
     #[inline]
     fn angle(&self, cos_o: f32) -> (usize, f32) {
         let x = cos_o.clamp(0.0, 1.0).acos() / FRAC_PI_2 * (self.angles - 1) as f32;
@@ -120,14 +122,14 @@ impl Importance {
         (i, (x - i as f32).clamp(0.0, 1.0))
     }
 
-    /// Probability of a cell under the `angle`-th θ_o.
+    /// Returns the probability of a cell for the `angle`-th θ_o.
     #[inline]
     fn mass(&self, angle: usize, cell: usize) -> f32 {
         let sums = &self.sums[angle * self.rows * self.columns..];
         sums[cell] - if cell > 0 { sums[cell - 1] } else { 0.0 }
     }
 
-    /// Density of [`Self::sample`] per solid angle of the local half vector `h`.
+    /// Returns the density of [`Self::sample`] per solid angle of the local half vector `h`.
     #[inline]
     pub fn pdf(&self, cos_o: f32, h: Vec3A) -> f32 {
         let q = (h.x * h.x + h.y * h.y) / (1.0 + h.z);
@@ -141,7 +143,7 @@ impl Importance {
         mass / area
     }
 
-    /// A local half vector for a viewer at `cos_o`; `u` chooses θ_o, the cell, q and φ.
+    /// Samples a local half vector for a viewer at `cos_o`; `u` selects θ_o, the cell, q and φ.
     #[inline]
     pub fn sample(&self, cos_o: f32, u: [f32; 4]) -> Vec3A {
         let (angle, t) = self.angle(cos_o);
@@ -161,7 +163,7 @@ impl Importance {
     }
 }
 
-/// The direction of q = 1 - cosθ and azimuth φ.
+/// Returns the direction with q = 1 - cosθ and azimuth φ.
 #[inline]
 fn direction(q: f32, phi: f32) -> Vec3A {
     let r = (q * (2.0 - q)).max(0.0).sqrt();

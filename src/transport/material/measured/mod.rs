@@ -1,9 +1,9 @@
 //! Measured materials: tables of Mueller matrices over Rusinkiewicz angles and wavelength, in `.pbsdf` files.
 //!
 //! The data are isotropic pBRDFs of Baek et al. 2020, "Image-based acquisition and modeling of polarimetric
-//! reflectance" (the KAIST set), or any file of the same layout. [`table`] says how values come from entries,
-//! [`rusinkiewicz`] what the angles and Stokes frames are, `importance` how directions are drawn, and [`mod@write`] makes
-//! such files.
+//! reflectance" (the KAIST set), or any file of the same layout. [`table`] interpolates entries,
+//! [`rusinkiewicz`] defines the angles and Stokes frames, `importance` samples directions, and [`mod@write`]
+//! writes such files.
 
 pub mod axes;
 pub mod error;
@@ -24,17 +24,17 @@ use optics::sampling::warp;
 use optics::spectrum::Spectral;
 use table::Table;
 
-/// A surface as measured.
+/// A measured surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
-    /// Its place in [`Materials::tables`](super::Materials::tables).
+    /// Index in [`Materials::tables`](super::Materials::tables).
     pub table: u32,
 }
 
-/// Share of directions drawn by cosine alone, for what the averages of the importance tables miss.
+/// Fraction of directions sampled by cosine alone, for reflection that the averaged importance tables miss.
 const COSINE_SHARE: f32 = 0.1;
 
-/// Columns x, y, n with `wo` in the xz half plane.
+/// Returns the matrix with columns x, y, n and `wo` in the xz half plane.
 #[inline]
 fn frame(n: Vec3A, wo: Vec3A) -> Mat3A {
     let x = project(wo, n);
@@ -47,7 +47,7 @@ impl Measured {
         &tables[self.table as usize]
     }
 
-    /// Table value times cosθ_i.
+    /// Returns the table value times cosθ_i.
     #[inline]
     #[must_use]
     pub fn eval(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> Option<Scatter> {
@@ -64,7 +64,7 @@ impl Measured {
         })
     }
 
-    /// Density of half vectors over 4 wo·h, mixed with the cosine's.
+    /// Returns the density of half vectors over 4 wo·h, mixed with the cosine density.
     #[inline]
     #[must_use]
     pub fn pdf(&self, tables: &[Table], at: &Surface, wo: Vec3A, wi: Vec3A) -> f32 {
@@ -80,7 +80,7 @@ impl Measured {
         COSINE_SHARE * cos * std::f32::consts::FRAC_1_PI + (1.0 - COSINE_SHARE) * lobe
     }
 
-    /// A half vector from the importance tables, or a cosine-weighted direction.
+    /// Samples a half vector from the importance tables, or a cosine-weighted direction.
     #[inline]
     pub fn sample(&self, tables: &[Table], at: &Surface, wo: Vec3A, stream: &mut Stream) -> Option<Sampled> {
         let n = facing(at, wo)?;

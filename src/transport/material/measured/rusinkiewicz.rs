@@ -1,18 +1,19 @@
-//! Directions as half vector and difference (Rusinkiewicz 1998, "A new change of variables for efficient BRDF
+//! Half-vector and difference coordinates (Rusinkiewicz 1998, "A new change of variables for efficient BRDF
 //! representation"), with the signs of Mitsuba's `measured_polarized`.
 //!
-//! With light from `wi`, viewer at `wo`, normal n: h = (wi + wo)/|wi + wo|, θ_h = ∠(n, h), θ_d = ∠(h, wi). The azimuth
-//! φ_d of wi about h counts from t = b × h toward b = n × h/|n × h|. The material is isotropic, so the azimuth of h
-//! does not count.
+//! With light from `wi`, viewer at `wo`, normal n: h = (wi + wo)/|wi + wo|, θ_h = ∠(n, h), θ_d = ∠(h, wi).
+//! The azimuth φ_d of wi about h counts from t = b × h toward b = n × h/|n × h|. The material is isotropic,
+//! so the azimuth of h is ignored.
 //!
-//! Stokes frames of the stored matrices: for both rays the unit vector s = wi × wo/|wi × wo|, across the plane of
-//! reflection. With p the part of wi across h, s = p × h and p = h × s: φ_d comes from s itself, so that the two
-//! cannot disagree where wi and wo all but coincide and rounding decides about both.
+//! Stokes frames of the stored matrices: for both rays the unit vector s = wi × wo/|wi × wo|, perpendicular
+//! to the plane of reflection. With p the component of wi perpendicular to h, s = p × h and p = h × s. φ_d is
+//! computed from s, so that the two stay consistent where wi and wo nearly coincide and rounding determines
+//! both.
 
 use glam::Vec3A;
 use optics::polarization::frame::perpendicular;
 
-/// A pair of directions up to a turn about the normal, radians.
+/// A pair of directions up to a rotation about the normal, radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinates {
     /// -π..π.
@@ -23,16 +24,16 @@ pub struct Coordinates {
     pub theta_h: f32,
 }
 
-/// Coordinates of unit directions on the side of the unit normal `n`, and the frame vector s of both rays.
+/// Returns the coordinates of unit directions on the side of the unit normal `n`, and the frame vector s.
 ///
-/// Where n = h, t is any tangent (an isotropic table cannot depend on φ_d there); where wi = wo, φ_d is 0 and s is
-/// the b that belongs to it.
+/// Where n = h, t is any tangent (an isotropic table cannot depend on φ_d there). Where wi = wo, φ_d is 0 and
+/// s = -b.
 #[inline]
 #[must_use]
 pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     let (sum, difference) = (wi + wo, wi - wo);
     let length2 = sum.length_squared();
-    // Opposite directions, both at the horizon, have no half vector; the normal is one of many that serve.
+    // Opposite directions, both at the horizon, have no unique half vector; the normal is a valid choice.
     let h = if length2 > 1e-12 {
         sum * length2.sqrt().recip()
     } else {
@@ -46,22 +47,23 @@ pub fn coordinates(n: Vec3A, wo: Vec3A, wi: Vec3A) -> (Coordinates, Vec3A) {
     } else {
         perpendicular(h)
     };
-    // 2 wi × wo, likewise.
+    // 2 wi × wo, without cancellation.
     let cross = difference.cross(sum);
     let size = cross.length();
     let s = if size > 1e-6 { cross * size.recip() } else { -b };
     let (t, p) = (b.cross(h), h.cross(s));
     let at = Coordinates {
         phi_d: b.dot(p).atan2(t.dot(p)),
-        // Half the chord over half the sum: exact near 0, where an arc cosine is not.
+        // Half the chord over half the sum: accurate near 0, where an arc cosine is not.
         theta_d: difference.length().atan2(length2.sqrt()),
         theta_h: sin_h.atan2(n.dot(h)),
     };
     (at, s)
 }
 
-/// Directions (`wi`, `wo`) about the normal +z with given coordinates, h in the xz half plane, and the frame vector s of
-/// both, which φ_d fixes even where wi = wo. One of the directions may lie below the surface.
+/// Returns directions (`wi`, `wo`) about the normal +z with given coordinates and h in the xz half plane, and
+/// the frame vector s of both. φ_d determines s even where wi = wo. One of the directions may be below the
+/// surface.
 #[must_use]
 pub fn directions(at: Coordinates) -> (Vec3A, Vec3A, Vec3A) {
     let (sin_h, cos_h) = at.theta_h.sin_cos();
@@ -80,7 +82,7 @@ mod tests {
     use proptest::prelude::*;
     use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-    /// Mitsuba's formulas in f64, light from `i`, viewer at `o`, normal z: φ_d, θ_d, θ_h and the frames of both rays.
+    /// Mitsuba's formulas in f64, light from `i`, viewer at `o`, normal z: φ_d, θ_d, θ_h and both frames.
     fn reference(i: DVec3, o: DVec3) -> ([f64; 3], [DVec3; 2]) {
         let h = (i + o).normalize();
         let b = DVec3::Z.cross(h).normalize();
@@ -101,7 +103,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..Default::default() })]
 
-        /// Coordinates → directions → coordinates, under any turn about the normal.
+        /// Coordinates → directions → coordinates, under any rotation about the normal.
         #[test]
         fn round_trip(phi_d in -3.1..3.1_f32, theta_d in 0.01..1.56_f32, theta_h in 0.01..1.56_f32, turn in 0.0..TAU) {
             let at = Coordinates { phi_d, theta_d, theta_h };
@@ -116,7 +118,7 @@ mod tests {
             prop_assert!(s.dot(f * wi).abs() < 1e-5 / theta_d.sin() && (s.length() - 1.0).abs() < 1e-5);
         }
 
-        /// Directions → coordinates → directions, up to a turn about the normal: all their cosines come back.
+        /// Directions → coordinates → directions, up to a rotation about the normal: all cosines agree.
         #[test]
         fn directions_come_back(z in prop::array::uniform2(0.02..1.0_f32), phi in 0.0..TAU) {
             let of = |z: f32, phi: f32| {
@@ -128,11 +130,11 @@ mod tests {
             let (i, o, _) = directions(at);
             prop_assert!((i.z - wi.z).abs() < 2e-5 && (o.z - wo.z).abs() < 2e-5, "{at:?}: {i} {o}");
             prop_assert!((i.dot(o) - wi.dot(wo)).abs() < 2e-5);
-            // Handedness: n · (i × o) keeps its sign and size.
+            // Handedness: n · (i × o) keeps its sign and magnitude.
             prop_assert!((i.cross(o).z - wi.cross(wo).z).abs() < 2e-5);
         }
 
-        /// Angles and frames are those of Mitsuba's formulas.
+        /// Angles and frames agree with Mitsuba's formulas.
         #[test]
         fn signs_are_mitsubas(z in prop::array::uniform2(0.05..0.98_f32), phi in 0.3..5.9_f32) {
             let of = |z: f32, phi: f32| {
@@ -153,7 +155,8 @@ mod tests {
         }
     }
 
-    /// h = n, wi = wo, all three the same, and the horizon: finite angles and a unit frame across both rays.
+    /// h = n, wi = wo, all three equal, and the horizon: angles are finite and the frame is a unit vector
+    /// perpendicular to both rays.
     #[test]
     fn degenerate_configurations_have_coordinates() {
         let f = frame(0.3);

@@ -1,17 +1,19 @@
 //! A table of Mueller matrices in a file: checked when opened, interpolated in place.
 //!
-//! A file of up to 64 MiB is read whole, so that nothing that happens to it later matters. A larger one is mapped
-//! copy-on-write and read as light asks for it; of what other programs do to it meanwhile, one harm remains: pages that are
-//! cut off it end the process (SIGBUS on Unix). Replace such a file by renaming a new one over it, never in place.
+//! A file of up to 64 MiB is read completely, so that later changes to it have no effect. A larger one is
+//! mapped copy-on-write and read on demand. If another program truncates it meanwhile, access to the missing
+//! pages ends the process (SIGBUS on Unix). Replace such a file by renaming a new one over it, never in
+//! place.
 //!
-//! Multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d goes round; the other angles and the wavelength keep to the
-//! nearest entry beyond their ends. Entries are BRDF values (no cosine) between the s frames of [`super::rusinkiewicz`].
+//! Interpolation is multilinear in (φ_d, θ_d, θ_h) and in wavelength. φ_d is periodic; the other angles and
+//! the wavelength are clamped to their ends. Entries are BRDF values (no cosine) between the s frames of
+//! [`super::rusinkiewicz`].
 //!
-//! Entries that are no numbers are holes, as measured data have where light or viewer lie below the horizon. A value
-//! is interpolated from the corners that are there, their weights made to sum to 1 again; it is 0 where none is.
-//! Matrices are taken as measured: where noise made them slightly unphysical (more polarized light out than light in)
-//! they stay so, and interpolation, being a convex sum, makes no matrix that its corners could not make. Only M00 < 0
-//! is fixed: that lane is black as a whole, since polarization without light would be worse.
+//! NaN entries are holes, which measured data have where light or viewer are below the horizon. A value is
+//! interpolated from the valid corners with renormalized weights; it is 0 if there are none. Matrices are
+//! used as measured: those made slightly unphysical by noise (more polarized light out than light in) are
+//! unchanged. Interpolation is a convex sum, so it adds no other unphysical matrices. Only M00 < 0 is
+//! corrected: such a lane is set to zero, because polarization without intensity would be worse.
 
 use super::axes::{ANGLES, Axes, Axis, even_axis};
 use super::error::PbsdfError;
@@ -26,25 +28,25 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-/// How a table is opened.
+/// Options for opening a table.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Takes evenly spaced angles (ends included) for an axis that the file leaves empty.
+    /// Uses evenly spaced angles (ends included) for an axis that the file leaves empty.
     pub even_axes: bool,
-    /// The wavelengths of the render, whose values the table gives in their lanes; absent: its own first ones.
+    /// The wavelengths of the render, one per lane. If `None`, the first wavelengths of the table are used.
     pub wavelengths: Option<Wavelengths>,
 }
 
-/// Elements at or beyond this magnitude are no reflectance; like NaN they mark a hole.
+/// Elements of at least this magnitude mark a hole, like NaN.
 const LIMIT: f32 = 1e9;
 
-/// Files of up to this many bytes are read whole.
+/// Files of up to this many bytes are read completely.
 const READ_WHOLE: u64 = 64 << 20;
 
 /// Bytes of one matrix.
 const CELL: usize = 64;
 
-/// One lane's value between two bands of the table.
+/// The two bands between which a lane is interpolated.
 #[derive(Clone, Copy, Debug, Default)]
 struct Band {
     low: usize,
@@ -56,11 +58,11 @@ struct Band {
 /// A measured table. Clones share its bytes.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// The file: its bytes in memory that is no file's, or mapped.
+    /// The file: a copy in anonymous memory, or mapped.
     map: Arc<Mmap>,
     /// First byte of M.
     start: usize,
-    /// Bytes that describe the table: header and axes.
+    /// Byte ranges that describe the table: header and axes.
     heads: [Range<usize>; 5],
     /// phi_d, theta_d, theta_h.
     axes: [Axis; 3],
@@ -70,13 +72,13 @@ pub struct Table {
     importance: Importance,
 }
 
-/// The little-endian numbers of a field.
+/// Reads the little-endian numbers of a field.
 fn floats(bytes: &[u8], range: &Range<usize>) -> Vec<f32> {
     let (words, _) = bytes[range.clone()].as_chunks::<4>();
     words.iter().map(|w| f32::from_le_bytes(*w)).collect()
 }
 
-/// One number of it.
+/// Reads one little-endian number.
 #[inline]
 fn float(bytes: &[u8], at: usize) -> f32 {
     f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
@@ -90,7 +92,7 @@ fn shape_error(field: &'static str, found: &Field, want: impl Into<String>) -> P
     }
 }
 
-/// The bands around a wavelength; true if it lies outside them.
+/// Returns the bands around a wavelength, and true if it is outside the table's range.
 fn band(bands: &[u16], nm: f64) -> (Band, bool) {
     let (first, last) = (f64::from(bands[0]), f64::from(bands[bands.len() - 1]));
     let inside = nm.clamp(first, last);
@@ -105,7 +107,7 @@ fn band(bands: &[u16], nm: f64) -> (Band, bool) {
         0.0
     };
     let band = match weight {
-        // On a band: it alone is read.
+        // The wavelength is that of a band: only this band is read.
         1.0 => Band {
             low: high,
             high,
@@ -117,13 +119,13 @@ fn band(bands: &[u16], nm: f64) -> (Band, bool) {
 }
 
 impl Table {
-    /// Opens a `.pbsdf` file and checks its structure, axes and that it holds anything at all. Reads little of a large
-    /// file: the data stay on disk until light asks for them (see the module for what that risks).
+    /// Opens a `.pbsdf` file and checks its structure, its axes and that it contains a valid entry.
     ///
-    /// Wavelengths outside the table take its nearest band; that is said once, as a warning.
+    /// Little of a large file is read: its data stay on disk until needed (see the module documentation for
+    /// the risk). Wavelengths outside the table use its nearest band, with one warning.
     ///
     /// # Errors
-    /// [`PbsdfError`] naming the fault and the fix, not the path.
+    /// [`PbsdfError`] with the fault and the fix, without the path.
     pub fn open(path: &Path, options: &Options) -> Result<Self, PbsdfError> {
         let map = bytes_of(path).map_err(PbsdfError::Read)?;
         Self::of(Arc::new(map), options, path)
@@ -144,7 +146,7 @@ impl Table {
                 "(phi_d, theta_d, theta_h, wvls, 4, 4), none of them 0",
             ));
         }
-        // M lies inside the file, so no product of its extents overflows.
+        // M is inside the file, so no product of its extents overflows.
         let extent = [0, 1, 2, 3].map(|k| shape[k] as usize);
         let mut heads = [const { 0..0 }; 5];
         heads[0] = 0..file.header_end()?;
@@ -208,25 +210,25 @@ impl Table {
         Ok(table)
     }
 
-    /// Its entries' angles (phi_d, theta_d, theta_h) in radians.
+    /// Returns the angles of the entries (phi_d, theta_d, theta_h) in radians.
     #[must_use]
     pub fn angles(&self) -> [&[f32]; 3] {
         [0, 1, 2].map(|k| self.axes[k].nodes())
     }
 
-    /// Its bands, nanometres.
+    /// Returns the bands, nanometres.
     #[must_use]
     pub fn wavelengths_nm(&self) -> &[u16] {
         &self.wavelengths_nm
     }
 
-    /// What to draw half vectors from.
+    /// Returns the sampling densities of half vectors.
     #[inline]
     pub(super) fn importance(&self) -> &Importance {
         &self.importance
     }
 
-    /// Byte of the first band's matrix of an entry.
+    /// Returns the byte offset of an entry's matrix of the first band.
     #[inline]
     fn cell(&self, phi_d: usize, theta_d: usize, theta_h: usize) -> usize {
         let [_, d, h] = &self.axes;
@@ -234,8 +236,8 @@ impl Table {
         self.start + entry * self.wavelengths_nm.len() * CELL
     }
 
-    /// One stored matrix, rows of Stokes out first; `None` if it is a hole, or not there. `at` counts entries of phi_d,
-    /// theta_d and theta_h.
+    /// Returns one stored matrix, row-major with outgoing Stokes rows; `None` if it is a hole or out of
+    /// range. `at` are the indices along phi_d, theta_d and theta_h.
     #[must_use]
     pub fn entry(&self, at: [usize; 3], band: usize) -> Option<[f32; 16]> {
         let inside = at.iter().zip(&self.axes).all(|(i, axis)| *i < axis.nodes().len());
@@ -247,7 +249,7 @@ impl Table {
         m.iter().all(|e| e.abs() < LIMIT).then_some(m)
     }
 
-    /// Mueller matrix of the BRDF between s frames at given coordinates, 1/sr; unused lanes are 0.
+    /// Returns the Mueller matrix of the BRDF between s frames, 1/sr; unused lanes are 0.
     #[inline]
     #[must_use]
     #[allow(clippy::needless_range_loop)]
@@ -286,8 +288,8 @@ impl Table {
         out
     }
 
-    /// M00 averaged over the render's lanes and over up to 16 values of φ_d, at every θ_h and up to about 48 values of
-    /// θ_d: a share of the file small enough to be read while a scene loads.
+    /// Returns M00 averaged over the render's lanes and up to 16 values of φ_d, at every θ_h and up to about
+    /// 48 values of θ_d. This fraction of the file is small enough to be read while a scene loads.
     fn mean(&self) -> Mean {
         let bytes: &[u8] = &self.map;
         let [phi_d, theta_d, theta_h] = &self.axes;
@@ -318,10 +320,11 @@ impl Table {
         }
     }
 
-    /// Byte ranges of the file by which to tell it from others without reading all of it: the whole where it is small,
-    /// else header, axes and 64 pieces of 4 KiB spread evenly over the data. A change between the pieces goes unseen.
+    /// Returns byte ranges of the file that identify it without reading all of it: the whole of a small file,
+    /// else header, axes and 64 pieces of 4 KiB spread evenly over the data. Changes between the pieces are
+    /// not detected.
     ///
-    /// Read them from the file, not from the map: pages that were touched would count as memory of the process.
+    /// Read them from the file, not from the map: accessed pages would count as memory of the process.
     pub fn pieces(&self) -> impl Iterator<Item = Range<usize>> {
         const PIECES: usize = 64;
         const PIECE: usize = 4096;
@@ -330,21 +333,20 @@ impl Table {
         let heads = self.heads.clone().into_iter().filter(move |_| !small);
         let spread = (size - start).saturating_sub(PIECE);
         let data = (0..PIECES).filter(move |_| !small).map(move |i| {
-            // Sizes of files are far below 2^64 / 64.
+            // No overflow: file sizes are far below 2^64 / 64.
             let at = start + (spread as u64 * i as u64 / (PIECES as u64 - 1)) as usize;
             at..(at + PIECE).min(size)
         });
         heads.chain(data).chain(small.then_some(0..size))
     }
 
-    /// Bytes of the file.
     #[must_use]
     pub fn file_len(&self) -> usize {
         self.map.len()
     }
 }
 
-/// The bytes of a file: small ones in memory of their own, large ones mapped.
+/// Returns the bytes of a file: small files are copied to memory, large ones mapped.
 fn bytes_of(path: &Path) -> io::Result<Mmap> {
     let mut file = base::input::open(path)?;
     let size = file.metadata()?.len();
@@ -353,9 +355,10 @@ fn bytes_of(path: &Path) -> io::Result<Mmap> {
         file.read_exact(&mut memory)?;
         return memory.make_read_only();
     }
-    // SAFETY: a map is unsound if its file changes while it lives. This one is private (copy-on-write) and read-only, no
-    // reference into it is given out as anything but plain bytes, which have no invalid values, and all bounds come from
-    // the length of the map. What remains is that a file cut short during a render ends the process.
+    // SAFETY: a map is unsound if its file changes while it exists. This one is private (copy-on-write) and
+    // read-only. References into it are plain bytes, which have no invalid values, and all bounds come from
+    // the length of the map. The remaining risk is that truncation of the file during a render ends the
+    // process.
     let map = unsafe { MmapOptions::new().map_copy_read_only(&file) }?;
     if file.metadata()?.len() != map.len() as u64 {
         return Err(io::Error::other("it changed while it was opened"));
@@ -363,7 +366,7 @@ fn bytes_of(path: &Path) -> io::Result<Mmap> {
     Ok(map)
 }
 
-/// The bands of every lane; warns of wavelengths that the table lacks.
+/// Returns the bands of every lane; warns about wavelengths outside the table.
 fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
     let mut lanes = [Band::default(); 4];
     let mut outside = Vec::new();
@@ -385,7 +388,7 @@ fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
     lanes
 }
 
-/// A weighted sum of the matrices that are there. Loops by index become vectors; zipped iterators stay calls.
+/// A weighted sum of the valid matrices. Index loops are vectorized; zipped iterators are not inlined.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     elements: [f32; 16],
@@ -393,7 +396,7 @@ struct Sum {
 }
 
 impl Sum {
-    /// Adds the matrix at a byte unless it is a hole.
+    /// Adds the matrix at a byte offset unless it is a hole.
     #[inline]
     #[allow(clippy::needless_range_loop)]
     fn add(&mut self, bytes: &[u8], at: usize, weight: f32) {
@@ -403,7 +406,7 @@ impl Sum {
         let mut there = true;
         for i in 0..16 {
             matrix[i] = f32::from_le_bytes(words[i]);
-            // NaN is not below anything.
+            // False for NaN.
             there &= matrix[i].abs() < LIMIT;
         }
         if there {
@@ -414,10 +417,10 @@ impl Sum {
         }
     }
 
-    /// What the mean is the sum times.
+    /// Returns the factor that converts the sum to the mean.
     #[inline]
     fn scale(&self) -> f32 {
-        // Corners of no weight worth speaking of, or less than no light.
+        // Negligible total weight, or M00 ≤ 0.
         if self.weight < 1e-12 || self.elements[0] <= 0.0 {
             0.0
         } else {

@@ -1,10 +1,11 @@
-//! The container of named arrays that Mitsuba calls a tensor file, read in place.
+//! Reads Mitsuba's tensor file, a container of named arrays, in place.
 //!
-//! All little-endian: `"tensor_file\0"`, version u8 × 2 = 1.0, field count u32; for each field: name length u16, name,
-//! number of dimensions u16, type u8, offset of the data from the start of the file u64, shape u64 × dimensions. Data
-//! are row-major, usually aligned to 8 bytes (nothing here relies on it).
+//! All little-endian: `"tensor_file\0"`, version u8 × 2 = 1.0, field count u32. For each field: name length
+//! u16, name, number of dimensions u16, type u8, offset of the data from the start of the file u64, shape u64
+//! × dimensions. Data are row-major, usually aligned to 8 bytes (the reader does not rely on it).
 //!
-//! Every size in the header is a claim: the reader allocates nothing, and takes no byte range that the file lacks.
+//! Sizes in the header are not trusted: the reader allocates nothing and checks every byte range against the
+//! file size.
 
 use super::error::PbsdfError;
 use std::ops::Range;
@@ -15,17 +16,15 @@ pub(super) const MAGIC: &[u8; 12] = b"tensor_file\0";
 /// Bytes before the first field.
 pub(super) const HEAD: usize = 18;
 
-/// Element types that tables use.
+/// Element types of tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dtype {
-    /// Unsigned, 16 bits.
     U16,
-    /// Floating point, 32 bits.
     F32,
 }
 
 impl Dtype {
-    /// The type's code in the file.
+    /// Returns the type's code in the file.
     #[must_use]
     pub fn code(self) -> u8 {
         match self {
@@ -34,7 +33,7 @@ impl Dtype {
         }
     }
 
-    /// Bytes of an element.
+    /// Returns the size of an element in bytes.
     #[must_use]
     pub fn size(self) -> usize {
         match self {
@@ -51,7 +50,6 @@ impl Dtype {
     }
 }
 
-/// Name of a type code.
 fn type_name(code: u8) -> String {
     let names = [
         "u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f16", "f32", "f64",
@@ -62,7 +60,7 @@ fn type_name(code: u8) -> String {
         .map_or_else(|| format!("{code} (unknown)"), |n| (*n).to_owned())
 }
 
-/// Takes bytes off the front.
+/// Removes bytes from the front.
 fn take<'a>(bytes: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
     let (head, tail) = bytes.split_at_checked(count)?;
     *bytes = tail;
@@ -73,7 +71,7 @@ fn number<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
     take(bytes, N)?.try_into().ok()
 }
 
-/// One field as the header describes it, unchecked.
+/// One unchecked field entry of the header.
 #[derive(Clone, Copy)]
 struct Entry<'a> {
     name: &'a [u8],
@@ -98,25 +96,24 @@ fn entry<'a>(bytes: &mut &'a [u8]) -> Option<Entry<'a>> {
     })
 }
 
-/// A field whose data lie inside the file.
+/// A field whose data range is inside the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field<'a> {
-    /// Type of its elements.
     pub dtype: Dtype,
-    /// The bytes of its data; empty where the shape has a zero.
+    /// Byte range of its data; empty if the shape contains a zero.
     pub range: Range<usize>,
     shape: &'a [u8],
 }
 
 impl Field<'_> {
-    /// Extent along each dimension.
+    /// Returns the size of each dimension.
     #[must_use]
     pub fn shape(&self) -> impl ExactSizeIterator<Item = u64> + '_ {
         let word = |w: &[u8]| w.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b));
         self.shape.chunks_exact(8).map(word)
     }
 
-    /// The shape in words; long ones are cut.
+    /// Formats the shape, truncated after 8 dimensions.
     pub(super) fn shape_text(&self) -> String {
         let mut parts: Vec<String> = self.shape().take(8).map(|n| n.to_string()).collect();
         if self.shape().len() > 8 {
@@ -126,7 +123,6 @@ impl Field<'_> {
     }
 }
 
-/// A tensor file in memory.
 #[derive(Clone, Copy, Debug)]
 pub struct TensorFile<'a> {
     bytes: &'a [u8],
@@ -134,7 +130,7 @@ pub struct TensorFile<'a> {
 }
 
 impl<'a> TensorFile<'a> {
-    /// Checks magic, version and that the header is whole.
+    /// Checks the magic bytes, the version and that the header is complete.
     ///
     /// # Errors
     /// [`PbsdfError::Magic`], [`PbsdfError::Version`], [`PbsdfError::Header`].
@@ -152,24 +148,24 @@ impl<'a> TensorFile<'a> {
         Ok(file)
     }
 
-    /// Where the header ends, bytes from the start of the file.
+    /// Returns the end of the header, in bytes from the start of the file.
     ///
     /// # Errors
-    /// [`PbsdfError::Header`] where it does not.
+    /// [`PbsdfError::Header`] if the header is incomplete.
     pub fn header_end(&self) -> Result<usize, PbsdfError> {
         let mut at = &self.bytes[HEAD..];
-        // A field takes 13 bytes or more, so a file that claims billions of them is found out at its end.
+        // A field takes at least 13 bytes, so a false count of billions ends at the end of the file.
         for _ in 0..self.count {
             entry(&mut at).ok_or(PbsdfError::Header)?;
         }
         Ok(self.bytes.len() - at.len())
     }
 
-    /// The field of a name, its type, extent and byte range checked.
+    /// Returns the field of a name, after checking its type, shape and byte range.
     ///
     /// # Errors
-    /// [`PbsdfError::Missing`], [`PbsdfError::Twice`], [`PbsdfError::Type`], [`PbsdfError::Truncated`] and the errors
-    /// of [`Self::new`].
+    /// [`PbsdfError::Missing`], [`PbsdfError::Twice`], [`PbsdfError::Type`], [`PbsdfError::Truncated`] and
+    /// the errors of [`Self::new`].
     pub fn field(&self, name: &'static str, dtype: Dtype) -> Result<Field<'a>, PbsdfError> {
         let mut at = &self.bytes[HEAD..];
         let mut found = None;
@@ -192,7 +188,7 @@ impl<'a> TensorFile<'a> {
             range: 0..0,
             shape: e.shape,
         };
-        // A zero anywhere means no data, wherever they are said to lie and however long the rest is.
+        // A zero extent means no data, whatever the offset and the other extents are.
         if field.shape().any(|n| n == 0) {
             return Ok(field);
         }
@@ -209,7 +205,7 @@ impl<'a> TensorFile<'a> {
                 size: self.bytes.len(),
             });
         }
-        // Both fit: they do not exceed the length of a slice.
+        // No overflow: both are at most the length of the slice.
         field.range = e.offset as usize..(e.offset + bytes) as usize;
         Ok(field)
     }

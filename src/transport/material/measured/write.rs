@@ -1,8 +1,8 @@
-//! Writing `.pbsdf` files, from numbers or from another material.
+//! Writes `.pbsdf` files, from numbers or from another material.
 //!
-//! The layout is that of [`super::tensor_file`], fields in the order of Mitsuba's own files, data aligned to 8 bytes.
-//! One φ_d slab at a time is in memory. The file is written beside its destination and renamed, so that it exists
-//! whole or not at all.
+//! The layout is that of [`super::tensor_file`], with fields in the order of Mitsuba's files and data aligned
+//! to 8 bytes. One φ_d slab at a time is in memory. The file is written next to its destination and renamed,
+//! so that it is never incomplete.
 
 use super::axes::{ANGLES, Axes};
 use super::error::PbsdfError;
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Header and axes: every byte before M.
+/// Returns the header and axes: all bytes before M.
 fn head(axes: &Axes) -> Vec<u8> {
     let n = axes.angles().map(<[f32]>::len);
     let bands = axes.wavelengths_nm.len();
@@ -53,8 +53,10 @@ fn head(axes: &Axes) -> Vec<u8> {
     out
 }
 
-/// Writes a table. `fill` is given the number of a φ_d and its slab, zero at first: matrices row by row,
-/// [theta_d, theta_h, wavelength, 4, 4], BRDF values (no cosine) between s frames; NaN marks what is not known.
+/// Writes a table.
+///
+/// `fill` gets the index of a φ_d and its slab, initially zero. Slabs contain row-major matrices, [theta_d,
+/// theta_h, wavelength, 4, 4]: BRDF values (no cosine) between s frames. NaN marks unknown values.
 ///
 /// # Errors
 /// [`PbsdfError::Write`], and those of [`Axes::check`] and [`Axes::slab_len`].
@@ -77,12 +79,14 @@ pub fn write(path: &Path, axes: &Axes, mut fill: impl FnMut(usize, &mut [f32])) 
     .map_err(PbsdfError::Write)
 }
 
-/// Least cosine to the normal at which a material is tabulated.
+/// Minimum cosine to the normal at which a material is tabulated.
 const LEAST_COS: f32 = 1e-4;
 
-/// Evaluates a material over one φ_d: matrices row by row, [theta_d, theta_h, wavelength, 4, 4], BRDF values between s
-/// frames, as [`write()`] takes them. NaN where light or viewer are below the horizon, and all over if there is no such φ_d;
-/// 0 where the material reflects nothing. `sources` as in [`tabulate`]; bands without a source stay 0.
+/// Evaluates a material over one φ_d, in the slab layout of [`write()`].
+///
+/// Values are NaN where light or viewer are below the horizon, or everywhere if the index `phi_d` is out of
+/// range, and 0 where the material reflects nothing. `sources` is as in [`tabulate`]; bands without a source
+/// stay 0.
 pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut [f32]) {
     let Some(&phi_d) = axes.phi_d.get(phi_d) else {
         out.fill(f32::NAN);
@@ -133,14 +137,14 @@ pub fn slab(axes: &Axes, sources: &[(&Materials, u32)], phi_d: usize, out: &mut 
         });
 }
 
-/// Writes what a material does: its BRDF at every entry, and holes where light or viewer are below the horizon, as
-/// measurements have them.
+/// Tabulates the BRDF of a material, with holes where light or viewer are below the horizon, as in
+/// measurements.
 ///
-/// Lanes carry up to four bands at once, so `sources` holds the material in as many tables as it takes, with its
-/// number there: bands 0 to 3 from the lanes of the first, 4 to 7 from those of the second, and so on.
+/// Lanes carry up to four bands, so `sources` contains the material in several tables, with its index in
+/// each: bands 0 to 3 are the lanes of the first, 4 to 7 those of the second, and so on.
 ///
 /// # Errors
-/// As [`write()`]; [`PbsdfError::Sources`] if there are too few or too many sources for the bands.
+/// As [`write()`]; [`PbsdfError::Sources`] if the number of sources does not match the bands.
 pub fn tabulate(path: &Path, axes: &Axes, sources: &[(&Materials, u32)]) -> Result<(), PbsdfError> {
     let bands = axes.wavelengths_nm.len();
     if bands.div_ceil(MAX_WAVELENGTHS) != sources.len() {

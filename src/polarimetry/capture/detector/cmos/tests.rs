@@ -1,4 +1,4 @@
-//! Tests of the detector against closed forms.
+//! Tests the camera against closed forms.
 
 use super::super::random::stream;
 use super::super::testing::Moments;
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 const NM: f64 = 550.0;
 
-/// 650 e⁻ per unit of radiance, 2.6 e⁻/DN.
+/// Returns a camera with 650 e⁻ per unit of radiance and 2.6 e⁻/DN.
 fn camera() -> Cmos {
     Cmos {
         photons_per_unit: 1e5,
@@ -16,13 +16,13 @@ fn camera() -> Cmos {
     }
 }
 
-/// 100 000 readings of a level.
+/// Returns the moments of 100 000 readings at one level.
 fn readings(camera: &Cmos, radiance: f64, key: u32) -> Moments {
     let mut stream = stream(3, 0, key);
     Moments::of((0..100_000).map(|_| f64::from(camera.sample(radiance, NM, 1.0, &mut stream).dn)))
 }
 
-/// At 0 to 9100 of 10 700 e⁻, and at two gains. κ₄ of the readings is that of the Poisson number.
+/// Covers 0 to 9100 of 10 700 e⁻ and two gains. κ₄ of the readings is that of the Poisson number.
 #[test]
 fn readings_have_the_expected_mean_and_variance() {
     for gain in [None, Some(1.3)] {
@@ -41,8 +41,8 @@ fn readings_have_the_expected_mean_and_variance() {
     }
 }
 
-/// Photon transfer: the slope of the variance over the mean is 1/K. Least squares over 8 levels of 100 000 readings, each
-/// variance known to √(2/n); the slope's error follows from theirs.
+/// Photon transfer: the slope of variance over mean is 1/K. Uses least squares over 8 levels of 100 000
+/// readings. The relative error of each variance is √(2/n), and the error of the slope follows from it.
 #[test]
 fn photon_transfer_has_the_gain_as_slope() {
     let camera = camera();
@@ -61,7 +61,7 @@ fn photon_transfer_has_the_gain_as_slope() {
     assert!(off.abs() < 5.0, "{slope}: {off} sigma");
 }
 
-/// Without shot noise the signal is exact, and the read noise alone is left.
+/// Without shot noise the signal is exact and only the read noise remains.
 #[test]
 fn without_shot_noise_the_read_out_is_left() {
     let camera = Cmos {
@@ -76,8 +76,9 @@ fn without_shot_noise_the_read_out_is_left() {
     seen.assert_variance(variance, 0.0);
 }
 
-/// Estimates are unbiased, and the mean of the stated variances is the true one: both are linear in the reading above the
-/// dark level. 100 000 readings; the stated variance has the variance of the reading's shot part.
+/// Estimates are unbiased, and the mean of the stated variances is the true variance. Both are linear in the
+/// reading above the dark level. Uses 100 000 readings; the scatter of the stated variance is that of the
+/// shot noise.
 #[test]
 fn estimates_are_unbiased_with_their_stated_variance() {
     let camera = camera();
@@ -118,7 +119,8 @@ fn too_much_light_saturates() {
     }
 }
 
-/// Brackets from read-noise to shot-noise levels, and one whose long exposures saturate: 40 000 captures each.
+/// Brackets from read-noise to shot-noise levels, and one with saturated long exposures: 40 000 captures
+/// each.
 #[test]
 fn bracketing_is_unbiased_with_its_stated_variance() {
     let camera = Cmos {
@@ -142,14 +144,14 @@ fn bracketing_is_unbiased_with_its_stated_variance() {
         seen.assert_mean(radiance, want);
         // κ₄ ≤ σ⁴: at least one electron per exposure.
         seen.assert_variance(want, want * want);
-        // The floor of the pooled radiance at 0 makes the variances of dark pixels a little high.
+        // The lower bound 0 of the pooled radiance makes the variances of dark pixels slightly too high.
         let floor = if radiance < 0.1 { 0.1 } else { 0.01 };
         let stated = Moments::of(out.variance.iter().copied()).mean / want;
         assert!((0.99..1.0 + floor).contains(&stated), "{stated} at {radiance}");
     }
 }
 
-/// Weights by the variances of the single readings would be off by more than a tenth of a sigma.
+/// Weights by the variances of the single readings would cause a bias of more than a tenth of a sigma.
 #[test]
 fn weights_by_measured_variances_would_be_biased() {
     let camera = Cmos {
@@ -189,7 +191,7 @@ fn combining_takes_what_is_known() {
     assert!(camera.combine(&[], NM).radiance.is_nan());
 }
 
-/// 2×2 pixels: a quarter of the variance, and odd last rows and columns are dropped. 10 000 binned pixels.
+/// 2×2 binning quarters the variance and drops odd last rows and columns. Uses 10 000 binned pixels.
 #[test]
 fn binning_quarters_the_variance() {
     let camera = Cmos {
@@ -222,7 +224,7 @@ fn binning_averages_neighbours() {
     assert!((out.radiance[0] - 4.0).abs() < 0.5 * camera.gain() / camera.electrons(NM, 1.0).0);
 }
 
-/// Without any noise an estimate is off by half a DN at most.
+/// Without noise the error of an estimate is at most half a DN.
 #[test]
 fn without_noise_half_a_dn_is_the_bound() {
     let camera = Cmos {
@@ -308,7 +310,7 @@ fn images_of_another_size_are_refused() {
     assert!(take(&[], [0, 0]).expect("is taken").radiance.is_empty());
 }
 
-/// Ordinary and impossible numbers.
+/// Valid and invalid numbers.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => 1e-3..1e4,

@@ -1,4 +1,4 @@
-//! Tests of the detector against closed forms.
+//! Tests the photon counter against closed forms.
 
 use super::super::random::stream;
 use super::super::testing::Moments;
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 const NM: f64 = 640.0;
 
-/// 80 bins.
+/// Returns a diode whose period has 80 bins.
 fn diode(mode: Mode) -> Spad {
     Spad {
         mode,
@@ -50,12 +50,12 @@ fn rates_add_up_to_light_and_dark_counts() {
     let rates = diode(Mode::Synchronous).rates(&light(), NM).expect("is checked");
     let want = 0.3 * 0.5 * light().iter().sum::<f64>() + 2e8 * 2000e-12;
     assert!((rates.iter().sum::<f64>() - want).abs() < 1e-12);
-    // Light of the next period is that of this one.
+    // Light in the next period is equivalent to light in this one.
     let mut late = vec![0.0; 80];
     late.extend(light());
     let again = diode(Mode::Synchronous).rates(&late, NM).expect("is checked");
     assert!(rates.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-15));
-    // Without jitter, each bin has its own.
+    // Without jitter, light stays in its bin.
     let sharp = Spad {
         irf_fwhm_ps: 0.0,
         irf_tail: 0.0,
@@ -71,8 +71,8 @@ fn rates_add_up_to_light_and_dark_counts() {
     );
 }
 
-/// From radiance to counts and back in both modes: 500 captures of 20 000 pulses with 0.2 detections of light and 0.4
-/// dark ones. Estimates are of the light as the instrument blurs it, to 5 of their stated standard errors.
+/// Round trip from radiance to counts and back in both modes: 500 captures of 20 000 pulses with 0.2 light
+/// and 0.4 dark detections. Estimates match the light blurred by the instrument to 5 stated standard errors.
 #[test]
 fn estimates_are_unbiased_with_their_stated_variance() {
     for (mode, pixel) in [(Mode::Synchronous, 0), (Mode::FreeRunning, 1)] {
@@ -136,7 +136,7 @@ fn endless_simulations_are_refused() {
     ] {
         assert!(endless.to_string().contains(setting), "{endless}");
     }
-    // The bound is on what is followed one by one: dead time or few photons keep a long capture short.
+    // The limit applies to single detections: dead time or few photons keep a long capture short.
     for (rate, dead_time_ps) in [(1e3, 1e9), (1e-12, 1e-3)] {
         let diode = Spad {
             dead_time_ps,
@@ -184,7 +184,7 @@ fn settings_read_from_toml_and_are_checked_by_name() {
     }
 }
 
-/// Ordinary and impossible numbers.
+/// Valid and invalid numbers.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => 1e-3..1e3,

@@ -1,0 +1,62 @@
+//! The calibration target: a chessboard.
+
+use super::fault::Fault;
+use nalgebra::Vector3;
+
+/// A chessboard with squares of equal size. Its corners are the points where four squares meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Board {
+    /// Inner corners along x, one less than the number of squares.
+    pub columns: usize,
+    /// Inner corners along y.
+    pub rows: usize,
+    /// Side of a square in meters.
+    pub square: f64,
+}
+
+/// Maximum number of corners along a side. More are an input error.
+const MOST: usize = 1000;
+
+impl Board {
+    /// Creates a board.
+    ///
+    /// # Errors
+    /// [`Fault::Board`] if it has fewer than 3 × 3 corners, too many corners, or an invalid square size.
+    pub fn new(columns: usize, rows: usize, square: f64) -> Result<Self, Fault> {
+        let sane = (3..=MOST).contains(&columns) && (3..=MOST).contains(&rows);
+        if sane && square.is_finite() && square > 0.0 {
+            Ok(Self {
+                columns,
+                rows,
+                square,
+            })
+        } else {
+            Err(Fault::Board {
+                columns,
+                rows,
+                square,
+            })
+        }
+    }
+
+    /// Returns the number of corners.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    /// Always false: a board has corners.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns the positions of the corners row by row, in meters.
+    ///
+    /// The first corner is the origin, x is along the columns, y along the rows, z away from the viewer.
+    #[must_use]
+    pub fn points(&self) -> Vec<Vector3<f64>> {
+        let at = |i: usize| Vector3::new((i % self.columns) as f64, (i / self.columns) as f64, 0.0);
+        (0..self.len()).map(|i| at(i) * self.square).collect()
+    }
+}

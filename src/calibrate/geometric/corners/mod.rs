@@ -1,0 +1,7 @@
+//! Detects chessboard corners: finds saddle points, fits a corner model, and joins them to a grid.
+
+pub mod grid;
+pub mod saddle;
+pub mod search;
+
+pub use search::{Found, find};

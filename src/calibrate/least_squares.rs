@@ -1,0 +1,267 @@
+//! Nonlinear least squares that reports undetermined parameters.
+//!
+//! The fit is Gauss–Newton with Levenberg–Marquardt damping, on residuals divided by their standard
+//! deviations. Directions of the parameters that affect no residual keep their initial values and are
+//! reported. They are found from the singular values of the Jacobian with normalized columns.
+
+use nalgebra::{DMatrix, DVector};
+
+/// Singular values below this fraction of the largest are undetermined.
+const NOTHING: f64 = 1e-6;
+/// Parameters with at least this component in a direction are named.
+const NAMED: f64 = 0.1;
+const STEPS: usize = 100;
+
+/// The reason why a fit fails.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FitError {
+    #[error("{residuals} measurements cannot tell {parameters} parameters; measure more samples or settings")]
+    TooFew { residuals: usize, parameters: usize },
+    #[error("a measurement or a prediction is not a finite number; leave saturated and dark places out")]
+    NotFinite,
+    #[error(
+        "the fit does not settle: the start is far from the truth, or the samples are not what they are called"
+    )]
+    Unsettled,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    pub values: DVector<f64>,
+    /// Covariance of the parameters; zero along undetermined directions.
+    pub covariance: DMatrix<f64>,
+    /// Sum of squared residuals divided by their variances.
+    pub chi_squared: f64,
+    /// Number of measurements minus determined parameters.
+    pub freedom: usize,
+    /// Undetermined directions, as unit vectors in the parameters scaled by their sensitivity.
+    pub untold: Vec<DVector<f64>>,
+}
+
+impl Fit {
+    /// Returns the standard deviation of a parameter, or `None` if it is part of an undetermined direction.
+    #[must_use]
+    pub fn sigma(&self, i: usize) -> Option<f64> {
+        let told = self.untold.iter().all(|d| d[i].abs() < NAMED);
+        told.then(|| self.covariance[(i, i)].max(0.0).sqrt())
+    }
+
+    /// Describes the undetermined directions by the parameters' names.
+    #[must_use]
+    pub fn untold_in_words(&self, names: &[String]) -> Vec<String> {
+        let words = |d: &DVector<f64>| {
+            let parts: Vec<&str> = (0..d.len())
+                .filter(|i| d[*i].abs() >= NAMED)
+                .map(|i| names.get(i).map_or("?", String::as_str))
+                .collect();
+            match parts[..] {
+                [one] => format!("{one}: no sample depends on it; it is left as it was"),
+                _ => format!(
+                    "{} together: these samples depend on them only in combination; the rest is left as it was",
+                    parts.join(", ")
+                ),
+            }
+        };
+        self.untold.iter().map(words).collect()
+    }
+}
+
+fn cost(r: &DVector<f64>) -> f64 {
+    r.norm_squared()
+}
+
+/// Fits parameters from `start`.
+///
+/// `residuals` maps parameters to measured minus predicted values, divided by the standard deviation. `steps`
+/// are those of central differences, about a hundredth of each parameter's possible error.
+///
+/// # Errors
+/// [`FitError`].
+pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>) -> Result<Fit, FitError> {
+    let n = start.len();
+    let mut x = DVector::from_column_slice(start);
+    let of = |x: &DVector<f64>| DVector::from_vec(residuals(x.as_slice()));
+    let mut r = of(&x);
+    if r.len() < n {
+        return Err(FitError::TooFew {
+            residuals: r.len(),
+            parameters: n,
+        });
+    }
+    let jacobian = |x: &DVector<f64>| {
+        let columns: Vec<DVector<f64>> = (0..n)
+            .map(|i| {
+                let moved = |by: f64| {
+                    let mut y = x.clone();
+                    y[i] += by;
+                    of(&y)
+                };
+                // Derivative of the prediction, hence the opposite sign of the residuals.
+                (moved(-steps[i]) - moved(steps[i])) / (2.0 * steps[i])
+            })
+            .collect();
+        DMatrix::from_columns(&columns)
+    };
+    let mut damping = 1e-3;
+    let mut settled = false;
+    for _ in 0..STEPS {
+        if !cost(&r).is_finite() {
+            return Err(FitError::NotFinite);
+        }
+        let told = Told::of(&jacobian(&x))?;
+        let mut better = false;
+        while damping < 1e12 {
+            let step = told.step(&r, damping);
+            let next = &x + &step;
+            let after = of(&next);
+            if cost(&after) <= cost(&r) * (1.0 + 1e-14) {
+                let gain = cost(&r) - cost(&after);
+                let small = (0..n).all(|i| step[i].abs() < 1e-7 * steps[i]);
+                (x, r) = (next, after);
+                damping = (damping / 10.0).max(1e-15);
+                better = true;
+                settled = small || gain < 1e-10 * (1.0 + cost(&r));
+                break;
+            }
+            damping *= 10.0;
+        }
+        if settled || !better {
+            settled = true;
+            break;
+        }
+    }
+    if !settled {
+        return Err(FitError::Unsettled);
+    }
+    let told = Told::of(&jacobian(&x))?;
+    Ok(Fit {
+        covariance: told.covariance(),
+        chi_squared: cost(&r),
+        freedom: r.len() - told.rank,
+        untold: told.untold(),
+        values: x,
+    })
+}
+
+/// The singular value decomposition of a scaled Jacobian.
+struct Told {
+    scale: DVector<f64>,
+    u: DMatrix<f64>,
+    s: DVector<f64>,
+    v: DMatrix<f64>,
+    rank: usize,
+}
+
+impl Told {
+    fn of(j: &DMatrix<f64>) -> Result<Self, FitError> {
+        if j.iter().any(|v| !v.is_finite()) {
+            return Err(FitError::NotFinite);
+        }
+        let n = j.ncols();
+        let longest = (0..n).map(|i| j.column(i).norm()).fold(0.0, f64::max);
+        // A zero column remains zero.
+        let scale = DVector::from_fn(n, |i, _| {
+            let norm = j.column(i).norm();
+            if norm > 1e-12 * longest {
+                norm
+            } else {
+                f64::INFINITY
+            }
+        });
+        let scaled = DMatrix::from_fn(j.nrows(), n, |i, k| j[(i, k)] / scale[k]);
+        // Use the eigenvectors of JᵀJ: J has many rows but few columns.
+        let eigen = (scaled.transpose() * &scaled).symmetric_eigen();
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        let s = DVector::from_fn(n, |i, _| eigen.eigenvalues[order[i]].max(0.0).sqrt());
+        let v = DMatrix::from_fn(n, n, |i, k| eigen.eigenvectors[(i, order[k])]);
+        let most = s.iter().copied().fold(0.0, f64::max);
+        let rank = s.iter().filter(|s| **s > NOTHING * most && **s > 0.0).count();
+        let u = DMatrix::from_fn(j.nrows(), rank, |i, k| (scaled.row(i) * v.column(k))[0] / s[k]);
+        Ok(Self { scale, u, s, v, rank })
+    }
+
+    /// Returns singular vector `k` in the unscaled parameters.
+    fn direction(&self, k: usize) -> DVector<f64> {
+        DVector::from_fn(self.scale.len(), |i, _| self.v[(i, k)] / self.scale[i])
+    }
+
+    fn step(&self, r: &DVector<f64>, damping: f64) -> DVector<f64> {
+        let mut out = DVector::zeros(self.scale.len());
+        for k in 0..self.rank {
+            let along = self.u.column(k).dot(r) * self.s[k] / (self.s[k].powi(2) + damping);
+            out += self.direction(k) * along;
+        }
+        out
+    }
+
+    fn covariance(&self) -> DMatrix<f64> {
+        let n = self.scale.len();
+        let mut out = DMatrix::zeros(n, n);
+        for k in 0..self.rank {
+            let d = self.direction(k) / self.s[k];
+            out += &d * d.transpose();
+        }
+        out
+    }
+
+    fn untold(&self) -> Vec<DVector<f64>> {
+        (self.rank..self.scale.len())
+            .map(|k| self.v.column(k).into_owned())
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// a exp(-b t) + c with exact data and a distant start.
+    #[test]
+    fn exact_data_give_exact_parameters() {
+        let t: Vec<f64> = (0..20).map(|i| f64::from(i) * 0.2).collect();
+        let model = |p: &[f64], t: f64| p[0] * (-p[1] * t).exp() + p[2];
+        let truth = [2.0, 1.3, 0.5];
+        let residuals = |p: &[f64]| -> Vec<f64> {
+            t.iter()
+                .map(|t| (model(&truth, *t) - model(p, *t)) / 0.01)
+                .collect()
+        };
+        let found = fit(&[1.0, 0.5, 0.0], &[0.01; 3], &residuals).expect("a fit");
+        for (a, b) in found.values.iter().zip(truth) {
+            assert!((a - b).abs() < 1e-6, "{a} {b}");
+        }
+        assert!(found.untold.is_empty() && found.freedom == 17);
+    }
+
+    #[test]
+    fn what_is_not_told_is_named_and_left() {
+        let t: Vec<f64> = (0..9).map(f64::from).collect();
+        // The residuals depend only on a + b, and not on d.
+        let residuals = |p: &[f64]| -> Vec<f64> {
+            t.iter()
+                .map(|t| 3.0 * t + 1.0 - (p[0] + p[1]) * t - p[2])
+                .collect()
+        };
+        let found = fit(&[1.0, 1.0, 0.0, 7.0], &[0.01; 4], &residuals).expect("a fit");
+        assert!((found.values[0] - 1.5).abs() < 1e-6 && (found.values[1] - 1.5).abs() < 1e-6);
+        assert_eq!(found.values[3], 7.0);
+        assert_eq!(found.untold.len(), 2);
+        let names = ["a", "b", "c", "d"].map(String::from);
+        let words = found.untold_in_words(&names).join("; ");
+        assert!(
+            words.contains("a, b together") && words.contains("d: no sample"),
+            "{words}"
+        );
+        assert_eq!(found.sigma(0), None);
+        assert!(found.sigma(2).is_some());
+        assert!(matches!(
+            fit(&[0.0; 3], &[0.1; 3], &|_| vec![1.0]),
+            Err(FitError::TooFew { .. })
+        ));
+        assert_eq!(
+            fit(&[0.0], &[0.1], &|_| vec![f64::NAN; 3]),
+            Err(FitError::NotFinite)
+        );
+    }
+}

@@ -1,0 +1,63 @@
+//! The `[polarimetric]` table of a calibration file: fitted imperfections with their covariance.
+
+use super::samples::Calibrated;
+use serde::{Deserialize, Serialize};
+
+/// Statistics of a polarimetric calibration. Lists have one entry per parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Statistics {
+    /// Sum of squared residuals divided by their variances.
+    pub chi_squared: f64,
+    /// Number of measurements minus parameters.
+    pub freedom: usize,
+    /// Names of the parameters, which include those of their elements.
+    pub names: Vec<String>,
+    /// Wavelength in nanometers of a parameter that is fitted per wavelength, otherwise `nan`.
+    pub wavelengths_nm: Vec<f64>,
+    /// `°` or empty.
+    pub units: Vec<String>,
+    /// Fitted values in these units.
+    pub values: Vec<f64>,
+    /// Standard deviations; `nan` if the samples do not determine a parameter alone.
+    pub sigma: Vec<f64>,
+    /// Covariance row by row; zero along undetermined directions.
+    pub covariance: Vec<Vec<f64>>,
+    /// Descriptions of the undetermined parameters.
+    pub untold: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Named<'a> {
+    polarimetric: &'a Statistics,
+}
+
+impl Statistics {
+    /// Serializes the table to TOML with its header.
+    ///
+    /// # Errors
+    /// An error if a number cannot be written.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(&Named { polarimetric: self })
+    }
+}
+
+impl Calibrated {
+    /// Returns the statistics that the calibration file contains in addition to the scheme.
+    #[must_use]
+    pub fn statistics(&self) -> Statistics {
+        let n = self.found.len();
+        let of = |i: usize, k: usize| self.fit.covariance[(i, k)];
+        Statistics {
+            chi_squared: self.fit.chi_squared,
+            freedom: self.fit.freedom,
+            names: self.found.iter().map(|f| f.name.clone()).collect(),
+            wavelengths_nm: self.found.iter().map(|f| f.nm.unwrap_or(f64::NAN)).collect(),
+            units: self.found.iter().map(|f| f.parameter.unit().to_owned()).collect(),
+            values: self.found.iter().map(|f| f.value).collect(),
+            sigma: self.found.iter().map(|f| f.sigma.unwrap_or(f64::NAN)).collect(),
+            covariance: (0..n).map(|i| (0..n).map(|k| of(i, k)).collect()).collect(),
+            untold: self.untold.clone(),
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Input of a temporal calibration: histograms of a plane at known distances.
+
+use instrument::Histogram;
+use polarimetry::capture::detector::spad::Mode;
+
+/// Maximum number of bins in a period.
+const MOST_BINS: usize = 1 << 20;
+
+/// Maximum of all times: one second.
+const LONGEST_PS: f64 = 1e12;
+
+/// The counter that recorded the histograms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Counter {
+    /// When the diode is armed.
+    pub mode: Mode,
+    pub bin_ps: f64,
+    /// Number of bins in the laser's period.
+    pub period_bins: usize,
+    /// Dead time in ps (free-running).
+    pub dead_ps: f64,
+    /// Mean time from the end of the dead time to an afterpulse in ps. If `None`, they count as background.
+    pub after_pulse_ps: Option<f64>,
+}
+
+/// A histogram of one pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Capture<'a> {
+    pub pixel: usize,
+    /// Travel time of light to the plane and back in ps: optical path over c.
+    pub travel_ps: f64,
+    /// Counts by bin from the start of the period. In free-running mode they must cover the whole period.
+    pub counts: &'a [u32],
+    pub pulses: u64,
+}
+
+impl<'a> Capture<'a> {
+    /// Creates a capture of a pixel from a counter's histogram.
+    #[must_use]
+    pub fn of(histogram: &'a Histogram, pixel: usize, travel_ps: f64) -> Self {
+        Self {
+            pixel,
+            travel_ps,
+            counts: &histogram.counts,
+            pulses: histogram.pulses,
+        }
+    }
+}
+
+/// The reason why a calibration fails.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TemporalError {
+    #[error("there is no histogram; capture a plane at a known distance")]
+    NoCapture,
+    #[error("the counter's {what} is {value}; give {need}")]
+    Counter {
+        what: &'static str,
+        value: f64,
+        need: &'static str,
+    },
+    #[error("histogram {index} (from 0): {what}")]
+    Capture { index: usize, what: String },
+    #[error(
+        "no histogram shows a pulse above its background ({dark} dark, {saturated} saturated); count for a longer time, or attenuate"
+    )]
+    NoPulse { dark: usize, saturated: usize },
+    #[error("the response does not settle: begin nearer to it, or free less of it")]
+    Unsettled,
+}
+
+/// Checks the counter and the captures of `pixels` pixels.
+pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> Result<(), TemporalError> {
+    let setting = |what, value: f64, holds, need| {
+        if holds {
+            Ok(())
+        } else {
+            Err(TemporalError::Counter { what, value, need })
+        }
+    };
+    let time = |v: f64| (1e-3..=LONGEST_PS).contains(&v);
+    setting(
+        "bin",
+        counter.bin_ps,
+        time(counter.bin_ps),
+        "a time in ps, 1e-3 to 1e12",
+    )?;
+    let bins = counter.period_bins;
+    setting(
+        "period",
+        bins as f64,
+        (8..=MOST_BINS).contains(&bins),
+        "8 to 1048576 bins",
+    )?;
+    let dead = counter.dead_ps;
+    setting(
+        "dead time",
+        dead,
+        dead == 0.0 || time(dead),
+        "no time, or one in ps, 1e-3 to 1e12",
+    )?;
+    if let Some(after) = counter.after_pulse_ps {
+        setting(
+            "time of after-pulses",
+            after,
+            time(after) && after <= 100.0 * counter.bin_ps * bins as f64,
+            "a time in ps, at most a hundred periods",
+        )?;
+    }
+    if captures.is_empty() {
+        return Err(TemporalError::NoCapture);
+    }
+    for (index, c) in captures.iter().enumerate() {
+        let wrong = |what: String| Err(TemporalError::Capture { index, what });
+        if c.pixel >= pixels {
+            return wrong(format!("it is of pixel {}, there are {pixels}", c.pixel));
+        }
+        if c.travel_ps.is_nan() || c.travel_ps.abs() > LONGEST_PS {
+            return wrong(format!(
+                "its travel time is {}; give the optical path over c in ps, at most 1e12",
+                c.travel_ps
+            ));
+        }
+        if c.pulses == 0 {
+            return wrong("it is of no pulses; give how many there were".into());
+        }
+        let whole = counter.mode == Mode::Synchronous && (8..=bins).contains(&c.counts.len());
+        if c.counts.len() != bins && !whole {
+            return wrong(format!(
+                "it has {} bins, the period {bins}; give all that the counter has",
+                c.counts.len()
+            ));
+        }
+        let sum: u64 = c.counts.iter().map(|n| u64::from(*n)).sum();
+        if counter.mode == Mode::Synchronous && sum > c.pulses {
+            return wrong(format!(
+                "{sum} counts in {} pulses: a synchronous diode counts one at most",
+                c.pulses
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,118 @@
+//! Compares errors of many repeats with their stated standard errors, to test covariances.
+//!
+//! The mean square of n independent standard normals is χ²/n with n degrees of freedom, which has a standard
+//! deviation of √(2/n) around 1. Random fluctuation takes 64 values out of the range 0.8 to 1.25 once in six
+//! times, and 1024 values once in 100,000. The bounds are therefore those of χ² for the number of independent
+//! values (Wilson and Hilferty 1931). No test depends on its seeds.
+
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
+
+/// Accepted variance of z-scores for a correct covariance, by the project's criterion.
+const BAR: std::ops::Range<f64> = 0.8..1.25;
+/// Number of independent values above which fluctuations are within [`BAR`] (4.4 standard deviations of χ²).
+const ENOUGH: f64 = 1000.0;
+/// Accepted fluctuation in standard deviations for fewer values: once in 100,000.
+const CHANCE: f64 = 4.4;
+
+/// Returns the number of repeats (seeds 0, 1, 2, …) of a statistical test: `SUNSTONE_REPEATS` or `default`.
+pub fn repeats(default: u32) -> u32 {
+    std::env::var("SUNSTONE_REPEATS").map_or(default, |n| n.parse().expect("SUNSTONE_REPEATS is a number"))
+}
+
+/// Sums of squared z-scores by class of parameters.
+#[derive(Default)]
+pub struct ZScores(BTreeMap<String, Class>);
+
+#[derive(Default)]
+struct Class {
+    squares: f64,
+    values: f64,
+    independent: f64,
+}
+
+impl ZScores {
+    /// Adds an error that is independent of the others in its class.
+    pub fn add(&mut self, class: &str, error: f64, sigma: f64) {
+        assert!(sigma > 0.0 && error.is_finite(), "{class}: {error} ± {sigma}");
+        let class = self.0.entry(class.to_owned()).or_default();
+        class.squares += (error / sigma).powi(2);
+        class.values += 1.0;
+        class.independent += 1.0;
+    }
+
+    /// Adds correlated errors of one repeat. They count as one independent value, which is conservative.
+    pub fn add_together(&mut self, class: &str, errors: impl IntoIterator<Item = (f64, f64)>) {
+        let before = self.0.get(class).map_or(0.0, |c| c.independent);
+        for (error, sigma) in errors {
+            self.add(class, error, sigma);
+        }
+        if let Some(class) = self.0.get_mut(class) {
+            class.independent = before + 1.0;
+        }
+    }
+
+    /// Adds correlated errors of one repeat, whitened by their covariance to independent values.
+    pub fn add_whitened(&mut self, class: &str, errors: &DVector<f64>, covariance: &DMatrix<f64>) {
+        let scale = covariance.diagonal().map(|v| v.sqrt().recip());
+        let d = DMatrix::from_diagonal(&scale);
+        let factor = (&d * covariance * &d).cholesky().expect("a covariance").l();
+        let z = factor
+            .solve_lower_triangular(&errors.component_mul(&scale))
+            .expect("of full rank");
+        z.iter().for_each(|z| self.add(class, *z, 1.0));
+    }
+
+    /// Prints all classes, then asserts that each variance is consistent with 1. Classes with at least a
+    /// thousand independent values must be within 0.8 to 1.25.
+    pub fn hold(&self, what: &str) {
+        for (name, c) in &self.0 {
+            let v = c.squares / c.values;
+            let z = deviations(v, c.independent);
+            println!(
+                "{what}: {name}: variance of z {v:.3} of {} ({} independent), {z:+.1} deviations of chance",
+                c.values, c.independent
+            );
+        }
+        for (name, c) in &self.0 {
+            let v = c.squares / c.values;
+            let good = if c.independent >= ENOUGH {
+                BAR.contains(&v)
+            } else {
+                deviations(v, c.independent).abs() < CHANCE
+            };
+            assert!(good, "{what}: {name}: variance of z {v} of {}", c.independent);
+        }
+    }
+}
+
+/// Returns by how many standard deviations the mean square of `n` standard normals differs from 1.
+fn deviations(mean: f64, n: f64) -> f64 {
+    (mean.cbrt() - 1.0 + 2.0 / (9.0 * n)) / (2.0 / (9.0 * n)).sqrt()
+}
+
+/// χ² with 10 degrees of freedom has the upper 0.1 % quantile 29.588 and the lower one 1.479 (tables).
+#[test]
+fn deviations_are_those_of_chi_squared() {
+    assert!((deviations(2.9588, 10.0) - 3.090).abs() < 0.02);
+    assert!((deviations(0.1479, 10.0) + 3.090).abs() < 0.1);
+    // Consistency of `ENOUGH` with `BAR` and `CHANCE`.
+    assert!(deviations(BAR.end, ENOUGH) > CHANCE && deviations(BAR.start, ENOUGH) < -CHANCE);
+}
+
+/// Standard errors that are wrong by 15 % (1024 values) or 40 % (64 values) are detected.
+#[test]
+fn wrong_errors_are_found() {
+    use rand_distr::{Distribution, StandardNormal};
+    let held = |sigma: f64, n: u32| {
+        let mut random = polarimetry::capture::detector::random::stream(1, 0, 0);
+        let mut scores = ZScores::default();
+        for _ in 0..n {
+            let z: f64 = StandardNormal.sample(&mut random);
+            scores.add("x", z, sigma);
+        }
+        std::panic::catch_unwind(|| scores.hold("planted")).is_ok()
+    };
+    assert!(held(1.0, 1024) && held(1.0, 64));
+    assert!(!held(0.85, 1024) && !held(1.15, 1024) && !held(0.6, 64));
+}

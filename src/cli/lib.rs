@@ -1,0 +1,193 @@
+//! The command line: one module for each command and one exit point. It is hidden in the library, only for
+//! the program `sunstone` and the same command in the Python package.
+// These docs are the text of --help, in which <name> is a placeholder and not an HTML tag.
+#![allow(rustdoc::invalid_html_tags)]
+
+mod apply;
+mod calibrate;
+mod calibrate_detector;
+mod capture;
+mod decompose;
+mod denoise;
+mod export;
+mod failure;
+mod figure;
+mod figure_file;
+mod import;
+mod info;
+mod layers;
+mod learn;
+mod matrices;
+mod merge;
+mod output;
+mod pbrdf;
+mod phase;
+mod places;
+mod probe;
+mod progress;
+mod project;
+mod ptu;
+mod reconstruct;
+mod remove;
+mod render;
+mod rig;
+mod scheme;
+mod shard;
+mod source;
+mod trial;
+mod verify;
+
+use clap::{Parser, Subcommand};
+use failure::Failure;
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Polarized, time-resolved light transport between every projector pixel and every camera pixel.
+///
+/// Sunstone renders slices of the tensor T(s, s', p, p', t): the light from projector pixel s' that reaches
+/// camera pixel s after travel time t, with the change p' → p of its Stokes vector. A scene file describes
+/// the scene and the slices to keep; one render fills all of them, with error bars.
+#[derive(Parser)]
+#[command(
+    version,
+    after_help = "\
+Examples:
+  sunstone render scenes/mirror_room/scene.toml          render all slices, draw the scene's figures
+  sunstone render scene.toml --spp 256 --seed 1 -o a.zarr
+  sunstone render scene.toml --resume                    go on after Ctrl-C or a crash
+  sunstone merge a.zarr b.zarr -o ab.zarr                pool renders of different seeds
+  sunstone shard ab.zarr -o s3://renders/ab.zarr         few large objects, read by ranges
+  sunstone info out/mirror_room.zarr                     what a store holds
+  sunstone verify out/mirror_room.zarr                   whether it is what was written
+  sunstone layers scenes/mirror_room/scene.toml -o truth.npz   depth, normals, objects of every pixel
+  sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
+  sunstone figure out/mirror_room.zarr                   draw the figures again
+  sunstone figure scenes/figures/fig03_mirror_room.toml --preview   render what a figure file lists, draw it
+  sunstone decompose out/mirror_room.zarr polarimetric -o props.npz
+  sunstone denoise a.zarr b.zarr -o figures.zarr         for figures, marked, with its own errors
+  sunstone capture out/mirror_room.zarr polarimetric --scheme drr36.toml --relative-noise 5e-4 -o I.npy
+  sunstone trial out/mirror_room.zarr polarimetric --scheme drr36.toml --scheme lqrpr36.toml --relative-noise 5e-4
+  sunstone apply list                                    the paper's applications
+  sunstone schema > scene.schema.json                    JSON Schema of scene files, for editors
+
+Stores are Zarr v3: xarray.open_zarr('out/mirror_room.zarr', group='xt') opens a slice in Python.
+Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    /// Print more (-v for steps, -vv for details); the environment variable SUNSTONE_LOG=debug does the same.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Render(render::Arguments),
+    Info(info::Arguments),
+    Layers(layers::Arguments),
+    Probe(probe::Arguments),
+    Figure(figure::Arguments),
+    Merge(merge::Arguments),
+    Shard(shard::Arguments),
+    Verify(verify::Arguments),
+    Remove(remove::Arguments),
+    Decompose(decompose::Arguments),
+    Denoise(denoise::Arguments),
+    Scheme(scheme::Arguments),
+    Learn(learn::Arguments),
+    Capture(capture::Arguments),
+    Reconstruct(reconstruct::Arguments),
+    Rig(rig::Arguments),
+    Trial(trial::Arguments),
+    Calibrate(calibrate::Arguments),
+    Export(export::Arguments),
+    Import(import::Arguments),
+    Project(project::Arguments),
+    Ptu(ptu::Arguments),
+    Pbrdf(pbrdf::Arguments),
+    Apply(apply::Arguments),
+    Phase(phase::Arguments),
+    /// Print the JSON Schema of scene files.
+    ///
+    /// Editors with a TOML language server use it to complete and check scene files: put `#:schema
+    /// scene.schema.json` on the first line of a scene.
+    Schema,
+}
+
+/// Parses the program's arguments, runs the command, reports errors and returns the exit code.
+#[must_use]
+pub fn run() -> ExitCode {
+    run_words(std::env::args_os()).into()
+}
+
+/// Does the same as [`run`] with the given arguments, the first of which is the program's name. Only this
+/// function makes exit codes.
+pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments = match Arguments::try_parse_from(words) {
+        Ok(arguments) => arguments,
+        Err(e) => {
+            // As in clap itself: if the text cannot be printed, the exit code is enough.
+            let _ = e.print();
+            return u8::try_from(e.exit_code()).unwrap_or(2);
+        }
+    };
+    #[cfg(feature = "object-stores")]
+    sunstone::objects::install();
+    start_logging(arguments.verbose);
+    let result = match arguments.command {
+        Command::Render(a) => render::run(&a),
+        Command::Info(a) => info::run(&a),
+        Command::Layers(a) => layers::run(&a),
+        Command::Probe(a) => probe::run(&a),
+        Command::Figure(a) => figure::run(&a),
+        Command::Merge(a) => merge::run(&a),
+        Command::Shard(a) => shard::run(&a),
+        Command::Verify(a) => verify::run(&a),
+        Command::Remove(a) => remove::run(&a),
+        Command::Decompose(a) => decompose::run(&a),
+        Command::Denoise(a) => denoise::run(&a),
+        Command::Scheme(a) => scheme::run(&a),
+        Command::Learn(a) => learn::run(&a),
+        Command::Capture(a) => capture::run(&a),
+        Command::Trial(a) => trial::run(&a),
+        Command::Calibrate(a) => calibrate::run(&a),
+        Command::Reconstruct(a) => reconstruct::run(&a),
+        Command::Rig(a) => rig::run(&a),
+        Command::Export(a) => export::run(&a),
+        Command::Import(a) => import::run(&a),
+        Command::Project(a) => project::run(&a),
+        Command::Ptu(a) => ptu::run(&a),
+        Command::Pbrdf(a) => pbrdf::run(&a),
+        Command::Apply(a) => apply::run(&a),
+        Command::Phase(a) => phase::run(&a),
+        Command::Schema => schema(),
+    };
+    match result {
+        Ok(()) => 0,
+        Err(failure) => failure.report(),
+    }
+}
+
+fn start_logging(verbose: u8) {
+    use tracing::Level;
+    let from_variable = std::env::var("SUNSTONE_LOG").ok().and_then(|v| v.parse().ok());
+    let level = from_variable.unwrap_or(match verbose {
+        0 => Level::WARN,
+        1 => Level::INFO,
+        _ => Level::DEBUG,
+    });
+    // If the process has a logger already, that one stays.
+    let _ = tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .try_init();
+}
+
+fn schema() -> Result<(), Failure> {
+    let mut schema = schemars::schema_for!(sunstone::scene::syntax::scene::SceneFile);
+    sunstone::figure::spec::describe_in(&mut schema);
+    let text = serde_json::to_string_pretty(&schema).map_err(Failure::failed)?;
+    output::print(&text)
+}

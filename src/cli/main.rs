@@ -1,0 +1,7 @@
+//! The `sunstone` program, which only calls `cli::run`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::run()
+}

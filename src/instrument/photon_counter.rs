@@ -1,0 +1,74 @@
+//! A single-photon detector with time-correlated photon counting.
+
+use super::failure::Failure;
+use super::identity::Instrument;
+use ptu::record::RecordType;
+use std::time::Duration;
+
+/// Limits of a counter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CounterLimits {
+    /// Maximum number of bins in a histogram.
+    pub bins: usize,
+    /// Width of the finest bin, in picoseconds; other widths are powers of two times it.
+    pub finest_ps: f64,
+    /// Longest acquisition time.
+    pub longest: Duration,
+    /// Maximum count of a bin.
+    pub full: u64,
+    /// Record type of its time tags (T3), if it supports them.
+    pub tags: Option<RecordType>,
+}
+
+/// Settings of a counter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CounterSettings {
+    /// Number of bins, starting at the sync pulse.
+    pub bins: usize,
+    /// Width of a bin, in picoseconds.
+    pub bin_ps: f64,
+    /// Acquisition time.
+    pub dwell: Duration,
+    /// Offset added to the sync time, in picoseconds.
+    pub offset_ps: f64,
+    /// Returns time tags instead of a histogram: every photon with its pulse and its bin.
+    pub tags: bool,
+}
+
+/// Result of one acquisition.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Histogram {
+    /// Counts by bin; empty in time-tag mode.
+    pub counts: Vec<u32>,
+    /// Raw time-tag records of the type in [`CounterLimits::tags`]. Syncs are counted from the start; a unit
+    /// of `dtime` is one bin.
+    pub records: Vec<u32>,
+    /// Number of laser pulses during the acquisition.
+    pub pulses: u64,
+    /// The counter's number of the acquisition.
+    pub number: u64,
+    /// Counter clock at the start of the acquisition, in nanoseconds.
+    pub timestamp_ns: u64,
+}
+
+pub trait PhotonCounter: Instrument {
+    fn limits(&self) -> CounterLimits;
+
+    /// Applies the settings to all subsequent acquisitions.
+    ///
+    /// # Errors
+    /// [`Failure`]: limit, timeout, disconnected.
+    fn configure(&mut self, settings: &CounterSettings, within: Duration) -> Result<(), Failure>;
+
+    /// Starts an acquisition and returns immediately.
+    ///
+    /// # Errors
+    /// [`Failure`]: refused (not configured, or an acquisition is in progress), disconnected.
+    fn begin(&mut self) -> Result<(), Failure>;
+
+    /// Waits for the end of the acquisition and returns its result.
+    ///
+    /// # Errors
+    /// [`Failure`]: timeout, saturated (a bin is full), disconnected.
+    fn finish(&mut self, within: Duration) -> Result<Histogram, Failure>;
+}

@@ -1,0 +1,54 @@
+//! Errors in a `.ptu` file or in a request about one.
+
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// An error with its file, the byte offset, and how to fix it.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{}: {}{what}; {fix}", file.display(), offset.map_or(String::new(), |at| format!("byte {at}: ")))]
+pub struct PtuError {
+    pub file: PathBuf,
+    /// Offset in bytes from the begin of the file, or `None` if the error has no single position.
+    pub offset: Option<u64>,
+    pub what: String,
+    pub fix: String,
+    /// True if the operating system caused the error, not the file.
+    pub of_system: bool,
+}
+
+impl PtuError {
+    /// Creates an error at a byte of a file.
+    pub(super) fn new(file: &Path, offset: u64, what: impl Into<String>, fix: impl Into<String>) -> Self {
+        Self {
+            file: file.to_owned(),
+            offset: Some(offset),
+            what: what.into(),
+            fix: fix.into(),
+            of_system: false,
+        }
+    }
+
+    /// Creates an error of a request that concerns the whole file.
+    pub(super) fn of_request(file: &Path, what: impl Into<String>, fix: impl Into<String>) -> Self {
+        Self {
+            offset: None,
+            ..Self::new(file, 0, what, fix)
+        }
+    }
+
+    /// Creates an error of a failed read.
+    pub(super) fn io(file: &Path, offset: u64, cause: &std::io::Error) -> Self {
+        Self {
+            of_system: !matches!(
+                cause.kind(),
+                std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidInput
+            ),
+            ..Self::new(
+                file,
+                offset,
+                cause.to_string(),
+                "give a .ptu file that can be read",
+            )
+        }
+    }
+}

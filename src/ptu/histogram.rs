@@ -1,0 +1,419 @@
+//! Time histograms of a file, by channel and by pixel of a scan, in one pass over its records.
+//!
+//! A photon costs two table look-ups (its channel's first bin and the bin of its time), one comparison and
+//! one addition. Photons outside the histogram are counted by reason ([`LeftOut`]).
+
+use super::error::PtuError;
+use super::reader::Reader;
+use super::record::{Layout, Mode, Parts, RecordType, with_layout};
+use super::scan::{Beam, Scan};
+use std::io::Read;
+
+/// Maximum number of elements of a histogram: 2 GiB.
+pub const MOST: usize = 1 << 29;
+
+/// An index beyond every histogram.
+const NOWHERE: u32 = 1 << 30;
+
+/// Binning, channels and pixels of a histogram.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Width of a bin in counts of the file.
+    pub bin: u32,
+    pub bins: usize,
+    /// Channels in the order of the result. A repeated channel is counted at its first position.
+    pub channels: Vec<u8>,
+    /// Counts per pixel if there is a scan.
+    pub scan: Option<Scan>,
+}
+
+impl Plan {
+    /// Returns the number of bins in one laser period, including a partial last bin.
+    ///
+    /// If the header has no period, the bins cover all times that records can represent (T2: 32768).
+    #[must_use]
+    pub fn period_bins<R: Read>(reader: &Reader<R>, bin: u32) -> usize {
+        let (record, header) = (reader.record_type(), reader.header());
+        let all = f64::from(record.dtimes());
+        let period = match record.mode() {
+            Mode::T3 => header.global_resolution_s(),
+            Mode::T2 => header
+                .number("TTResult_SyncRate")
+                .filter(|n| *n > 0.0)
+                .map(|n| 1.0 / n),
+        };
+        let counts = period
+            .zip(header.resolution_s(record.mode()))
+            .map(|(p, r)| (p / r - 1e-6).ceil());
+        let counts = counts.filter(|n| (1.0..=all).contains(n)).unwrap_or(all);
+        (counts / f64::from(bin.max(1))).ceil() as usize
+    }
+
+    fn pixels(&self) -> Option<usize> {
+        self.scan.map_or(Some(1), |s| s.width.checked_mul(s.height))
+    }
+
+    /// Returns why the plan is invalid and how to fix it.
+    fn fault(&self, record: RecordType) -> Option<(String, String)> {
+        let elements = self.bins.checked_mul(self.channels.len());
+        let elements = elements
+            .zip(self.pixels())
+            .and_then(|(row, pixels)| row.checked_mul(pixels));
+        let channels = record.channels();
+        if self.bin == 0 || elements == Some(0) {
+            return Some((
+                "there is nothing to count".into(),
+                "ask for at least one channel, bin and pixel, of a width above 0".into(),
+            ));
+        }
+        if let Some(c) = self.channels.iter().find(|c| **c >= channels) {
+            let what = format!("{} has no channel {c}", record.name());
+            return Some((what, format!("its channels are 0 to {}", channels - 1)));
+        }
+        elements.is_none_or(|n| n > MOST).then(|| {
+            (
+                format!("its histogram would have more than {MOST} elements"),
+                "take wider bins, or fewer channels or pixels".into(),
+            )
+        })
+    }
+}
+
+/// Photons outside the histogram, by the first reason that applies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Photons of channels that the plan does not include.
+    pub channels: u64,
+    /// Photons before the first pixel, between pixels, and after the last pixel.
+    pub pixels: u64,
+    /// Photons before the first sync pulse (T2).
+    pub before_sync: u64,
+    /// Photons after the last bin.
+    pub later: u64,
+    /// The latest time among [`Self::later`], in counts since the sync pulse.
+    pub latest: u64,
+    /// Photons of a first frame whose first lines or pixels are missing, so that their pixels are unknown.
+    pub torn_frame: u64,
+}
+
+impl LeftOut {
+    /// Returns the total number of photons left out.
+    #[must_use]
+    pub fn photons(&self) -> u64 {
+        self.channels + self.pixels + self.before_sync + self.later + self.torn_frame
+    }
+
+    /// Returns a text with the nonzero counts by kind. `resolution_s` is the duration of a count.
+    #[must_use]
+    pub fn describe(&self, resolution_s: Option<f64>) -> String {
+        let latest = match resolution_s {
+            Some(s) => format!("{:.3} ns", self.latest as f64 * s * 1e9),
+            None => format!("{} counts", self.latest),
+        };
+        let kinds = [
+            (self.channels, "in other channels".to_owned()),
+            (self.pixels, "outside the pixels of the scan".to_owned()),
+            (self.before_sync, "before the first sync pulse".to_owned()),
+            (
+                self.later,
+                format!("after the last bin (up to {latest} after the pulse)"),
+            ),
+            (self.torn_frame, "in an incomplete first frame".to_owned()),
+        ];
+        let kinds = kinds.iter().filter(|(n, _)| *n > 0);
+        let kinds: Vec<String> = kinds.map(|(n, kind)| format!("{n} {kind}")).collect();
+        kinds.join(", ")
+    }
+}
+
+/// The result of [`histogram`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Histograms {
+    /// Rows, columns, channels and bins. Without a scan there is one row and one column.
+    pub shape: [usize; 4],
+    /// Counts; the last axis varies fastest.
+    pub counts: Vec<u32>,
+    pub photons: u64,
+    pub left_out: LeftOut,
+    /// Pixels (scan by pixels) or lines (scan by lines) that begin after the last one of their frame.
+    pub beyond: u64,
+    /// Pixels or lines that are missing in the last frame.
+    pub missing: usize,
+    pub unknown: u64,
+}
+
+impl Histograms {
+    /// Returns the number of photons in the histogram.
+    #[must_use]
+    pub fn counted(&self) -> u64 {
+        self.counts.iter().map(|n| u64::from(*n)).sum()
+    }
+}
+
+/// Indices of [`State::left`], in the order in which the reasons are tested.
+const CHANNELS: usize = 0;
+const PIXELS: usize = 1;
+const SYNCS: usize = 2;
+const LATER: usize = 3;
+
+/// Look-up tables and the state of the pass over the records.
+struct State {
+    /// Index of each channel's first bin within a pixel.
+    first: [u32; 64],
+    /// Bin of a T3 record's `dtime`.
+    bin_of: Vec<u32>,
+    bin: u64,
+    bins: u64,
+    row: u32,
+    counts: Vec<u32>,
+    beam: Beam,
+    overflow: u64,
+    sync: Option<u64>,
+    photons: u64,
+    unknown: u64,
+    syncs: u64,
+    left: [u64; 4],
+    latest: u64,
+    torn_frame: u64,
+}
+
+fn count<L: Layout, const TIMED: bool>(state: &mut State, block: &[[u8; 4]]) {
+    let State {
+        first,
+        bin_of,
+        counts,
+        left,
+        latest,
+        ..
+    } = state;
+    // A fixed length that matches the index mask removes the bounds check.
+    let Some(bin_of) = bin_of.first_chunk::<{ 1 << 15 }>() else {
+        return;
+    };
+    let (mut beam, mut overflow, mut sync) = (state.beam, state.overflow, state.sync);
+    let (bin, bins, row) = (state.bin, state.bins, state.row);
+    // First element and number of elements of the current pixel; zero elements if the beam is in no pixel.
+    let place = |beam: &Beam| beam.pixel.map_or((0, 0), |p| (p * row as usize, row));
+    let (mut base, mut room) = place(&beam);
+    let (mut others, mut unknown, mut syncs) = (0, 0, 0);
+    for record in block {
+        match L::split(u32::from_le_bytes(*record)) {
+            Parts::Photon { time, dtime, channel } => {
+                if TIMED {
+                    let now = overflow.saturating_add(u64::from(time));
+                    if now < beam.during[0] || now >= beam.during[1] {
+                        beam.advance(now);
+                        (base, room) = place(&beam);
+                    }
+                }
+                // In T2, `None` before the first sync pulse.
+                let since = if L::T2 {
+                    let now = overflow.saturating_add(u64::from(time));
+                    sync.and_then(|s| now.checked_sub(s))
+                } else {
+                    Some(u64::from(dtime))
+                };
+                let later = if L::T2 {
+                    let bin = since.map(|d| d / bin).filter(|b| *b < bins);
+                    bin.map_or(NOWHERE, |b| b as u32)
+                } else {
+                    bin_of[dtime as usize & 0x7fff]
+                };
+                let begin = first[channel as usize & 63];
+                let slot = begin + later;
+                if slot < room {
+                    let count = &mut counts[base + slot as usize];
+                    *count = count.saturating_add(1);
+                } else if begin == NOWHERE {
+                    left[CHANNELS] += 1;
+                } else if room == 0 {
+                    left[PIXELS] += 1;
+                } else if let Some(since) = since {
+                    left[LATER] += 1;
+                    *latest = since.max(*latest);
+                } else {
+                    left[SYNCS] += 1;
+                }
+            }
+            Parts::Overflow(more) => {
+                overflow = overflow.saturating_add(more);
+                others += 1;
+            }
+            Parts::Marker { time, bits } => {
+                beam.marker(overflow.saturating_add(u64::from(time)), bits);
+                if beam.torn {
+                    beam.torn = false;
+                    state.torn_frame += counts.iter().map(|n| u64::from(*n)).sum::<u64>();
+                    counts.fill(0);
+                }
+                (base, room) = place(&beam);
+                others += 1;
+            }
+            Parts::Sync { time } => {
+                sync = Some(overflow.saturating_add(u64::from(time)));
+                syncs += 1;
+            }
+            Parts::Unknown => unknown += 1,
+        }
+    }
+    (state.beam, state.overflow, state.sync) = (beam, overflow, sync);
+    state.photons += block.len() as u64 - others - syncs - unknown;
+    state.unknown += unknown;
+    state.syncs += syncs;
+}
+
+/// Counts a file's photons from the reader's position to the end.
+///
+/// In T2 a photon's time is the time since the last sync pulse. An incomplete first frame is left out if more
+/// than one line (or pixel) is missing.
+///
+/// # Errors
+/// [`PtuError`] in these cases:
+/// - the plan does not fit the file or exceeds [`MOST`];
+/// - a bin has 2³² − 1 counts or more;
+/// - no photon is in any bin (with the reason: no markers or sync pulses, other channels, later bins);
+/// - the system cannot read the file.
+pub fn histogram<R: Read>(reader: &mut Reader<R>, plan: &Plan) -> Result<Histograms, PtuError> {
+    let (found, nothing) = possibly_empty_histogram(reader, plan)?;
+    nothing.map_or(Ok(found), Err)
+}
+
+/// Like [`histogram`], but accepts a histogram without photons, such as that of one dark pixel. The second
+/// value is then the reason.
+///
+/// # Errors
+/// Like [`histogram`], except for an empty histogram.
+pub fn possibly_empty_histogram<R: Read>(
+    reader: &mut Reader<R>,
+    plan: &Plan,
+) -> Result<(Histograms, Option<PtuError>), PtuError> {
+    let record = reader.record_type();
+    let file = reader.file().to_owned();
+    if let Some((what, fix)) = plan.fault(record) {
+        return Err(PtuError::of_request(&file, what, fix));
+    }
+    let row = plan.bins * plan.channels.len();
+    let elements = row * plan.pixels().unwrap_or(1);
+    let mut counts = Vec::new();
+    counts.try_reserve_exact(elements).map_err(|_| {
+        PtuError::of_request(
+            &file,
+            "there is not the memory for its histogram",
+            "take wider bins",
+        )
+    })?;
+    counts.resize(elements, 0);
+    let mut first = [NOWHERE; 64];
+    for (i, channel) in plan.channels.iter().enumerate().rev() {
+        first[usize::from(*channel & 63)] = (i * plan.bins) as u32;
+    }
+    let mut bin_of = vec![NOWHERE; 1 << 15];
+    for (dtime, bin) in (0..).zip(bin_of.iter_mut()) {
+        let at = dtime / plan.bin;
+        if (at as usize) < plan.bins {
+            *bin = at;
+        }
+    }
+    let mut state = State {
+        first,
+        bin_of,
+        bin: u64::from(plan.bin),
+        bins: plan.bins as u64,
+        row: row as u32,
+        counts,
+        beam: Beam::new(plan.scan),
+        overflow: 0,
+        sync: None,
+        photons: 0,
+        unknown: 0,
+        syncs: 0,
+        left: [0; 4],
+        latest: 0,
+        torn_frame: 0,
+    };
+    let timed = state.beam.is_timed();
+    loop {
+        let block = reader.block()?;
+        if block.is_empty() {
+            break;
+        }
+        let state = &mut state;
+        if timed {
+            with_layout!(record, count[true](state, block));
+        } else {
+            with_layout!(record, count[false](state, block));
+        }
+    }
+    if state.counts.contains(&u32::MAX) {
+        let what = format!("a bin has {} counts or more", u32::MAX);
+        return Err(PtuError::of_request(&file, what, "take narrower bins"));
+    }
+    let left_out = LeftOut {
+        channels: state.left[CHANNELS],
+        pixels: state.left[PIXELS],
+        before_sync: state.left[SYNCS],
+        later: state.left[LATER],
+        latest: state.latest,
+        torn_frame: state.torn_frame,
+    };
+    let empty = (state.photons == left_out.photons()).then(|| {
+        let resolution = reader.header().resolution_s(record.mode());
+        let (what, fix) = nothing(plan, &state, &left_out, record, resolution);
+        PtuError::of_request(&file, what, fix)
+    });
+    let (height, width) = plan.scan.map_or((1, 1), |s| (s.height, s.width));
+    let found = Histograms {
+        shape: [height, width, plan.channels.len(), plan.bins],
+        counts: state.counts,
+        photons: state.photons,
+        left_out,
+        beyond: state.beam.beyond,
+        missing: if state.beam.begins > 0 {
+            state.beam.missing
+        } else {
+            0
+        },
+        unknown: state.unknown,
+    };
+    Ok((found, empty))
+}
+
+/// Returns why no photon is in a bin, and how to fix it.
+fn nothing(
+    plan: &Plan,
+    state: &State,
+    left_out: &LeftOut,
+    record: RecordType,
+    resolution_s: Option<f64>,
+) -> (String, String) {
+    if state.photons == 0 {
+        let what = format!("it has no photons ({} records without a meaning)", state.unknown);
+        return (
+            what,
+            "check that the measurement ran and the file is complete".into(),
+        );
+    }
+    if let Some(scan) = plan.scan.filter(|_| state.beam.begins == 0) {
+        let what = format!(
+            "marker {}, which begins a {}, never comes",
+            scan.begin().trailing_zeros() + 1,
+            if state.beam.is_timed() { "line" } else { "pixel" },
+        );
+        return (what, "see its markers with `sunstone ptu info`".into());
+    }
+    if record.mode() == Mode::T2 && state.syncs == 0 {
+        let fix = "connect the laser to the sync input; `sunstone ptu records` prints absolute times";
+        return (
+            "it has no sync pulses, so that photons have no time since the pulse".into(),
+            fix.into(),
+        );
+    }
+    (
+        format!(
+            "none of its {} photons is in a bin: {}",
+            state.photons,
+            left_out.describe(resolution_s)
+        ),
+        "give other channels, bins or pixels".into(),
+    )
+}

@@ -1,0 +1,22 @@
+//! PicoQuant's `.ptu` files of time-tagged photons: streaming reader, writer and histograms.
+//!
+//! A file is a header of tags ([`tag`], [`header`]) followed by records of 4 bytes each ([`record`]). The
+//! reader keeps only one block of records in memory ([`reader`]). The layouts follow PicoQuant's published
+//! file format descriptions and are checked against the Python package `ptufile`.
+
+pub mod error;
+pub mod header;
+pub mod histogram;
+pub mod meaning;
+pub mod reader;
+pub mod record;
+pub mod scan;
+pub mod survey;
+pub mod synth;
+pub mod tag;
+pub mod writer;
+
+#[cfg(test)]
+mod image_tests;
+#[cfg(test)]
+mod tests;

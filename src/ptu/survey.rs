@@ -1,0 +1,93 @@
+//! Statistics of a file's records in constant memory.
+
+use super::error::PtuError;
+use super::reader::Reader;
+use super::record::{Layout, Parts, with_layout};
+use std::io::Read;
+
+/// Counts of a file's records by kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Survey {
+    pub photons: [u64; 64],
+    /// Markers by input. A record of two markers counts for both.
+    pub markers: [u64; 4],
+    /// Sync pulses (T2).
+    pub syncs: u64,
+    pub overflows: u64,
+    pub unknown: u64,
+    /// Largest time since a sync pulse by channel (T3).
+    pub last_dtime: [u32; 64],
+    /// Time of the last record, in counts of the time tag.
+    pub duration: u64,
+}
+
+impl Survey {
+    /// Returns the number of photons in all channels.
+    #[must_use]
+    pub fn all_photons(&self) -> u64 {
+        self.photons.iter().sum()
+    }
+
+    /// Returns the channels that have photons.
+    #[must_use]
+    pub fn channels(&self) -> Vec<u8> {
+        (0..64).filter(|c| self.photons[usize::from(*c)] > 0).collect()
+    }
+}
+
+fn count<L: Layout>(survey: &mut Survey, overflow: &mut u64, block: &[[u8; 4]]) {
+    let mut base = *overflow;
+    for record in block {
+        match L::split(u32::from_le_bytes(*record)) {
+            Parts::Photon { time, dtime, channel } => {
+                let c = channel as usize & 63;
+                survey.photons[c] += 1;
+                survey.last_dtime[c] = survey.last_dtime[c].max(dtime);
+                survey.duration = base.saturating_add(u64::from(time));
+            }
+            Parts::Overflow(more) => {
+                base = base.saturating_add(more);
+                survey.overflows += 1;
+                survey.duration = base;
+            }
+            Parts::Marker { time, bits } => {
+                for (i, count) in survey.markers.iter_mut().enumerate() {
+                    *count += u64::from(bits >> i & 1);
+                }
+                survey.duration = base.saturating_add(u64::from(time));
+            }
+            Parts::Sync { time } => {
+                survey.syncs += 1;
+                survey.duration = base.saturating_add(u64::from(time));
+            }
+            Parts::Unknown => survey.unknown += 1,
+        }
+    }
+    *overflow = base;
+}
+
+/// Counts a file's records from the reader's position to the end.
+///
+/// # Errors
+/// [`PtuError`] if the system cannot read the file.
+pub fn survey<R: Read>(reader: &mut Reader<R>) -> Result<Survey, PtuError> {
+    let record = reader.record_type();
+    let mut overflow = 0;
+    let mut survey = Survey {
+        photons: [0; 64],
+        markers: [0; 4],
+        syncs: 0,
+        overflows: 0,
+        unknown: 0,
+        last_dtime: [0; 64],
+        duration: 0,
+    };
+    loop {
+        let block = reader.block()?;
+        if block.is_empty() {
+            return Ok(survey);
+        }
+        let (survey, overflow) = (&mut survey, &mut overflow);
+        with_layout!(record, count[](survey, overflow, block));
+    }
+}

@@ -1,0 +1,101 @@
+//! Synthesizes time stamps from the bin counts of a simulated diode.
+//!
+//! A diode that is rearmed at each pulse detects at most one photon per pulse, and all pulses are equivalent.
+//! Given the counts of all bins, every assignment to distinct pulses is equally likely. A random assignment
+//! of the counts of [`Spad::count`] therefore has exactly the distribution of a loop over pulses. Its cost is
+//! proportional to the detections.
+//!
+//! The dead time of a free-running diode correlates neighboring detections. Its counts are assigned to pulses
+//! independently, which preserves histograms but not this correlation.
+
+use optics::sampling::mix::mix;
+use optics::sampling::stream::Stream;
+use polarimetry::capture::detector::error::DetectorError;
+use polarimetry::capture::detector::spad::{Mode, Spad};
+
+/// A detection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Stamp {
+    /// Number of the pulse, from 0.
+    pub sync: u64,
+    /// Bin within the laser's period.
+    pub bin: u32,
+}
+
+/// Returns a uniform integer in [0, `below`). `below` must be positive.
+fn draw(stream: &mut Stream, below: u64) -> u64 {
+    // 64 random bits make the bias too small for any test.
+    let word = [0; 3].map(|_: u8| u128::from((stream.uniform() * 16_777_216.0) as u32));
+    let word = word[0] << 48 | word[1] << 24 | word[2];
+    (((word >> 8) * u128::from(below)) >> 64) as u64
+}
+
+/// Assigns the counts of bins to pulses at random and returns the stamps in order of time. With `alone`, each
+/// pulse has at most one detection, and excess detections are dropped.
+#[must_use]
+pub fn deal(counts: &[u64], pulses: u64, alone: bool, stream: &mut Stream) -> Vec<Stamp> {
+    if pulses == 0 {
+        return vec![];
+    }
+    let bins = (0..).zip(counts).flat_map(|(bin, n)| (0..*n).map(move |_| bin));
+    let mut bins: Vec<u32> = bins.collect();
+    // Fisher–Yates shuffle.
+    for i in (1..bins.len()).rev() {
+        bins.swap(i, draw(stream, i as u64 + 1) as usize);
+    }
+    if alone {
+        bins.truncate(usize::try_from(pulses).unwrap_or(usize::MAX));
+    }
+    let syncs = if alone {
+        different(bins.len() as u64, pulses, stream)
+    } else {
+        let mut syncs: Vec<u64> = bins.iter().map(|_| draw(stream, pulses)).collect();
+        syncs.sort_unstable();
+        syncs
+    };
+    let mut stamps: Vec<Stamp> = syncs
+        .into_iter()
+        .zip(bins)
+        .map(|(sync, bin)| Stamp { sync, bin })
+        .collect();
+    stamps.sort_unstable();
+    stamps
+}
+
+/// Returns `n` ≤ `below` distinct numbers below `below` in ascending order. All sets are equally likely.
+fn different(n: u64, below: u64, stream: &mut Stream) -> Vec<u64> {
+    if n.saturating_mul(2) > below {
+        // Selection sampling (Knuth, algorithm S).
+        let mut left = n;
+        let chosen = (0..below).filter(|i| {
+            let take = draw(stream, below - i) < left;
+            left -= u64::from(take);
+            take
+        });
+        return chosen.collect();
+    }
+    // Redraw duplicates. By symmetry the set is uniform at every step.
+    let mut numbers = vec![];
+    while (numbers.len() as u64) < n {
+        let missing = n - numbers.len() as u64;
+        numbers.extend((0..missing).map(|_| draw(stream, below)));
+        numbers.sort_unstable();
+        numbers.dedup();
+    }
+    numbers
+}
+
+/// Returns the time stamps of one dwell with the rates of [`Spad::rates`]. Bins are those of the period.
+///
+/// # Errors
+/// Those of [`Spad::count`].
+pub fn dwell(spad: &Spad, rates: &[f64], seed: u64, pixel: u32) -> Result<Vec<Stamp>, DetectorError> {
+    let mut stream = Stream::new(mix(seed), pixel, 0);
+    let counts = spad.count(rates, &mut stream)?;
+    Ok(deal(
+        &counts,
+        spad.pulses,
+        spad.mode == Mode::Synchronous,
+        &mut stream,
+    ))
+}

@@ -1,0 +1,439 @@
+//! Capture configurations for applications: a chain with each belief, a sweep of one parameter, or few
+//! captures.
+
+use super::chain::{ChainFailure, Link, exposed, wavelengths};
+use apply::application::{Application, Score};
+use apply::chain::exposure::Laboratory;
+use apply::chain::few::{Choice, Expected, Task, chosen};
+use apply::chain::file::{Belief, Chain};
+use apply::chain::optics::{Optics, Tolerances};
+use apply::chain::readings::Count;
+use apply::comparison::{Row, compare};
+use apply::error::ApplyError;
+use apply::observation::Observation;
+use std::ops::RangeInclusive;
+use transport::render::schedule::Watch;
+
+/// The reason why an application failed on captured slices.
+#[derive(Debug, thiserror::Error)]
+pub enum LinksError {
+    #[error(transparent)]
+    Chain(#[from] ChainFailure),
+    /// The methods refuse their input.
+    #[error(transparent)]
+    Apply(#[from] ApplyError),
+    /// The methods refuse the slices from one link.
+    #[error("captured, {label}: {cause}")]
+    Captured { label: String, cause: ApplyError },
+    #[error("stopped; run the same command again to go on")]
+    Interrupted,
+}
+
+/// A parameter of a chain that can be swept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Electrons per reading (and counts of a counter) at the chosen exposure.
+    Photons,
+    Extinction,
+    /// Standard deviation of retardances.
+    Retardance,
+    /// Standard deviation of axes.
+    Axis,
+    /// The assumed parameters of the elements.
+    Calibration,
+}
+
+impl Part {
+    pub const ALL: [Self; 5] = [
+        Self::Photons,
+        Self::Extinction,
+        Self::Retardance,
+        Self::Axis,
+        Self::Calibration,
+    ];
+
+    /// Returns the name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Photons => "photons",
+            Self::Extinction => "extinction",
+            Self::Retardance => "retardance",
+            Self::Axis => "axis",
+            Self::Calibration => "calibration",
+        }
+    }
+
+    /// Returns the label of an axis, with its unit.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Photons => "electrons of a reading",
+            Self::Extinction => "extinction ratio of the polarizers",
+            Self::Retardance => "standard deviation of retardances [°]",
+            Self::Axis => "standard deviation of axes [°]",
+            Self::Calibration => "calibration",
+        }
+    }
+
+    /// Returns the default values of a sweep.
+    #[must_use]
+    pub fn values(self) -> &'static [f64] {
+        match self {
+            Self::Photons => &[30.0, 100.0, 300.0, 1000.0, 3000.0, 10_000.0],
+            Self::Extinction => &[10.0, 100.0, 1000.0, 10_000.0, f64::INFINITY],
+            Self::Retardance => &[0.0, 1.0, 3.0, 10.0, 20.0],
+            Self::Axis => &[0.0, 0.3, 1.0, 3.0, 10.0],
+            Self::Calibration => &[0.0, 1.0, 2.0],
+        }
+    }
+
+    /// Parses a name and, after `=`, comma-separated values that replace the default ones.
+    ///
+    /// # Errors
+    /// A message.
+    pub fn parse(text: &str) -> Result<(Self, Vec<f64>), String> {
+        let (name, values) = text
+            .split_once('=')
+            .map_or((text, None), |(name, values)| (name, Some(values)));
+        let part = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
+            let known = Self::ALL.map(Self::name).join(", ");
+            format!("nothing of a chain is called `{name}`; give {known}")
+        })?;
+        let Some(values) = values else {
+            return Ok((part, part.values().to_vec()));
+        };
+        if part == Self::Calibration {
+            return Err(format!("`{name}` takes no values; give it alone"));
+        }
+        let value = |v: &str| {
+            let found = v.trim().parse::<f64>().ok();
+            found
+                .filter(|x| part.takes(*x))
+                .ok_or_else(|| format!("`{v}` is no value of `{name}`; as in {name}={}", part.values()[1]))
+        };
+        let values = values.split(',').map(value).collect::<Result<Vec<f64>, _>>()?;
+        if values.len() > MOST_VALUES {
+            return Err(format!(
+                "{} values of `{name}`; give at most {MOST_VALUES}",
+                values.len()
+            ));
+        }
+        if let Some((_, v)) = values.iter().enumerate().find(|(i, v)| values[..*i].contains(v)) {
+            return Err(format!("`{name}` is {v} twice; give each value once"));
+        }
+        Ok((part, values))
+    }
+
+    fn takes(self, x: f64) -> bool {
+        match self {
+            Self::Photons => (1e-3..=1e9).contains(&x),
+            Self::Extinction => x >= 1.0,
+            Self::Retardance | Self::Axis => (0.0..=90.0).contains(&x),
+            Self::Calibration => false,
+        }
+    }
+
+    /// Sorts values from best to worst.
+    pub fn better_first(self, values: &mut [f64]) {
+        values.sort_by(f64::total_cmp);
+        if !matches!(self, Self::Retardance | Self::Axis) {
+            values.reverse();
+        }
+    }
+
+    /// Formats a value.
+    #[must_use]
+    pub fn shown(self, value: f64) -> String {
+        match self {
+            Self::Photons => format!("{value} e⁻"),
+            Self::Extinction if value.is_finite() => format!("{value}:1"),
+            Self::Extinction => "no leak".into(),
+            Self::Retardance | Self::Axis => format!("{value}°"),
+            Self::Calibration => BELIEFS[value as usize % 3].name().into(),
+        }
+    }
+
+    /// Returns a chain with this value; `None` if its elements come from a file, whose errors are not
+    /// tolerances.
+    #[must_use]
+    pub fn with(self, chain: &Chain, value: f64) -> Option<Chain> {
+        let mut out = chain.clone();
+        let Laboratory { optics, exposure, .. } = &mut out.laboratory;
+        let tolerances: Option<&mut Tolerances> = match optics {
+            Optics::Drawn(t) => Some(t),
+            Optics::Known(_) => None,
+        };
+        match self {
+            Self::Photons => (exposure.electrons, exposure.counts) = (value, value),
+            Self::Extinction => tolerances?.extinction = 1.0 / value,
+            Self::Retardance => tolerances?.retardance_error_deg = value,
+            Self::Axis => tolerances?.axis_error_deg = value,
+            Self::Calibration => {}
+        }
+        Some(out)
+    }
+}
+
+/// Maximum number of values in a sweep.
+const MOST_VALUES: usize = 100;
+
+/// Maximum number of chosen captures.
+const MOST_CAPTURES: usize = 64;
+
+/// Parses a range of numbers of captures.
+///
+/// # Errors
+/// A message.
+pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
+    let (a, b) = text.split_once('-').unwrap_or((text, text));
+    let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
+    pair.filter(|(a, b)| 1 <= *a && a <= b && *b <= MOST_CAPTURES)
+        .map(|(a, b)| a..=b)
+        .ok_or_else(|| format!("give a range of numbers of captures within 1-{MOST_CAPTURES}, as 1-16"))
+}
+
+const BELIEFS: [Belief; 3] = [Belief::Nominal, Belief::Calibrated, Belief::Exact];
+
+/// The capture configurations of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Links {
+    /// No capture.
+    #[default]
+    None,
+    /// A chain with each of its beliefs.
+    Chain(Chain),
+    /// A chain with several values of one parameter.
+    Sweep(Chain, Part, Vec<f64>),
+    /// A chain with few captures.
+    Few(Chain, RangeInclusive<usize>),
+}
+
+/// The position of a link in a sweep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Name of its series.
+    pub series: String,
+    /// Value along the axis.
+    pub value: f64,
+}
+
+/// The results through one link.
+#[derive(Clone, Debug)]
+pub struct Through {
+    pub label: String,
+    pub place: Place,
+    /// Rows as in [`super::Report`].
+    pub rows: Vec<Row>,
+    /// Scores, with their seeds.
+    pub scores: Vec<(u64, Score)>,
+    /// Numbers of captured and of clipped pixels.
+    pub count: Count,
+    /// The task that was derived for few captures.
+    pub task: Option<Task>,
+}
+
+/// A link with its results so far.
+pub(super) struct Running {
+    link: Link,
+    place: Place,
+    task: Option<Task>,
+    scores: Vec<(u64, Score)>,
+    count: Count,
+}
+
+impl Running {
+    fn new(label: String, chain: Chain, belief: Belief, place: Place) -> Self {
+        Self {
+            link: Link {
+                label,
+                chain,
+                belief,
+                prior: None,
+                only: None,
+            },
+            place,
+            task: None,
+            scores: vec![],
+            count: Count::default(),
+        }
+    }
+
+    /// Adds the table of results.
+    pub(super) fn compared(self, application: &dyn Application) -> Through {
+        Through {
+            label: self.link.label,
+            place: self.place,
+            rows: compare(application, &self.scores),
+            scores: self.scores,
+            count: self.count,
+            task: self.task,
+        }
+    }
+}
+
+/// Captures one seed's observations through all links, and runs the application on each. The first seed
+/// determines the links.
+pub(super) fn capture(
+    application: &dyn Application,
+    links: &Links,
+    train: &[Observation],
+    test: &[Observation],
+    watch: &dyn Watch,
+    all: &mut Vec<Running>,
+) -> Result<(), LinksError> {
+    if all.is_empty() {
+        *all = links.settled(application, train)?;
+    }
+    let slices = application.plan().slices;
+    let seed = train.first().map_or(0, |o| o.seed);
+    let nm = wavelengths(train);
+    for running in all {
+        let rig = running.link.rig(seed, &nm)?;
+        let mut captured = |observations: &[Observation]| -> Result<Vec<Observation>, LinksError> {
+            let each = observations.iter();
+            each.map(|o| {
+                if watch.interrupted() {
+                    return Err(LinksError::Interrupted);
+                }
+                Ok(running.link.observe(&rig, o, &slices, &mut running.count)?)
+            })
+            .collect()
+        };
+        let (train, test) = (captured(train)?, captured(test)?);
+        let outcome = application
+            .run(&train, &test)
+            .map_err(|cause| LinksError::Captured {
+                label: running.link.label.clone(),
+                cause,
+            })?;
+        running
+            .scores
+            .extend(outcome.scores.into_iter().map(|s| (seed, s)));
+    }
+    Ok(())
+}
+
+impl Links {
+    fn settled(
+        &self,
+        application: &dyn Application,
+        train: &[Observation],
+    ) -> Result<Vec<Running>, LinksError> {
+        match self {
+            Self::None => Ok(vec![]),
+            Self::Chain(chain) => Ok(chain
+                .beliefs
+                .iter()
+                .map(|b| {
+                    let place = Place {
+                        series: "belief".into(),
+                        value: f64::NAN,
+                    };
+                    Running::new(b.name().into(), chain.clone(), *b, place)
+                })
+                .collect()),
+            Self::Sweep(chain, part, values) => {
+                let task = application.task(train)?;
+                let mut all = sweep(chain, *part, values);
+                all.iter_mut().for_each(|r| r.task.clone_from(&task));
+                Ok(all)
+            }
+            Self::Few(chain, range) => few(chain, range.clone(), application, train),
+        }
+    }
+}
+
+/// Returns links for each value and each of the chain's beliefs, one series per belief.
+fn sweep(chain: &Chain, part: Part, values: &[f64]) -> Vec<Running> {
+    let mut out = vec![];
+    if part == Part::Calibration {
+        for (i, belief) in BELIEFS.into_iter().enumerate() {
+            let place = Place {
+                series: part.label().into(),
+                value: i as f64,
+            };
+            out.push(Running::new(belief.name().into(), chain.clone(), belief, place));
+        }
+        return out;
+    }
+    for belief in &chain.beliefs {
+        for value in values {
+            let Some(with) = part.with(chain, *value) else {
+                continue;
+            };
+            let place = Place {
+                series: belief.name().into(),
+                value: *value,
+            };
+            let label = format!("{}, {}", belief.name(), part.shown(*value));
+            out.push(Running::new(label, with, *belief, place));
+        }
+    }
+    out
+}
+
+/// Name of the series with all captures, which baselines use.
+pub const WHOLE: &str = "all captures";
+
+/// Returns the unchanged chain, then few captures by each choice.
+fn few(
+    chain: &Chain,
+    range: RangeInclusive<usize>,
+    application: &dyn Application,
+    train: &[Observation],
+) -> Result<Vec<Running>, LinksError> {
+    let task = application.task(train)?.ok_or_else(|| {
+        ApplyError::Empty(format!(
+            "what `{}` makes of Mueller matrices is not linear, so no captures can be chosen for it; metamerism and scattering are",
+            application.name()
+        ))
+    })?;
+    let expected = Expected::of(train, task.slice)?;
+    let calibrated = chain.beliefs.contains(&Belief::Calibrated);
+    let belief = calibrated.then_some(Belief::Calibrated);
+    let belief = belief.or(chain.beliefs.first().copied()).unwrap_or(Belief::Exact);
+    let place = |series: &str, value| Place {
+        series: series.into(),
+        value,
+    };
+    let own = chain.nominal.captures();
+    let mut whole = Running::new(
+        format!("{} ({belief})", chain.nominal.name, belief = belief.name()),
+        chain.clone(),
+        belief,
+        place(WHOLE, own as f64),
+    );
+    whole.task = Some(task.clone());
+    let mut out = vec![whole];
+    let plan = application.plan();
+    let noise = |scheme: &polarimetry::capture::scheme::Scheme| -> Result<f64, LinksError> {
+        let Some(o) = train.first() else {
+            return Ok(0.0);
+        };
+        let detectors = exposed(&chain.laboratory, o, &plan.slices, scheme)?;
+        Ok(detectors.relative_noise(expected.brightness))
+    };
+    let sigma = noise(&chain.nominal)?;
+    for choice in Choice::EVERY {
+        for k in range.clone() {
+            let scheme = chosen(choice, k, &task, &expected, sigma, chain.seed);
+            let scheme = scheme.map_err(|e| ApplyError::Empty(e.to_string()))?;
+            let chain = Chain {
+                nominal: scheme,
+                ..chain.clone()
+            };
+            let mut running = Running::new(
+                format!("{k} captures, {}", choice.name()),
+                chain,
+                belief,
+                place(choice.name(), k as f64),
+            );
+            running.link.prior = Some(expected.moment);
+            running.link.only = Some(task.slice.into());
+            running.task = Some(task.clone());
+            out.push(running);
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,97 @@
+//! Ground-truth maps from the geometry of a scene: the first surface that camera rays hit behind smooth glass
+//! and water ([`Viewer`]).
+
+use apply::map::Map;
+use apply::pinhole::{Pinhole, Rig};
+use glam::DVec2;
+use tensor::layers::{LayerSet, LayerValues};
+use transport::device::pinhole::Pinhole as Device;
+use transport::render::sight::{Sight, Viewer};
+use transport::scene::Scene;
+
+/// Number of rays along each side of a pixel, for the shares of pixels.
+const GRID: u32 = 3;
+
+/// Fills a map from the hit of the ray through each pixel's centre.
+fn centres(scene: &Scene, channels: usize, mut fill: impl FnMut(Sight, &mut [f64])) -> Map {
+    let viewer = Viewer::new(scene);
+    let [w, h] = scene.camera.resolution.map(|n| n as usize);
+    Map::from_fn(w, h, channels, |x, y, out| {
+        out.fill(f64::NAN);
+        if let Some(sight) = viewer.look(DVec2::new(x as f64 + 0.5, y as f64 + 0.5), true) {
+            fill(sight, out);
+        }
+    })
+}
+
+/// Returns the share of each pixel that the given materials cover.
+#[must_use]
+pub fn material(scene: &Scene, of: &[&str]) -> Map {
+    let (viewer, names) = (Viewer::new(scene), &scene.names);
+    let [w, h] = scene.camera.resolution.map(|n| n as usize);
+    let is_one = |at| {
+        let name = names.material(viewer.look(at, true)?.material)?;
+        of.contains(&names.materials.get(name as usize)?.as_str())
+            .then_some(())
+    };
+    Map::from_fn(w, h, 1, |x, y, out| {
+        let within = |n: u32| (f64::from(n) + 0.5) / f64::from(GRID);
+        let at = |i: u32| DVec2::new(x as f64 + within(i % GRID), y as f64 + within(i / GRID));
+        let met = (0..GRID * GRID).filter(|i| is_one(at(*i)).is_some()).count();
+        out[0] = met as f64 / f64::from(GRID * GRID);
+    })
+}
+
+/// Returns the number of the object ([`transport::names::Names::objects`]) at each pixel's centre; NaN
+/// without an object.
+#[must_use]
+pub fn object(scene: &Scene) -> Map {
+    centres(scene, 1, |sight, out| out[0] = f64::from(sight.object))
+}
+
+/// Returns the texture coordinates at each pixel's centre; NaN without an object. The scene must keep them
+/// ([`Scene::keep_texture_coordinates`]).
+#[must_use]
+pub fn texture(scene: &Scene) -> Map {
+    centres(scene, 2, |sight, out| {
+        out.iter_mut()
+            .zip(sight.surface.uv)
+            .for_each(|(o, uv)| *o = f64::from(uv));
+    })
+}
+
+/// Returns the layer of this name; `None` if there is none.
+#[must_use]
+pub fn layer(layers: &LayerSet, name: &str) -> Option<Map> {
+    let layer = layers.get(name)?;
+    let [width, height] = layers.size.map(|n| n as usize);
+    Some(Map {
+        width,
+        height,
+        channels: layers.channels(layer),
+        data: match &layer.values {
+            LayerValues::Real(all) => all.iter().map(|v| f64::from(*v)).collect(),
+            LayerValues::Number(all) => all.iter().map(|v| f64::from(*v)).collect(),
+        },
+    })
+}
+
+/// Returns the camera and the projector of a scene as a calibrated rig without calibration error.
+#[must_use]
+pub fn rig(scene: &Scene) -> Option<Rig> {
+    Some(Rig {
+        camera: pinhole(&scene.camera),
+        projector: pinhole(&scene.projector.as_ref()?.pinhole),
+    })
+}
+
+fn pinhole(device: &Device) -> Pinhole {
+    let axes = [device.axes.x_axis, device.axes.y_axis, device.axes.z_axis];
+    Pinhole::new(
+        device.resolution.map(|n| n as usize),
+        device.focal.to_array(),
+        device.principal.to_array(),
+        device.origin.as_dvec3().to_array(),
+        axes.map(|a| a.as_dvec3().to_array()),
+    )
+}

@@ -1,0 +1,213 @@
+//! Figures from a figure file, which lists scenes, their views, applications and a layout.
+//!
+//! [`Source::read`] reads the file. [`prepare`] checks it against its scenes and applications before anything
+//! is rendered. [`Prepared::draw`] renders and draws the figure. Renders ([`crate::studio`]) and results of
+//! applications are cached and reused.
+
+mod application;
+mod caption;
+mod curves;
+pub mod file;
+mod kept;
+mod source;
+mod stage;
+mod view;
+
+pub use kept::program;
+pub use source::Source;
+pub use stage::{FigureFileError, Settings};
+
+use apply::application::Size;
+use base::locate::Located;
+use figure::composite::{self, Composite, Part};
+use figure::{Drawing, FigureError, White};
+use std::collections::{BTreeMap, BTreeSet};
+use transport::render::schedule::Watch;
+
+use crate::studio::Studio;
+use application::Applications;
+use caption::Value;
+use file::{PanelFile, SizeFile, ViewFile};
+use stage::Stage;
+
+/// A finished figure.
+#[derive(Clone, Debug)]
+pub struct Made {
+    pub drawing: Drawing,
+    /// Number of new renders, excluding cached ones.
+    pub rendered: usize,
+}
+
+/// A figure file that was checked against its scenes and applications.
+pub struct Prepared<'a> {
+    source: &'a Source,
+    stages: BTreeMap<&'a str, Stage<'a>>,
+    applications: Applications<'a>,
+}
+
+/// Checks a figure file against its scenes and applications; renders nothing.
+///
+/// # Errors
+/// [`FigureFileError::Input`] at the location of an item that scenes and applications do not have;
+/// [`FigureFileError::Studio`] if a scene itself is invalid.
+pub fn prepare<'a>(
+    source: &'a Source,
+    settings: &'a Settings,
+    watch: &'a dyn Watch,
+) -> Result<Prepared<'a>, FigureFileError> {
+    let mut stages = BTreeMap::new();
+    for (name, entry) in &source.file.scenes {
+        let path = source.beside(&entry.file);
+        if !path.is_file() {
+            let message = format!("there is no file {}", path.display());
+            let help = "name a scene file, seen from the folder of the figure file";
+            return Err(source.error(&entry.file, message, help).into());
+        }
+        let of_scene = |p: &&Located<PanelFile>| p.scene.as_ref().is_some_and(|s| **s == *name);
+        let panels: Vec<_> = source.file.panels.iter().filter(of_scene).collect();
+        let slices: BTreeSet<&str> = panels.iter().filter_map(|p| p.view.as_ref()?.slice()).collect();
+        let studio = Studio::open(&path, &settings.renders, watch)?;
+        let variant = studio.variant(entry.variant)?;
+        for view in panels.iter().filter_map(|p| p.view.as_ref()) {
+            let known: Vec<&str> = variant.file.slices.iter().map(|s| s.name.as_str()).collect();
+            if let Some(missing) = view.slice().filter(|s| !known.contains(s)) {
+                let message = format!("scene `{name}` has no slice `{missing}`");
+                let help = format!("name one of: {}", known.join(", "));
+                return Err(source.error(view, message, help).into());
+            }
+        }
+        let size = size(if settings.preview {
+            &entry.preview
+        } else {
+            &entry.full
+        });
+        let slices: Vec<String> = slices.into_iter().map(str::to_owned).collect();
+        let names: Vec<&str> = slices.iter().map(String::as_str).collect();
+        let scene = studio.scene(&variant, size.pixels, &names)?;
+        for panel in panels {
+            view::check(panel, &scene).map_err(|e| match &panel.view {
+                Some(at) => source
+                    .error(at, e, "correct the view, or what its slice keeps")
+                    .into(),
+                None => FigureFileError::Figure(FigureError::Encode(e)),
+            })?;
+        }
+        let stage = Stage {
+            studio,
+            variant,
+            number: entry.variant,
+            seed: entry.seed,
+            size,
+            slices,
+            scene,
+            store: None,
+        };
+        stages.insert(name.as_str(), stage);
+    }
+    for panel in &source.file.panels {
+        caption::check(&panel.caption).map_err(|e| source.error(&panel.caption, e.message, e.help))?;
+    }
+    let applications = Applications::prepare(source, settings, watch)?;
+    Ok(Prepared {
+        source,
+        stages,
+        applications,
+    })
+}
+
+fn size(of: &SizeFile) -> Size {
+    Size {
+        pixels: *of.pixels,
+        spp: *of.spp,
+    }
+}
+
+impl Prepared<'_> {
+    /// Renders what is not cached, and draws the figure.
+    ///
+    /// # Errors
+    /// [`FigureFileError`].
+    pub fn draw(mut self) -> Result<Made, FigureFileError> {
+        let source = self.source;
+        for stage in self.stages.values_mut() {
+            let names: Vec<&str> = stage.slices.iter().map(String::as_str).collect();
+            // Layers need no render.
+            if !names.is_empty() {
+                let store =
+                    stage
+                        .studio
+                        .render(stage.number, &stage.variant, stage.seed, stage.size, &names)?;
+                stage.store = Some(store);
+            }
+        }
+        self.applications.run()?;
+        let parts: Result<Vec<_>, _> = source.file.panels.iter().map(|p| self.part(p)).collect();
+        let figure = Composite {
+            title: source.file.title.clone(),
+            width_mm: source.width_mm().unwrap_or(composite::COLUMN_MM[1]),
+            columns: *source.file.columns,
+            column_headings: source.file.column_headings.clone(),
+            row_headings: source.file.row_headings.clone(),
+            letters: source.file.letters,
+            parts: parts?,
+        };
+        let rendered = self.stages.values().map(|s| s.studio.rendered()).sum::<usize>();
+        Ok(Made {
+            drawing: composite::draw(&figure)?,
+            rendered: rendered + self.applications.rendered(),
+        })
+    }
+
+    fn part(&self, panel: &Located<PanelFile>) -> Result<Option<Part>, FigureFileError> {
+        let source = self.source;
+        let Some(at) = &panel.view else {
+            return Ok(None);
+        };
+        let fault = |e: String| source.error(at, e, "correct the view");
+        let stage = panel.scene.as_ref().and_then(|s| self.stages.get(s.as_str()));
+        let (tile, mut values) = match (&**at, stage) {
+            (ViewFile::Apply(view), _) => self.applications.tile(at, view)?,
+            (ViewFile::Curves(view), _) => self.applications.chart(at, view)?,
+            (view, Some(stage)) => (view::tile(view, stage, &fault)?, stage.values()),
+            (_, None) => return Err(fault("this view is of no scene".into()).into()),
+        };
+        if let Some(white) = tile.white() {
+            let shown = match white {
+                White::Value(v) => Value::Number(v.into()),
+                White::Nothing => Value::Text("– (nothing is positive)".into()),
+            };
+            values.push(("white".into(), shown));
+        }
+        let caption = caption::fill(&panel.caption, &values)
+            .map_err(|e| source.error(&panel.caption, e.message, e.help))?;
+        let mut tile = match &panel.aspect {
+            Some(aspect) => tile.with_aspect(**aspect),
+            None => tile,
+        };
+        if !panel.colour_bar {
+            tile = tile.without_bar();
+        }
+        if let Some(inset) = panel.insets.first().filter(|_| tile.size().is_none()) {
+            let help = "leave it out, or show one element";
+            let message = "an inset magnifies a picture of one image, which this view is not";
+            return Err(source.error(inset, message, help).into());
+        }
+        let insets: Result<_, _> = panel.insets.iter().map(|i| source.inset(i)).collect();
+        let arrows: Result<_, _> = panel.arrows.iter().map(|a| source.arrow(a)).collect();
+        let scale_bar = match (&panel.scale_bar, stage) {
+            (Some(bar), Some(stage)) => Some(
+                view::scale_bar(bar, &stage.scene)
+                    .map_err(|(message, help)| source.error(bar, message, help))?,
+            ),
+            _ => None,
+        };
+        Ok(Some(Part {
+            tile,
+            span: panel.span.as_ref().map_or(1, |s| **s),
+            caption,
+            insets: insets?,
+            arrows: arrows?,
+            scale_bar,
+        }))
+    }
+}

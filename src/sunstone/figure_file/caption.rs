@@ -1,0 +1,142 @@
+//! Captions with values: `{method}: {peak signal-to-noise ratio:.1} dB`.
+
+/// A value for captions.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    Text(String),
+    Number(f64),
+}
+
+/// An error in a caption, and its fix.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CaptionError {
+    pub message: String,
+    pub help: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Piece {
+    Text(String),
+    /// A name, and the number of decimals.
+    Value(String, Option<usize>),
+}
+
+/// Splits a caption at its braces; doubled braces are literal.
+fn pieces(caption: &str) -> Result<Vec<Piece>, CaptionError> {
+    let fault = |message: &str| CaptionError {
+        message: message.to_owned(),
+        help: "write {name} or {name:.2} for a value, {{ and }} for braces".into(),
+    };
+    let (mut out, mut text) = (vec![], String::new());
+    let mut chars = caption.chars().peekable();
+    while let Some(c) = chars.next() {
+        match c {
+            '{' | '}' if chars.peek() == Some(&c) => {
+                chars.next();
+                text.push(c);
+            }
+            '}' => return Err(fault("a } without its {")),
+            '{' => {
+                let mut inside = String::new();
+                loop {
+                    match chars.next() {
+                        Some('}') => break,
+                        Some(c) if c != '{' => inside.push(c),
+                        _ => return Err(fault("a { without its }")),
+                    }
+                }
+                let (name, digits) = match inside.rsplit_once(":.") {
+                    None => (inside.as_str(), None),
+                    Some((name, digits)) => match digits.parse() {
+                        Ok(n) if n <= 12_usize => (name, Some(n)),
+                        _ => return Err(fault("the digits of a value are no number up to 12")),
+                    },
+                };
+                out.push(Piece::Text(std::mem::take(&mut text)));
+                out.push(Piece::Value(name.trim().to_owned(), digits));
+            }
+            c => text.push(c),
+        }
+    }
+    out.push(Piece::Text(text));
+    Ok(out)
+}
+
+/// Checks the syntax of a caption.
+///
+/// # Errors
+/// [`CaptionError`].
+pub fn check(caption: &str) -> Result<(), CaptionError> {
+    pieces(caption).map(|_| ())
+}
+
+/// Inserts values into a caption.
+///
+/// # Errors
+/// [`CaptionError`] if it names a value that is not among `known`.
+pub fn fill(caption: &str, known: &[(String, Value)]) -> Result<String, CaptionError> {
+    let mut out = String::new();
+    for piece in pieces(caption)? {
+        match piece {
+            Piece::Text(text) => out += &text,
+            Piece::Value(name, digits) => {
+                let Some((_, value)) = known.iter().find(|(n, _)| *n == name) else {
+                    let names: Vec<&str> = known.iter().map(|(n, _)| n.as_str()).collect();
+                    return Err(CaptionError {
+                        message: format!("the caption names a value `{name}` that this panel does not have"),
+                        help: format!("name one of: {}", names.join(", ")),
+                    });
+                };
+                match (value, digits) {
+                    (Value::Text(text), _) => out += text,
+                    (Value::Number(v), _) if !v.is_finite() => out.push('–'),
+                    (Value::Number(v), Some(n)) => out += &format!("{v:.n$}").replace('-', "−"),
+                    (Value::Number(v), None) => out += &format!("{v}").replace('-', "−"),
+                }
+            }
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn values_stand_where_they_are_named() {
+        let known = [
+            ("method".to_owned(), Value::Text("ours".into())),
+            ("area under the curve".to_owned(), Value::Number(0.987_6)),
+            ("nothing".to_owned(), Value::Number(f64::NAN)),
+        ];
+        let say = |text: &str| fill(text, &known);
+        assert_eq!(
+            say("{method}: {area under the curve:.2} {{x}}").as_deref(),
+            Ok("ours: 0.99 {x}")
+        );
+        assert_eq!(say("{nothing:.1} plain").as_deref(), Ok("– plain"));
+        for bad in [
+            "{metod}",
+            "{method",
+            "method}",
+            "{method:.x}",
+            "{{method}",
+            "{a{b}}",
+        ] {
+            assert!(say(bad).is_err(), "{bad}");
+        }
+        assert!(say("{metod}").is_err_and(|e| e.help.contains("area under the curve")));
+    }
+
+    proptest! {
+        /// No text causes a panic, and a text without braces stays unchanged.
+        #[test]
+        fn any_text_is_a_caption_or_refused(text in "\\PC{0,40}", braces in "[{}:.a0-9]{0,20}") {
+            let _ = fill(&braces, &[]);
+            let plain = text.replace(['{', '}'], "");
+            prop_assert_eq!(fill(&plain, &[]), Ok(plain));
+        }
+    }
+}

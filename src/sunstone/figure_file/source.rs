@@ -1,0 +1,247 @@
+//! A parsed figure file, and the checks that need neither its scenes nor its applications.
+
+use base::document;
+use base::locate::{InputError, Located};
+use figure::composite::{Arrow, COLUMN_MM, Corner, Ink, Inset, MOST_COLUMNS, MOST_PANELS, WIDTHS_MM};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::file::{ArrowFile, FigureFile, InsetFile, PanelFile};
+
+/// Maximum pixels of an image's longer side.
+const MOST_PIXELS: u32 = 8192;
+/// Maximum samples per pixel.
+const MOST_SAMPLES: u32 = 1 << 24;
+
+/// A figure file with its text.
+#[derive(Clone, Debug)]
+pub struct Source {
+    pub path: PathBuf,
+    pub text: Arc<str>,
+    /// The parsed contents.
+    pub file: FigureFile,
+}
+
+impl Source {
+    /// Reads a figure file.
+    ///
+    /// # Errors
+    /// [`InputError`] at the location of an error that does not depend on its scenes and applications.
+    pub fn read(path: &Path) -> Result<Self, InputError> {
+        let text = document::read(path, "figure file", "name a figure file, or a store of a render")?;
+        Self::of_text(path, &text)
+    }
+
+    /// As [`Self::read`], from its text.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn of_text(path: &Path, text: &str) -> Result<Self, InputError> {
+        let file: FigureFile = document::parse(path, text, |message| {
+            if message.contains("unknown field") || message.contains("unknown variant") {
+                "use one of the names listed; docs/figures.md describes figure files".to_owned()
+            } else {
+                "docs/figures.md describes figure files".to_owned()
+            }
+        })?;
+        let source = Self {
+            path: path.to_owned(),
+            text: text.into(),
+            file,
+        };
+        source.check()?;
+        Ok(source)
+    }
+
+    /// Returns an error at a location.
+    pub fn error<T>(
+        &self,
+        at: &Located<T>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> InputError {
+        InputError {
+            file: self.path.clone(),
+            text: Arc::clone(&self.text),
+            span: Some(at.span()),
+            message: message.into(),
+            help: Some(help.into()),
+        }
+    }
+
+    /// Returns the path of a file that is named relative to the figure file.
+    #[must_use]
+    pub fn beside(&self, name: &str) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(name)
+    }
+
+    /// Returns the width in millimetres.
+    #[must_use]
+    pub fn width_mm(&self) -> Option<f64> {
+        match self.file.width.as_str() {
+            "single" => Some(COLUMN_MM[0]),
+            "double" => Some(COLUMN_MM[1]),
+            text => {
+                let number = text.strip_suffix("mm")?.trim().parse().ok()?;
+                (WIDTHS_MM[0]..=WIDTHS_MM[1]).contains(&number).then_some(number)
+            }
+        }
+    }
+
+    fn check(&self) -> Result<(), InputError> {
+        let file = &self.file;
+        if self.width_mm().is_none() {
+            return Err(self.error(
+                &file.width,
+                format!("`{}` is no width of a figure", *file.width),
+                "write \"single\" (84 mm), \"double\" (178 mm) or millimetres such as \"120 mm\", 30 to 400",
+            ));
+        }
+        let columns = *file.columns;
+        if !(1..=MOST_COLUMNS).contains(&columns) {
+            return Err(self.error(&file.columns, format!("{columns} columns"), "give 1 to 16"));
+        }
+        if file.column_headings.len() > columns {
+            return Err(self.error(
+                &file.columns,
+                format!(
+                    "{} column_headings of {columns} columns",
+                    file.column_headings.len()
+                ),
+                "give at most one a column",
+            ));
+        }
+        for scene in file.scenes.values() {
+            for size in [&scene.preview, &scene.full] {
+                let bad =
+                    |at, message: String, most: u32| self.error(at, message, format!("give 1 to {most}"));
+                if !(1..=MOST_PIXELS).contains(&*size.pixels) {
+                    let message = format!("a camera of {} pixels", *size.pixels);
+                    return Err(bad(&size.pixels, message, MOST_PIXELS));
+                }
+                if !(1..=MOST_SAMPLES).contains(&*size.spp) {
+                    let message = format!("{} samples a pixel", *size.spp);
+                    return Err(bad(&size.spp, message, MOST_SAMPLES));
+                }
+            }
+        }
+        for entry in file.applications.values() {
+            if !(1..=1000).contains(&entry.seeds) {
+                return Err(self.error(entry, format!("{} seeds", entry.seeds), "give 1 to 1000"));
+            }
+        }
+        let shown = file.panels.iter().filter(|p| p.view.is_some()).count();
+        if shown == 0 || file.panels.len() > MOST_PANELS {
+            return Err(InputError {
+                file: self.path.clone(),
+                text: Arc::clone(&self.text),
+                span: None,
+                message: format!("{} panels, of which {shown} show something", file.panels.len()),
+                help: Some("give 1 to 200 [[panels]] with a view".into()),
+            });
+        }
+        file.panels.iter().try_for_each(|p| self.check_panel(p))
+    }
+
+    fn check_panel(&self, panel: &Located<PanelFile>) -> Result<(), InputError> {
+        let columns = *self.file.columns;
+        if let Some(span) = panel.span.as_ref().filter(|s| !(1..=columns).contains(&***s)) {
+            return Err(self.error(
+                span,
+                format!("a panel {} columns wide in a figure of {columns}", **span),
+                "give 1 to the number of columns",
+            ));
+        }
+        if let Some(aspect) = panel.aspect.as_ref().filter(|a| !(0.05..=20.0).contains(&***a)) {
+            return Err(self.error(aspect, format!("an aspect of {}", **aspect), "give 0.05 to 20"));
+        }
+        for inset in &panel.insets {
+            self.inset(inset)?;
+        }
+        for arrow in &panel.arrows {
+            self.arrow(arrow)?;
+        }
+        let Some(view) = &panel.view else { return Ok(()) };
+        if let Some(bar) = &panel.scale_bar {
+            let inside = bar.of.iter().all(|v| (0.0..=1.0).contains(v));
+            if !(bar.length_mm > 0.0 && bar.length_mm.is_finite() && inside) {
+                return Err(self.error(
+                    bar,
+                    "this is no length in the picture",
+                    "give length_mm above 0, and of = [x, y] from 0 to 1",
+                ));
+            }
+            if view.application().is_some() {
+                let help = "leave it out: only views of a scene have one";
+                return Err(self.error(bar, "a picture of an application has no scale bar", help));
+            }
+        }
+        match (view.application(), &panel.scene) {
+            (Some(_), Some(scene)) => {
+                let help = "leave `scene` out: the application has its own";
+                Err(self.error(scene, "an application is shown, and a scene named", help))
+            }
+            (Some(_), None) => Ok(()),
+            (None, None) => {
+                let help = format!("add scene = \"…\", one of: {}", self.scenes());
+                Err(self.error(view, "this view is of no scene", help))
+            }
+            (None, Some(scene)) if !self.file.scenes.contains_key(&**scene) => {
+                let help = format!("name one of: {}", self.scenes());
+                Err(self.error(scene, format!("there is no [scenes.{}]", **scene), help))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn scenes(&self) -> String {
+        let names: Vec<&str> = self.file.scenes.keys().map(String::as_str).collect();
+        names.join(", ")
+    }
+
+    fn ink<T>(&self, at: &Located<T>, name: &str) -> Result<Ink, InputError> {
+        Ink::named(name).ok_or_else(|| {
+            let help = format!("name one of: {}", Ink::names().join(", "));
+            self.error(at, format!("there is no colour `{name}`"), help)
+        })
+    }
+
+    /// Checks and converts an inset.
+    ///
+    /// # Errors
+    /// [`InputError`] at its location.
+    pub fn inset(&self, at: &Located<InsetFile>) -> Result<Inset, InputError> {
+        let corner = Corner::named(&at.at).ok_or_else(|| {
+            let help = "write upper left, upper right, lower left or lower right";
+            self.error(at, format!("`{}` is no corner", at.at), help)
+        })?;
+        let inset = Inset {
+            crop: at.crop,
+            magnify: at.magnify,
+            corner,
+            ink: self.ink(at, &at.colour)?,
+        };
+        inset
+            .check()
+            .map_err(|e| self.error(at, e.to_string(), "correct the inset"))?;
+        Ok(inset)
+    }
+
+    /// Checks and converts an arrow.
+    ///
+    /// # Errors
+    /// [`InputError`] at its location.
+    pub fn arrow(&self, at: &Located<ArrowFile>) -> Result<Arrow, InputError> {
+        let arrow = Arrow {
+            from: at.from,
+            to: at.to,
+            ink: self.ink(at, &at.colour)?,
+        };
+        let near = |p: [f64; 2]| p.iter().all(|v| (-0.5..=1.5).contains(v));
+        if !near(arrow.from) || !near(arrow.to) || arrow.from == arrow.to {
+            let help = "give from and to as [x, y] shares of the picture, 0 to 1, that differ";
+            return Err(self.error(at, "the arrow points nowhere", help));
+        }
+        Ok(arrow)
+    }
+}

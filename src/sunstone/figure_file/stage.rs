@@ -1,0 +1,84 @@
+//! A scene of a figure, and the errors of figure files.
+
+use apply::application::Size;
+use base::locate::InputError;
+use figure::FigureError;
+use scene::syntax::variant::Variant;
+use std::path::PathBuf;
+use store::zarr::{AccessError, OpenError, TensorStore};
+use transport::scene::Scene;
+
+use super::caption::Value;
+use crate::applications::ApplicationError;
+use crate::studio::{Studio, StudioError};
+
+/// Folders and settings of a run.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    pub renders: PathBuf,
+    /// Folder of the applications' scenes; default: `scenes` in a parent folder of the figure file or of the
+    /// current folder.
+    pub scenes: Option<PathBuf>,
+    /// Use preview size instead of full size.
+    pub preview: bool,
+    /// Identifies this program ([`super::program`]) for the cache of application results next to the renders.
+    /// Without it, methods are fitted every time.
+    pub program: Option<String>,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum FigureFileError {
+    /// The figure file is invalid.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A scene is invalid, or its render stopped.
+    #[error(transparent)]
+    Studio(#[from] StudioError),
+    #[error(transparent)]
+    Application(#[from] ApplicationError),
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    #[error(transparent)]
+    Figure(#[from] FigureError),
+}
+
+pub struct Stage<'a> {
+    pub studio: Studio<'a>,
+    pub variant: Variant,
+    pub number: Option<u64>,
+    pub seed: u64,
+    pub size: Size,
+    pub slices: Vec<String>,
+    pub scene: Scene,
+    pub store: Option<TensorStore>,
+}
+
+impl Stage<'_> {
+    /// Returns the values for captions.
+    pub fn values(&self) -> Vec<(String, Value)> {
+        let number = |name: &str, v: f64| (name.to_owned(), Value::Number(v));
+        let mut out = vec![
+            number("seed", self.seed as f64),
+            number("pixels", f64::from(self.size.pixels)),
+            number("spp", f64::from(self.size.spp)),
+        ];
+        out.extend(self.number.map(|n| number("variant", n as f64)));
+        out.extend(varied(&self.variant));
+        out
+    }
+}
+
+/// Returns the values of a variant's parameters.
+pub fn varied(variant: &Variant) -> impl Iterator<Item = (String, Value)> {
+    variant.values.iter().map(|(name, v)| {
+        let number = v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
+        let value = match (number, v.as_str()) {
+            (Some(v), _) => Value::Number(v),
+            (None, Some(text)) => Value::Text(text.to_owned()),
+            (None, None) => Value::Text(v.to_string()),
+        };
+        (format!("vary {name}"), value)
+    })
+}

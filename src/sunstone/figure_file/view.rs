@@ -1,0 +1,269 @@
+//! Panels of a scene: views of slices, decompositions, layers of ground truth, scale bars.
+
+use base::locate::{InputError, Located};
+use figure::composite::ScaleBar;
+use figure::spec::View;
+use figure::tile::{self, Scale, Tile};
+use figure::{FigureError, Panel, White, element};
+use glam::DVec2;
+use polarimetry::decompose::maps::{self, Quantity};
+use store::zarr::TensorStore;
+use tensor::array::Tensor;
+use tensor::axes::AxisKind;
+use tensor::field::Field;
+use tensor::layers::{LayerValues, Parts};
+use tensor::slice::{Polarization, Slice, TimeSelect};
+use transport::render::layers;
+use transport::render::sight::Viewer;
+use transport::scene::Scene;
+
+use super::file::{DecompositionFile, LayerFile, PanelFile, QuantityFile, ScaleBarFile, ViewFile};
+use super::stage::{FigureFileError, Stage};
+
+/// Returns the corresponding view of the `figure` crate.
+fn plain(view: &ViewFile) -> Option<View> {
+    Some(match view {
+        ViewFile::Photo(v) => View::Photo(v.clone()),
+        ViewFile::Mueller(v) => View::Mueller(v.clone()),
+        ViewFile::SpaceSpace(v) => View::SpaceSpace(v.clone()),
+        ViewFile::SpaceTime(v) => View::SpaceTime(v.clone()),
+        ViewFile::Flight(v) => View::Flight(v.clone()),
+        ViewFile::Profile(v) => View::Profile(v.clone()),
+        _ => return None,
+    })
+}
+
+/// Checks before rendering that a panel can be drawn from its scene.
+pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
+    let Some(view) = &panel.view else { return Ok(()) };
+    let slice = view
+        .slice()
+        .and_then(|name| scene.slices.iter().find(|s| s.name == name));
+    if let (Some(plain), Some(slice)) = (plain(view), slice) {
+        return figure::check(&plain, slice, scene.wavelengths.nm()).map_err(|e| e.to_string());
+    }
+    let mueller = |slice: &Slice| {
+        if slice.polarization == Polarization::Mueller {
+            return Ok(());
+        }
+        Err(format!(
+            "slice `{}` has no Stokes axis; draw a slice with `polarization = \"mueller\"`",
+            slice.name
+        ))
+    };
+    match (&**view, slice) {
+        (ViewFile::Element(v), Some(slice)) => {
+            if v.time_ps.is_some() && matches!(slice.time, TimeSelect::Sum) {
+                return Err(format!("slice `{}` has no travel time", slice.name));
+            }
+            if v.element.at == [0, 0] {
+                Ok(())
+            } else {
+                mueller(slice)
+            }
+        }
+        (ViewFile::Decomposition(v), Some(slice)) => {
+            scale(v).map(|_| ())?;
+            mueller(slice)
+        }
+        (ViewFile::Layer(v), _) => {
+            // A scene of one pixel has all layers.
+            let mut small = Vec::new();
+            let known = names(scene, &mut small);
+            if known.contains(&v.layer.as_str()) {
+                return Ok(());
+            }
+            Err(format!(
+                "there is no layer `{}`; there are {}",
+                v.layer,
+                known.join(", ")
+            ))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn names<'a>(scene: &Scene, room: &'a mut Vec<&'static str>) -> &'a [&'static str] {
+    let options = layers::Options {
+        side: 1,
+        ..layers::Options::default()
+    };
+    room.extend(layers::layers(scene, options).layers.iter().map(|l| l.name));
+    room
+}
+
+/// Returns the tile of a view of a scene.
+pub fn tile(
+    view: &ViewFile,
+    stage: &Stage,
+    fault: &dyn Fn(String) -> InputError,
+) -> Result<Tile, FigureFileError> {
+    let bad = |e: FigureError| FigureFileError::Input(fault(e.to_string()));
+    if let ViewFile::Layer(view) = view {
+        return layer(view, &stage.scene).map_err(|e| fault(e).into());
+    }
+    let (Some(store), Some(name)) = (&stage.store, view.slice()) else {
+        return Err(fault("this view is of no slice".into()).into());
+    };
+    let mean = read(store, name, Field::Mean)?;
+    let stored = store.slice(name)?;
+    let of = |field| {
+        let drawn = matches!(view, ViewFile::Profile(_)) && stored.has(field);
+        drawn.then(|| stored.read_all(field)).transpose()
+    };
+    let (std_error, overflow) = (of(Field::StdError)?, of(Field::Overflow)?);
+    let panel = Panel {
+        mean: &mean,
+        std_error: std_error.as_ref(),
+        overflow: overflow.as_ref(),
+    };
+    if let Some(plain) = plain(view) {
+        return tile::of_view(&plain, &panel).map_err(bad);
+    }
+    match view {
+        ViewFile::Element(v) => element::tile(v, &panel).map_err(bad),
+        ViewFile::Decomposition(v) => decomposition(v, &mean).map_err(|e| fault(e).into()),
+        _ => Err(fault("this view is of no slice".into()).into()),
+    }
+}
+
+fn read(store: &TensorStore, name: &str, field: Field) -> Result<Tensor, FigureFileError> {
+    Ok(store.slice(name)?.read_all(field)?)
+}
+
+/// Returns the quantity, its name and its scale.
+fn scale(view: &DecompositionFile) -> Result<(Quantity, &'static str, Scale), String> {
+    let (quantity, name, most) = match view.quantity {
+        QuantityFile::Polarizance => (Quantity::Polarizance, "polarizance", 1.0),
+        QuantityFile::Diattenuation => (Quantity::Diattenuation, "diattenuation", 1.0),
+        QuantityFile::Retardance => (Quantity::Retardance, "retardance [°]", 180.0),
+        QuantityFile::Depolarization => (Quantity::Depolarization, "depolarization", 1.0),
+        QuantityFile::Entropy => (Quantity::Entropy, "entropy", 1.0),
+    };
+    let [low, high] = view.limits.unwrap_or([0.0, most]);
+    if low < high && (high - low).is_finite() {
+        Ok((quantity, name, Scale::Linear { low, high }))
+    } else {
+        Err("the second of `limits` is not above the first".into())
+    }
+}
+
+fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String> {
+    let (quantity, name, scale) = scale(view)?;
+    let nm = mean.find(AxisKind::Wavelength).map(|i| &mean.axes[i].coords);
+    let lane = match (nm, view.wavelength_nm) {
+        (Some(all), Some(nm)) => base::spectral_table::nearest_within(all, nm)
+            .ok_or_else(|| format!("wavelength_nm = {nm} is not within the slice's wavelengths"))?,
+        (Some(all), None) => all.len() / 2,
+        (None, _) => 0,
+    };
+    let kept = [AxisKind::Y, AxisKind::X, AxisKind::StokesOut, AxisKind::StokesIn];
+    let mut image = mean.select(AxisKind::Wavelength, lane);
+    let others: Vec<AxisKind> = image.axes.iter().map(|a| a.kind).collect();
+    for kind in others.into_iter().filter(|k| !kept.contains(k)) {
+        image = image.sum(kind);
+    }
+    let axes: Vec<AxisKind> = image.axes.iter().map(|a| a.kind).collect();
+    if axes != kept || image.extent(AxisKind::StokesOut) != 4 || image.extent(AxisKind::StokesIn) != 4 {
+        return Err("the slice holds no image of whole Mueller matrices".into());
+    }
+    let (mut all, _) = maps::maps(&image.data, &[quantity]);
+    let mut values = all.pop().unwrap_or_default();
+    if quantity == Quantity::Retardance {
+        values.iter_mut().for_each(|v| *v = v.to_degrees());
+    }
+    let m00 = || image.data.iter().step_by(16).copied();
+    let least = view.least * tile::common_white(m00()).value();
+    for (v, m00) in values.iter_mut().zip(m00()) {
+        if m00 < least {
+            *v = f32::NAN;
+        }
+    }
+    tile::of_values(name, image.extent(AxisKind::X), &values, scale).map_err(|e| e.to_string())
+}
+
+fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
+    let options = layers::Options {
+        through: view.through,
+        ..layers::Options::default()
+    };
+    let set = layers::layers(scene, options);
+    let layer = set
+        .get(&view.layer)
+        .ok_or_else(|| format!("there is no layer `{}`", view.layer))?;
+    let width = set.size[0] as usize;
+    let name = match layer.units {
+        "1" | "" => view.layer.replace('_', " "),
+        unit => format!("{} [{unit}]", view.layer.replace('_', " ")),
+    };
+    let drawn = match (&layer.values, layer.parts) {
+        (LayerValues::Number(all), _) => {
+            let values: Vec<f32> = all.iter().map(|v| *v as f32).collect();
+            tile::of_values(&name, width, &values, Scale::Things)
+        }
+        (LayerValues::Real(all), Parts::One) => {
+            let finite = || all.iter().copied().filter(|v| v.is_finite());
+            let [low, high] = view.limits.unwrap_or_else(|| {
+                [
+                    finite().fold(f32::MAX, f32::min),
+                    finite().fold(f32::MIN, f32::max),
+                ]
+            });
+            let high = if high > low { high } else { low + 1.0 };
+            tile::of_values(&name, width, all, Scale::Linear { low, high })
+        }
+        // The usual colours of normals: (1 + n) / 2 in 0 to 1.
+        (LayerValues::Real(all), Parts::Vector) if layer.name.contains("normal") => {
+            let colours = all
+                .chunks_exact(3)
+                .map(|n| [n[0], n[1], n[2]].map(|v| 0.5 + 0.5 * v));
+            tile::of_colours(&name, width, colours.collect(), White::Value(1.0))
+        }
+        (LayerValues::Real(all), Parts::Wavelengths) if set.channels(layer) == 3 => {
+            let colours = all.chunks_exact(3).map(|c| [c[2], c[1], c[0]]);
+            tile::of_colours(&name, width, colours.collect(), White::Value(1.0))
+        }
+        _ => {
+            return Err(format!(
+                "layer `{}` has several numbers a pixel that are no colour; choose another",
+                view.layer
+            ));
+        }
+    };
+    drawn.map_err(|e| e.to_string())
+}
+
+/// Returns the reference length in the image at the depth of a point, or an error with its fix.
+pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar, (String, String)> {
+    let camera = &scene.camera;
+    let [w, h] = camera.resolution.map(f64::from);
+    let at = DVec2::new(bar.of[0] * w, bar.of[1] * h);
+    let sight = Viewer::new(scene).look(at, true).ok_or_else(|| {
+        (
+            "the scale bar has no depth: nothing is seen there".to_owned(),
+            "give another place by of = [x, y], shares of the picture".to_owned(),
+        )
+    })?;
+    let depth = (sight.at - camera.origin.as_dvec3()).dot(camera.axes.z_axis.as_dvec3());
+    let share = bar.length_mm / 1000.0 / depth * camera.focal.x / w;
+    if !(0.001..=0.9).contains(&share) {
+        return Err((
+            format!(
+                "{} mm at this depth are {share:.3e} of the picture's width",
+                bar.length_mm
+            ),
+            format!(
+                "give a {} length_mm",
+                if share > 0.9 { "shorter" } else { "longer" }
+            ),
+        ));
+    }
+    let label = if bar.length_mm >= 1000.0 {
+        format!("{} m", bar.length_mm / 1000.0)
+    } else if bar.length_mm >= 10.0 && bar.length_mm % 10.0 == 0.0 {
+        format!("{} cm", bar.length_mm / 10.0)
+    } else {
+        format!("{} mm", bar.length_mm)
+    };
+    Ok(ScaleBar { share, label })
+}

@@ -1,0 +1,100 @@
+//! Figures of a store: those that its scene lists, or any view of its slices.
+
+use std::path::Path;
+
+use figure::spec::{Figure, View};
+use figure::{Drawing, FigureError, Panel};
+use store::denoised::is_denoised;
+use store::zarr::{AccessError, OpenError, TensorStore};
+use tensor::field::Field;
+
+#[derive(Debug, thiserror::Error)]
+pub enum FiguresError {
+    #[error(transparent)]
+    Slice(#[from] OpenError),
+    #[error(transparent)]
+    Read(#[from] AccessError),
+    /// The slice cannot be drawn with this view, or the file cannot be written.
+    #[error(transparent)]
+    Figure(#[from] FigureError),
+    /// The scene of the store does not list the figure.
+    #[error("the scene lists no figure `{name}`; it lists {known}; or use --view")]
+    Unknown {
+        name: String,
+        /// The names in the list.
+        known: String,
+    },
+}
+
+/// Returns the figures that the scene of a store lists: all, or those named, in the order of the scene.
+///
+/// # Errors
+/// [`FiguresError::Unknown`] for the first name that is not listed.
+pub fn listed(store: &TensorStore, names: &[String]) -> Result<Vec<Figure>, FiguresError> {
+    let listed = store.attributes().get("figures").cloned().unwrap_or_default();
+    let mut figures: Vec<Figure> = serde_json::from_value(listed).unwrap_or_default();
+    if let Some(unknown) = names.iter().find(|n| !figures.iter().any(|f| f.name == **n)) {
+        let known: Vec<&str> = figures.iter().map(|f| f.name.as_str()).collect();
+        return Err(FiguresError::Unknown {
+            name: unknown.clone(),
+            known: known.join(", "),
+        });
+    }
+    figures.retain(|f| names.is_empty() || names.contains(&f.name));
+    Ok(figures)
+}
+
+/// Draws a figure of a store's slice; its name is the title.
+///
+/// # Errors
+/// [`FiguresError::Slice`] or [`FiguresError::Read`] if the slice cannot be read, [`FiguresError::Figure`] if
+/// it cannot be drawn with this view.
+pub fn draw(store: &TensorStore, figure: &Figure) -> Result<Drawing, FiguresError> {
+    with_panel(store, figure, |title, panel| {
+        figure::draw(&figure.view, title, panel)
+    })
+}
+
+/// Draws a figure of a store's slice to a file in the format of its extension: `.png`, `.svg` or `.pdf`, for
+/// light in flight also `.gif` or `.apng`. Creates missing folders.
+///
+/// # Errors
+/// As [`draw`], and [`FigureError::Extension`], [`FigureError::Encode`] or [`FigureError::Write`] for the
+/// file.
+pub fn draw_to(store: &TensorStore, figure: &Figure, path: &Path) -> Result<(), FiguresError> {
+    if let View::Flight(view) = &figure.view
+        && figure::is_animation(path)
+    {
+        let frames = with_panel(store, figure, |title, panel| figure::animate(view, title, panel))?;
+        return Ok(figure::save_animation(&frames, path)?);
+    }
+    // Checks the extension before anything is read and drawn.
+    figure::Format::of(path)?;
+    Ok(figure::save(&draw(store, figure)?, path)?)
+}
+
+/// Reads the data that a figure draws.
+fn with_panel<T>(
+    store: &TensorStore,
+    figure: &Figure,
+    draw: impl FnOnce(&str, &Panel) -> Result<T, FigureError>,
+) -> Result<T, FiguresError> {
+    let slice = store.slice(figure.view.slice())?;
+    // Only profiles draw errors and overflow; other slices may be large.
+    let read = |field| {
+        let drawn = matches!(figure.view, View::Profile(_)) && slice.has(field);
+        drawn.then(|| slice.read_all(field)).transpose()
+    };
+    let mean = slice.read_all(Field::Mean)?;
+    let (std_error, overflow) = (read(Field::StdError)?, read(Field::Overflow)?);
+    let panel = Panel {
+        mean: &mean,
+        std_error: std_error.as_ref(),
+        overflow: overflow.as_ref(),
+    };
+    let mut title = figure.name.replace('_', " ");
+    if is_denoised(store) {
+        title += " (denoised)";
+    }
+    Ok(draw(&title, &panel)?)
+}

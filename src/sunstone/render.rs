@@ -1,0 +1,236 @@
+//! Renders a scene into a store on disk, into arrays in memory, or into any other sink.
+
+use rayon::ThreadPoolBuilder;
+use serde_json::{Value, json};
+use std::convert::Infallible;
+use std::path::Path;
+use store::sink::ZarrSink;
+pub use store::sink::{SinkError, Target};
+use tensor::memory::Arrays;
+pub use tensor::part::Part;
+use tensor::sink::Sink;
+pub use tensor::sink::Summary;
+use transport::render::schedule::{self, Share};
+pub use transport::render::schedule::{Unwatched, Watch};
+use transport::scene::Scene;
+
+/// The reason why a render into a store stopped.
+pub type RenderError = schedule::RenderError<SinkError>;
+
+/// A render of all slices of a scene, with its options and destination.
+///
+/// The same scene, seed and samples give bit-identical results for any number of threads and any sink.
+///
+/// ```
+/// use sunstone::{Camera, Field, Material, Object, Projector, Render, SceneBuilder, Slice};
+///
+/// let light = Camera::look_at([0.3, 0.0, 2.0], [0.0; 3]).fov_x_deg(40.0).resolution(16, 16);
+/// let scene = SceneBuilder::new()
+///     .camera(Camera::look_at([0.0, 0.0, 2.0], [0.0; 3]).fov_x_deg(30.0).resolution(8, 8))
+///     .projector(Projector::new(light))
+///     .material("wall", Material::diffuse(0.5))
+///     .object(Object::rectangle([-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]).material("wall"))
+///     .slice(Slice::new("photo"))
+///     .spp(4)
+///     .build()?;
+/// let arrays = Render::new(&scene).to_arrays()?;
+/// let photo = arrays.get("photo", Field::Mean).expect("the slice of the scene");
+/// assert_eq!(photo.shape(), [8, 8, 3]); // y, x, wavelength
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Render<'a> {
+    scene: &'a Scene,
+    watch: &'a dyn Watch,
+    attributes: Vec<(&'a str, Value)>,
+    share: Share<'a>,
+    threads: Option<usize>,
+}
+
+impl<'a> Render<'a> {
+    /// Returns a render of a scene on the threads of the current rayon pool, without a watch.
+    #[must_use]
+    pub fn new(scene: &'a Scene) -> Self {
+        let version = env!("CARGO_PKG_VERSION");
+        Self {
+            scene,
+            watch: &Unwatched,
+            attributes: vec![
+                ("source", json!(format!("sunstone {version}"))),
+                ("version", json!(version)),
+            ],
+            share: Share::default(),
+            threads: None,
+        }
+    }
+
+    /// Reports each finished tile to `watch`, which can stop the render.
+    #[must_use]
+    pub fn watch(mut self, watch: &'a dyn Watch) -> Self {
+        self.watch = watch;
+        self
+    }
+
+    /// Adds an attribute of the store, in addition to the provenance that every render records.
+    #[must_use]
+    pub fn attribute(mut self, name: &'a str, value: Value) -> Self {
+        self.attributes.push((name, value));
+        self
+    }
+
+    /// Renders only a part. Its tiles are bit-identical to those of the whole render; all others stay zero.
+    /// The store records the part and does not open as a finished render. [`store::merge::merge`] joins all
+    /// parts; the result equals the whole render byte for byte.
+    #[must_use]
+    pub fn part(mut self, part: Part) -> Self {
+        self.share.part = Some(part);
+        self
+    }
+
+    /// Sets the samples per pixel of each tile, row by row, instead of one number for all. A tile is
+    /// bit-identical to that of a render with its number everywhere; tiles with 0 samples stay zero. The
+    /// scene's settings contain the largest number.
+    #[must_use]
+    pub fn samples(mut self, samples: &'a [u32]) -> Self {
+        self.share.samples = Some(samples);
+        self
+    }
+
+    /// Shares the light paths between all parts K of N, by files in a folder that their machines share.
+    /// Otherwise each part traces all of them. Parts never block on one another; the output is bit-identical.
+    #[must_use]
+    pub fn shared_light(mut self, folder: &'a Path) -> Self {
+        self.share.light = Some(folder);
+        self
+    }
+
+    /// Uses a separate pool of `threads` threads.
+    #[must_use]
+    pub fn threads(mut self, threads: usize) -> Self {
+        self.threads = Some(threads);
+        self
+    }
+
+    /// Renders into a sink.
+    ///
+    /// # Errors
+    /// [`schedule::RenderError`]: the scene has no slices or no such part, threads cannot be started, or the
+    /// sink fails.
+    pub fn into_sink<S: Sink + Send>(self, sink: &mut S) -> Result<Summary, schedule::RenderError<S::Error>> {
+        let run = |sink: &mut S| schedule::render(self.scene, &self.attributes, self.share, sink, self.watch);
+        match self.threads {
+            None => run(sink),
+            Some(threads) => ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .map_err(|e| schedule::RenderError::Threads(e.to_string()))?
+                .install(|| run(sink)),
+        }
+    }
+
+    /// Renders all fields of all slices into arrays in memory.
+    ///
+    /// # Errors
+    /// [`schedule::RenderError`]: the scene has no slices, or threads cannot be started.
+    pub fn to_arrays(self) -> Result<Arrays, schedule::RenderError<Infallible>> {
+        let mut arrays = Arrays::default();
+        self.into_sink(&mut arrays)?;
+        Ok(arrays)
+    }
+
+    /// Renders into a new Zarr store, which must not exist yet.
+    ///
+    /// # Errors
+    /// [`RenderError`]; finished tiles stay on disk and the render can be resumed ([`Self::to_target`]).
+    pub fn to_store(self, path: &Path) -> Result<Summary, RenderError> {
+        self.to_target(&Target {
+            path: path.to_owned(),
+            ..Target::default()
+        })
+    }
+
+    /// Renders into a Zarr store that is created, replaced or resumed.
+    ///
+    /// # Errors
+    /// [`RenderError`]; finished tiles stay on disk and the render can be resumed.
+    pub fn to_target(self, target: &Target) -> Result<Summary, RenderError> {
+        self.into_sink(&mut ZarrSink::new(target.clone()))
+    }
+}
+
+/// Settings that override those of a scene. `None` keeps the scene's setting; without slice names all slices
+/// are kept.
+#[derive(Clone, Debug, Default)]
+pub struct Choices {
+    /// Samples per camera pixel.
+    pub spp: Option<u32>,
+    /// Minimum number of independent groups of samples.
+    pub replicates: Option<u32>,
+    pub seed: Option<u64>,
+    /// Names of the slices to keep.
+    pub slices: Option<Vec<String>>,
+}
+
+/// Maximum number of samples, and of groups of samples.
+const MOST_SAMPLES: u32 = 1 << 30;
+
+impl Choices {
+    /// Applies the choices to a scene, all or none of them. `dashes` is the prefix of option names in
+    /// messages, such as `--`, or empty.
+    ///
+    /// # Errors
+    /// A message with the name of the choice, the fault and the fix.
+    pub fn apply(&self, scene: &mut Scene, dashes: &str) -> Result<(), String> {
+        for (name, given) in [("spp", self.spp), ("replicates", self.replicates)] {
+            if let Some(n) = given.filter(|n| !(1..=MOST_SAMPLES).contains(n)) {
+                return Err(format!("{dashes}{name} is {n}; give 1 to {MOST_SAMPLES}"));
+            }
+        }
+        if let Some(names) = &self.slices {
+            let known: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
+            if let Some(unknown) = names.iter().find(|n| !known.contains(&n.as_str())) {
+                return Err(format!(
+                    "{dashes}slices: the scene has no slice `{unknown}`; it has {}",
+                    known.join(", ")
+                ));
+            }
+            scene.slices.retain(|s| names.contains(&s.name));
+        }
+        let settings = &mut scene.settings;
+        settings.spp = self.spp.unwrap_or(settings.spp);
+        settings.replicates = self.replicates.unwrap_or(settings.replicates);
+        settings.seed = self.seed.unwrap_or(settings.seed);
+        Ok(())
+    }
+}
+
+/// Returns the maximum number of threads: more than the machine can use, but not so many that they overload
+/// it.
+#[must_use]
+pub fn most_threads() -> usize {
+    8 * cores()
+}
+
+/// Returns the number of threads that the machine runs concurrently.
+#[must_use]
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Returns whether a system error, such as a full disk, stopped a render into a store, rather than the
+/// request.
+#[must_use]
+pub fn is_of_system(e: &RenderError) -> bool {
+    match e {
+        RenderError::Threads(_) | RenderError::Sink(SinkError::Access(_) | SinkError::Journal { .. }) => true,
+        RenderError::Sink(SinkError::Create(cause)) => cause.is_of_system(),
+        RenderError::Sink(_) | RenderError::NoSlices | RenderError::Part(_) => false,
+    }
+}
+
+/// Renders all slices of a scene into a store, on the current rayon thread pool.
+///
+/// # Errors
+/// [`RenderError`]; finished tiles stay on disk and the render can be resumed.
+pub fn render(scene: &Scene, target: &Target, watch: &dyn Watch) -> Result<Summary, RenderError> {
+    Render::new(scene).watch(watch).to_target(target)
+}

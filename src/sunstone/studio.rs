@@ -1,0 +1,325 @@
+//! Renders scenes and their variants at any size into a folder. A finished render is not repeated; an
+//! unfinished render is resumed.
+//!
+//! The name of a render contains scene, variant, seed, size, samples, the hash of its scene, which changes
+//! with its content, and the first digits of the seed of its random numbers, which differs between variants.
+
+use apply::application::Size;
+use base::locate::{InputError, Located};
+use optics::sampling::mix::mix;
+use scene::syntax::Syntax;
+use scene::syntax::scene::SceneFile;
+use scene::syntax::slice::CameraSelectFile;
+use scene::syntax::variant::{self, Variant};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use store::sink::{SinkError, Target};
+use store::zarr::{CreateError, OpenError, TensorStore};
+use transport::render::schedule::{RenderError, Watch};
+use transport::scene::Scene;
+
+use crate::render::Render;
+
+/// Seed of ground-truth renders, different from all seeds that methods see.
+pub const TRUTH_SEED: u64 = 1 << 32;
+
+/// Minimum number of sample groups for the estimation of standard errors.
+const REPLICATES: u32 = 8;
+
+/// Time after which a wait for another process is reported. Shorter locks occur when a process only checks
+/// whether a render is finished.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The step of SplitMix64: 2⁶⁴ over the golden ratio.
+const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// Interval between attempts.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// The reason why there is no render.
+#[derive(Debug, thiserror::Error)]
+pub enum StudioError {
+    /// The scene file, or a variant of it, is invalid.
+    #[error(transparent)]
+    Scene(#[from] InputError),
+    /// The scene file lacks a requested slice or other item.
+    #[error("{file}: {what}; {fix}")]
+    Lacks {
+        file: PathBuf,
+        what: String,
+        fix: String,
+    },
+    #[error(transparent)]
+    Render(#[from] RenderError<SinkError>),
+    /// The user stopped the render; finished tiles are kept.
+    #[error("stopped; run the same command again to go on")]
+    Interrupted,
+    /// A render cannot be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The store at the render's path is not that render.
+    #[error("{cause}; or delete {path}, and the same command renders it")]
+    Kept {
+        /// Path of the render.
+        path: PathBuf,
+        cause: Box<dyn std::error::Error + Send + Sync>,
+    },
+}
+
+pub struct Studio<'a> {
+    path: PathBuf,
+    text: String,
+    renders: &'a Path,
+    watch: &'a dyn Watch,
+    rendered: usize,
+}
+
+impl<'a> Studio<'a> {
+    /// Opens a scene file with a folder for renders.
+    ///
+    /// # Errors
+    /// [`StudioError::Scene`] if it cannot be read.
+    pub fn open(path: &Path, renders: &'a Path, watch: &'a dyn Watch) -> Result<Self, StudioError> {
+        Ok(Self {
+            text: scene::read(path)?,
+            path: path.to_owned(),
+            renders,
+            watch,
+            rendered: 0,
+        })
+    }
+
+    /// Returns the number of new renders, without those taken from the folder.
+    #[must_use]
+    pub fn rendered(&self) -> usize {
+        self.rendered
+    }
+
+    /// Returns a variant's file with its values; without a number, the scene file itself.
+    ///
+    /// # Errors
+    /// [`StudioError::Scene`].
+    pub fn variant(&self, number: Option<u64>) -> Result<Variant, StudioError> {
+        Ok(match number {
+            Some(number) => variant::read(&self.path, &self.text, number)?,
+            None => Variant {
+                file: SceneFile::read(&self.path, &self.text)?,
+                values: BTreeMap::new(),
+            },
+        })
+    }
+
+    /// Returns the scene of a variant with only these slices; the longer side of its camera has `pixels`
+    /// pixels.
+    ///
+    /// # Errors
+    /// [`StudioError::Scene`], [`StudioError::Lacks`].
+    pub fn scene(&self, variant: &Variant, pixels: u32, slices: &[&str]) -> Result<Scene, StudioError> {
+        let file = self.sized(&variant.file, pixels, slices)?;
+        Ok(scene::from_file(&self.path, &self.text, &file)?)
+    }
+
+    /// Returns the finished store of a variant ([`Self::variant`] of the same number), rendering it if
+    /// necessary.
+    ///
+    /// # Errors
+    /// [`StudioError`].
+    pub fn render(
+        &mut self,
+        number: Option<u64>,
+        variant: &Variant,
+        seed: u64,
+        size: Size,
+        slices: &[&str],
+    ) -> Result<TensorStore, StudioError> {
+        let sized = Variant {
+            file: self.sized(&variant.file, size.pixels, slices)?,
+            values: variant.values.clone(),
+        };
+        let mut scene = match number {
+            Some(number) => scene::from_variant(&self.path, &self.text, &sized, number)?,
+            None => scene::from_file(&self.path, &self.text, &sized.file)?,
+        };
+        scene.settings.seed = drawn_from(number, seed);
+        scene.settings.spp = size.spp.max(1);
+        scene.settings.replicates = scene.settings.replicates.min(REPLICATES);
+        let path = self.renders.join(file_name(&scene, number, seed));
+        let begun = Instant::now();
+        let mut told = false;
+        let summary = loop {
+            let target = Target {
+                resume: path.exists(),
+                path: path.clone(),
+                replace: false,
+            };
+            match Render::new(&scene).watch(self.watch).to_target(&target) {
+                // The holder of the lock renders the same data, and releases the lock whenever its process
+                // ends.
+                Err(e) if is_locked(&e) => {
+                    if !told && begun.elapsed() > PATIENCE {
+                        tracing::warn!("waiting for another process that renders {}", path.display());
+                        told = true;
+                    }
+                    std::thread::sleep(PAUSE);
+                }
+                made => break made.map_err(|e| kept(&path, e))?,
+            }
+            if self.watch.interrupted() {
+                return Err(StudioError::Interrupted);
+            }
+        };
+        if !summary.complete {
+            return Err(StudioError::Interrupted);
+        }
+        self.rendered += usize::from(summary.samples > 0);
+        Ok(TensorStore::open(&path)?)
+    }
+
+    /// Returns a file with only these slices, the longer side of whose camera has `pixels` pixels. Rows,
+    /// columns and blocks of slices keep their place in the image.
+    fn sized(&self, file: &SceneFile, pixels: u32, slices: &[&str]) -> Result<SceneFile, StudioError> {
+        let mut file = file.clone();
+        let known: Vec<&str> = file.slices.iter().map(|f| f.name.as_str()).collect();
+        if let Some(missing) = slices.iter().find(|s| !known.contains(s)) {
+            let fix = format!("it has {}", known.join(", "));
+            return Err(self.lacks(format!("there is no slice `{missing}`"), fix));
+        }
+        file.slices.retain(|s| slices.contains(&s.name.as_str()));
+        file.figures.clear();
+        let mut camera = (*file.camera).clone();
+        let old = *camera.resolution;
+        let [w, h] = old;
+        let widths = [&camera.fov_x_deg, &camera.fov_y_deg, &camera.orthographic_width];
+        if widths.iter().all(|v| v.is_none()) || w == 0 || h == 0 {
+            return Err(self.lacks(
+                "the camera has no field of view to be rendered at another size".into(),
+                "give it fov_x_deg or fov_y_deg".into(),
+            ));
+        }
+        let scaled = |n: u32| (u64::from(n) * u64::from(pixels) / u64::from(w.max(h))).max(1) as u32;
+        let new = [scaled(w), scaled(h)];
+        camera.resolution = new.into();
+        file.camera = Located::at(file.camera.span(), camera);
+        if new != old {
+            for located in &mut file.slices {
+                let mut slice = (**located).clone();
+                let camera = resized(&slice.camera, old, new);
+                slice.camera = Located::at(slice.camera.span(), camera);
+                *located = Located::at(located.span(), slice);
+            }
+        }
+        Ok(file)
+    }
+
+    /// Returns the error for a scene that lacks an item.
+    #[must_use]
+    pub fn lacks(&self, what: String, fix: String) -> StudioError {
+        StudioError::Lacks {
+            file: self.path.clone(),
+            what,
+            fix,
+        }
+    }
+}
+
+/// Rescales rows, columns and blocks to another camera size: each becomes the pixel that contains its centre.
+/// Bins keep their size.
+fn resized(of: &CameraSelectFile, old: [u32; 2], new: [u32; 2]) -> CameraSelectFile {
+    let at = |i: u32, axis: usize| {
+        let [old, new] = [old[axis], new[axis]].map(u64::from);
+        let middle = (2 * u64::from(i) + 1) * new / (2 * old.max(1));
+        // An index outside the image is kept; the parser reports it.
+        if u64::from(i) < old { middle as u32 } else { i }
+    };
+    let all = |list: &[u32], axis| {
+        let mut list: Vec<u32> = list.iter().map(|i| at(*i, axis)).collect();
+        list.dedup();
+        list
+    };
+    match of {
+        CameraSelectFile::Rows(rows) => CameraSelectFile::Rows(all(rows, 1)),
+        CameraSelectFile::Columns(columns) => CameraSelectFile::Columns(all(columns, 0)),
+        CameraSelectFile::Block([x, y, w, h]) => {
+            let length = |n: u32, axis: usize| {
+                let [old, new] = [old[axis], new[axis]].map(u64::from);
+                (u64::from(n) * new / old.max(1)).max(1) as u32
+            };
+            CameraSelectFile::Block([at(*x, 0), at(*y, 1), length(*w, 0), length(*h, 1)])
+        }
+        other => other.clone(),
+    }
+}
+
+fn is_locked(e: &RenderError<SinkError>) -> bool {
+    matches!(
+        e,
+        RenderError::Sink(
+            SinkError::Create(CreateError::Locked { .. }) | SinkError::Open(OpenError::Locked { .. })
+        )
+    )
+}
+
+/// Converts the error for another store at a render's path. Existing stores are never deleted automatically.
+fn kept(path: &Path, e: RenderError<SinkError>) -> StudioError {
+    match e {
+        RenderError::Sink(
+            SinkError::Create(
+                CreateError::Exists { .. } | CreateError::NotAStore { .. } | CreateError::Within { .. },
+            )
+            | SinkError::Open(
+                OpenError::NotAStore { .. } | OpenError::Missing { .. } | OpenError::Damaged { .. },
+            )
+            | SinkError::Mismatch { .. }
+            | SinkError::Denoised(_),
+        ) => StudioError::Kept {
+            path: path.to_owned(),
+            cause: Box::new(e),
+        },
+        e => e.into(),
+    }
+}
+
+/// Returns the seed of the random numbers of a variant's render. With one seed for all variants, pixels that
+/// do not change between variants would have equal noise, and methods would be tested on their training
+/// noise. The scene file itself keeps its seed.
+fn drawn_from(number: Option<u64>, seed: u64) -> u64 {
+    // The factor is odd, so the map is one-to-one in the number: variants of one seed never share random
+    // numbers.
+    number.map_or(seed, |n| mix(mix(seed.wrapping_add(STEP)) ^ n.wrapping_mul(STEP)))
+}
+
+fn file_name(scene: &Scene, number: Option<u64>, seed: u64) -> String {
+    let [w, h] = scene.camera.resolution;
+    let hash: String = scene.sha256.chars().take(16).collect();
+    let seed = if seed == TRUTH_SEED {
+        "truth".to_owned()
+    } else {
+        format!("seed{seed}")
+    };
+    let variant = number.map_or(String::new(), |n| format!("_variant{n}"));
+    let drawn = scene.settings.seed >> 32;
+    format!(
+        "{}{variant}_{seed}_{w}x{h}_{}spp_{hash}_{drawn:08x}.zarr",
+        scene.name, scene.settings.spp
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_stay_where_they_are() {
+        let rows = |r: &[u32], old, new| match resized(&CameraSelectFile::Rows(r.into()), old, new) {
+            CameraSelectFile::Rows(r) => r,
+            _ => vec![],
+        };
+        // Row 150 of 256 is at 150.5 / 256 of the height: in row 37 of 64 and row 301 of 512.
+        assert_eq!(rows(&[150], [256, 256], [64, 64]), [37]);
+        assert_eq!(rows(&[150], [256, 256], [512, 512]), [301]);
+        assert_eq!(rows(&[0, 1, 255], [256, 256], [64, 64]), [0, 63]);
+        // An invalid index stays invalid.
+        assert_eq!(rows(&[999], [256, 256], [64, 64]), [999]);
+    }
+}
