@@ -172,7 +172,7 @@ def main():
         if off != options.planted and (r["sure"] or off):
             failed.append(scene)
     if failed:
-        sys.exit(f"{'not found in' if options.planted else 'differ'}: {', '.join(failed)}")
+        sys.exit(f"{'not detected in' if options.planted else 'differ'}: {', '.join(failed)}")
 
 
 if __name__ == "__main__":

@@ -300,8 +300,8 @@ def one_lens(count, seed, folder, checked, planted):
     own, same = min(each, key=lambda result: result[0]), opencv(corners, count)
     failed = False
     if checked:
-        print(f"{count} coefficients: RMS of Sunstone {ours['quality']['rms_px'][0]:.4f} pixels in {len(corners)} of {VIEWS} images, "
-              f"of OpenCV {each[0][0]:.4f} in {len(found[0])} (cornerSubPix) and {each[1][0]:.4f} in {len(found[1])} (SB), "
+        print(f"{count} coefficients: RMS of Sunstone {ours['quality']['rms_px'][0]:.4f} pixels in {len(corners)} of {VIEWS} "
+              f"images, of OpenCV {each[0][0]:.4f} in {len(found[0])} (cornerSubPix) and {each[1][0]:.4f} in {len(found[1])} (SB), "
               f"and {same[0]:.4f} with Sunstone's corners")
         failed = len(corners) < VIEWS
         for name, value in rows(ours, corners, own, same, truth, all_poses, images).items():

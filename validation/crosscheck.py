@@ -171,7 +171,7 @@ def record(rows, seconds):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cached", action="store_true", help="compare the last run's results without rendering")
-    parser.add_argument("--scalar", action="store_true", help="use Mitsuba's scalar variant, without LLVM; skips many comparisons")
+    parser.add_argument("--scalar", action="store_true", help="use Mitsuba's scalar variant, without LLVM; skip comparisons")
     parser.add_argument("--full", action="store_true", help="use four times the samples in the exported scenes")
     parser.add_argument("--seed", type=int, default=1, help="random seed for both programs")
     parser.add_argument("--record", action="store_true", help="write results/crosscheck.json and a few pictures")

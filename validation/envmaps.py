@@ -83,7 +83,7 @@ def main():
                     variance = ((flux_error**2).mean() + flux_theirs.var(ddof=1)) / flux.size
                     apart = abs(flux.mean() - flux_theirs.mean()) / (5 * np.sqrt(variance) + 1e-3 * flux_theirs.mean())
                     bad += off > 1 or apart > 1
-                    print(f"{width} x {height}, {kind}, {name or 'as it is'}: peak {ours.max():.4g}, Mitsuba {theirs.max():.4g}; "
+                    print(f"{width} x {height}, {kind}, {name or 'plain'}: peak {ours.max():.4g}, Mitsuba {theirs.max():.4g}; "
                           f"plane {flux.mean():.4g}, Mitsuba {flux_theirs.mean():.4g}{'' if max(off, apart) <= 1 else '  DIFFERENT'}")
     sys.exit(int(bad > 0))
 

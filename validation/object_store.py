@@ -436,7 +436,7 @@ def kills(server, expected, root):
     server.proxy.reset()
     holder.send_signal(signal.SIGCONT)
     _, errors = holder.communicate(timeout=300)
-    check("the process without the lock stops writing", holder.returncode != 0 and b"lock" in errors, errors.decode().strip()[-300:])
+    check("a process without the lock stops", holder.returncode != 0 and b"lock" in errors, errors.decode().strip()[-300:])
     same_render("killed three times and run twice", expected, server.files(prefix))
 
     first = beside(server, *rendering("-o", f"{root}/two/a.zarr", "--threads", "1", spp=16))
@@ -472,7 +472,7 @@ def power(server, work):
         check(f"verify detects {what}", done.returncode in (1, 2), done.stderr.decode().strip()[:200])
 
     server.put(chunk, bytes(spoilt))
-    found("a spoilt chunk")
+    found("a damaged chunk")
     server.delete(chunk)
     found("a lost chunk")
     server.put(chunk, sound)

@@ -4,7 +4,7 @@
 For each scheme the shipped rig (elements off by up to 2 degrees, backlash, noise, 12 bits) captures the mirror room, air, a
 mirror and a polarizer. The elements are calibrated from the three samples alone, and the room's Mueller images are reconstructed
 with the scheme as planned and as calibrated. The same session with perfect elements gives the error of noise alone. Errors are
-root mean squares of all 16 elements over the mean T00 of the tensor that the bench played. The room hardly polarizes. So air,
+root mean squares of all 16 elements over the mean T00 of the tensor that the bench played. The room barely polarizes. So air,
 captured again in another session, is also reconstructed. Its biases are those of the mean over all pixels, where noise is smaller
 by the square root of their number. Exits with 1 if the calibrated error is above 1.2 times that of perfect elements, if the
 calibrated bias is above 8 times the noise of such a mean, if an imperfection is off by more than 5 sigma, or if a rerun differs.

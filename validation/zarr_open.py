@@ -58,7 +58,7 @@ def check_tree(store, groups):
     assert said.keys() == stand.keys(), f"consolidated metadata differ in {sorted(said.keys() ^ stand.keys())}"
     for name, description in stand.items():
         description.pop("consolidated_metadata", None)
-        assert {k: v for k, v in said[name].items() if k != "consolidated_metadata"} == description, f"{name} differs from the consolidated metadata"
+        assert {k: v for k, v in said[name].items() if k != "consolidated_metadata"} == description, f"{name} differs"
 
 
 def spoil_tree(store):
@@ -76,7 +76,7 @@ def spoil_tree(store):
 
     faults = {
         "samples along the slices' dimensions": of_samples,
-        "an array that is not told of": of_group,
+        "an array that the root does not list": of_group,
         "metadata that are not true": of_units,
     }
     root = pathlib.Path(store)

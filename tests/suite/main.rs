@@ -1,7 +1,7 @@
 //! Tests of the program and its files from the user's point of view, and of whole renders.
 //!
 //! They form a single test program: one per file would link the library again and compile the used parts
-//! anew. Tests that measure the memory of their process are separate.
+//! again. Tests that measure the memory of their process are separate.
 
 mod arrays;
 mod bytes;

@@ -257,8 +257,8 @@ fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
     assert_ne!(anew.2, first.2);
 }
 
-/// If seeds affect only a detector, each variant's light is rendered once. From scene file to table, errors equal
-/// closed forms: 0.5e-3 √(440/15/16) for fifteen learned captures with an array, and 0.5e-3 √(196/16) for 36
+/// If seeds affect only a detector, each variant's light is rendered once. From scene file to table, errors
+/// equal closed forms: 0.5e-3 √(440/15/16) for fifteen learned captures with an array, and 0.5e-3 √(196/16) for 36
 /// captures of DRR.
 #[test]
 fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {

@@ -258,8 +258,8 @@ fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
     (hits, matrices)
 }
 
-/// Asserts that two matrices are equal; returns whether both exist. A missing matrix counts as zero, because near
-/// the horizon the f32 rounding of moved shapes decides whether it exists.
+/// Asserts that two matrices are equal; returns whether both exist. A missing matrix counts as zero, because
+/// near the horizon the f32 rounding of moved shapes decides whether it exists.
 fn same_matrix([a, b]: [Option<[[f32; 4]; 4]>; 2]) -> bool {
     let zero = [[0.0; 4]; 4];
     let compared = a.is_some() && b.is_some();
