@@ -1,8 +1,8 @@
-//! What the benchmarks share.
+//! Shared functions of the benchmarks.
 
 use std::path::{Path, PathBuf};
 
-/// The file of a scene that is shipped, from wherever a benchmark runs.
+/// Path of a shipped scene file, independent of the working directory.
 #[must_use]
 pub fn shipped(scene: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -1,4 +1,4 @@
-//! One evaluation and one sample of each material at 4 wavelengths, over directions in general position.
+//! One evaluation and one sample of each material at 4 wavelengths, for directions in general position.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
@@ -63,7 +63,7 @@ const MATERIALS: &[(&str, &str)] = &[
     ),
 ];
 
-/// What those that are made of others name.
+/// Materials that composed materials refer to.
 const PARTS: &str = "metal.rough_conductor = { n = 0.4, k = 2.4, alpha = 0.3 }\nwhite.diffuse.albedo = 0.5\n";
 
 fn materials(c: &mut Criterion) {

@@ -38,7 +38,7 @@ fn mueller(c: &mut Criterion) {
     });
 }
 
-/// A megapixel of a gold-like matrix, each a little different, as `sunstone decompose` does it.
+/// A megapixel of gold-like matrices, all slightly different, decomposed as by `sunstone decompose`.
 fn decompose(c: &mut Criterion) {
     let base = [
         0.79, 0.10, 0.02, 0.01, 0.11, 0.75, 0.03, -0.02, 0.01, 0.02, -0.41, -0.55, 0.0, 0.03, 0.56, -0.40,

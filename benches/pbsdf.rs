@@ -1,4 +1,4 @@
-//! A measured material: one value, one sample, and opening a table.
+//! A measured material: one evaluation, one sample, and the opening of a table.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::Vec3A;
@@ -32,7 +32,7 @@ fn pbsdf(c: &mut Criterion) {
         })],
         ..Materials::default()
     };
-    // 38 MB: more than the caches hold.
+    // 38 MB: larger than the caches.
     let axes = Axes::even([91, 46, 46], vec![450, 550, 650]);
     tabulate(&path, &axes, &[(&metal, 0)]).expect("a table");
     let open = |nm: &[f64]| {

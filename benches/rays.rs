@@ -1,11 +1,13 @@
-//! Traces rays from a file against a mesh from a file: our side of `validation/rays.py`, which times Embree on the same.
+//! Traces rays from a file against a mesh from a file: Sunstone's side of `validation/rays.py`, which times
+//! Embree on the same input.
 //!
 //!     rays MESH.ply RAYS.f32 HITS.f32
 //!
-//! RAYS.f32 holds little-endian f32, six a ray: origin, then unit direction. Every line on standard input is a number of
-//! threads; each is answered by the seconds that the nearest hits of all rays took. At the end of the input the last hits
-//! are written, four f32 a ray: distance (infinite for none), the barycentric coordinates of the second and third vertex,
-//! and 0 (place of the primitive, whose number is our tree's own).
+//! RAYS.f32 holds little-endian f32, six per ray: origin, then unit direction. Every line on standard input
+//! is a number of threads. The answer is the time in seconds for the nearest hits of all rays. At the end of
+//! the input the last hits are written, four f32 per ray: distance (infinite for none), the barycentric
+//! coordinates of the second and third vertex, and 0 (in place of the primitive, whose index belongs to
+//! Sunstone's tree).
 
 use glam::Vec3A;
 use rayon::prelude::*;

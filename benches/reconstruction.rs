@@ -1,4 +1,4 @@
-//! Reconstruction of an image in memory, against one pass over its intensities; learning.
+//! Reconstruction of an image in memory, compared with one pass over its intensities; learning.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use sunstone::polarimetry::reconstruct::second_moment::{Moment, SecondMoment};
 
 const PIXELS: usize = 1224 * 1024;
 
-/// The sum of numbers, in sums that a processor can keep apart: what reading them takes.
+/// Sum of numbers in independent partial sums: the cost of reading them.
 fn sum(values: &[f32]) -> f32 {
     let mut sums = [0.0; 32];
     for some in values.as_chunks::<32>().0 {

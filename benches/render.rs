@@ -1,4 +1,4 @@
-//! Whole renders of the mirror room at 64×64, 16 spp: all its slices, and the conventional one alone.
+//! Complete renders of the mirror room at 64×64, 16 spp: all slices, and the conventional slice alone.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use sunstone::render::{Target, Unwatched, render};

@@ -1,4 +1,4 @@
-//! A capture scheme tried on matrices of one's own: scheme, capture with noise, reconstruction, error against the truth.
+//! Tests a capture scheme on custom matrices: scheme, noisy capture, reconstruction, error against the truth.
 //!
 //! `cargo run --release --example capture_chain`
 
@@ -8,7 +8,7 @@ use sunstone::polarimetry::reconstruct::pixels::{Options, Reconstruction};
 use sunstone::{Ray, Scheme};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // 64 x 64 pixels of a partial depolarizer whose diattenuation grows from left to right.
+    // 64 x 64 pixels of a partial depolarizer whose diattenuation increases from left to right.
     let layout = Layout {
         height: 64,
         width: 64,

@@ -1,4 +1,4 @@
-//! A sink of one's own: it keeps no image at all, only how much light each slice holds, tile by tile.
+//! A custom sink: it stores no image, only the total light of each slice, tile by tile.
 //!
 //! `cargo run --release --example custom_sink`
 
@@ -6,7 +6,7 @@ use std::convert::Infallible;
 use std::sync::Mutex;
 use sunstone::{Field, Job, Piece, Render, SampleCounts, Sink, Summary, TileRecord, scene};
 
-/// Sums of all means, slice by slice.
+/// Sums of all means, per slice.
 #[derive(Default)]
 struct Light {
     names: Vec<String>,

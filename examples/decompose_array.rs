@@ -1,4 +1,5 @@
-//! Lu-Chipman decomposition of Mueller matrices of one's own: a quarter-wave plate before a depolarizer, with noise.
+//! Lu-Chipman decomposition of custom Mueller matrices: a quarter-wave plate in front of a depolarizer, with
+//! noise.
 //!
 //! `cargo run --release --example decompose_array`
 
@@ -7,7 +8,8 @@ use sunstone::polarimetry::decompose::lu_chipman::{DOUBLE, decompose};
 use sunstone::polarimetry::decompose::properties::Properties;
 
 fn main() {
-    // Mueller matrices row by row: a fast axis at 30 degrees, and what depolarizes half of it, in twelve noisy copies.
+    // Mueller matrices, row by row: a fast axis at 30 degrees, then a depolarizer of one half, in twelve
+    // noisy copies.
     let (c, s) = (60.0_f64.to_radians().cos(), 60.0_f64.to_radians().sin());
     let plate = [
         [1.0, 0.0, 0.0, 0.0],

@@ -1,8 +1,9 @@
-//! What `validation/dlpc350.py` and `validation/scpi.py` compare with independent packages.
+//! Output that `validation/dlpc350.py` and `validation/scpi.py` compare with independent packages.
 //!
-//!     cargo run --release --example instrument_bytes dlpc350            name and bytes of every message to the controller
-//!     cargo run --release --example instrument_bytes scpi-emulator      listens, prints its address, ends with its input
-//!     cargo run --release --example instrument_bytes scpi-laser TABLE   does what a session does with a laser, and says so
+//!     cargo run --release --example instrument_bytes dlpc350            name and bytes of every message to
+//!     the controller cargo run --release --example instrument_bytes scpi-emulator      listens, prints its
+//!     address, ends with its input cargo run --release --example instrument_bytes scpi-laser TABLE
+//!     controls a laser like a session, prints the steps
 
 use std::io::Read;
 use std::net::TcpListener;
@@ -130,7 +131,7 @@ fn scpi_emulator() {
     drop(std::io::stdin().read_to_end(&mut rest));
 }
 
-/// Steps of a session, each with what came of it.
+/// Steps of a session, each with its result.
 fn scpi_laser(path: &str) {
     let text = std::fs::read_to_string(path).expect("a file");
     let table = LaserTable::parse(&text).expect("a table");

@@ -1,4 +1,5 @@
-//! Renders two slices of the mirror room into a store, then asks it what a stripe of the projector shows in which light.
+//! Renders two slices of the mirror room into a store, then probes it: light of one projector column, and a
+//! Stokes image.
 //!
 //! `cargo run --release --example probe_store`
 

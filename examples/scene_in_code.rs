@@ -1,4 +1,5 @@
-//! A scene built in code, rendered into arrays: a gold ball before a wall, under a projector, without any file.
+//! Builds a scene in code and renders it into arrays, without any file: a gold ball in front of a wall, and a
+//! projector.
 //!
 //! `cargo run --release --example scene_in_code`
 
@@ -31,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("{name}: {:?} over {}", mean.shape(), axes.join(", "));
     }
 
-    // The middle of the ball: what gold does to polarization, with its error.
+    // Centre of the ball: the effect of gold on polarization, with its error.
     let pixel = [(AxisKind::Y, 24), (AxisKind::X, 32), (AxisKind::Wavelength, 1)];
     let [mean, error] = [Field::Mean, Field::StdError].map(|f| arrays.get("mueller", f));
     let (mean, error) = (mean.ok_or("means")?, error.ok_or("errors")?);

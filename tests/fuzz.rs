@@ -1,4 +1,5 @@
-//! No text makes the program panic, hang or ask for absurd memory; what builds renders to finite values.
+//! No text makes the program panic, hang or request excessive memory. Every scene that builds renders to
+//! finite values.
 
 mod harness;
 
@@ -17,7 +18,7 @@ use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::write::write;
 use sunstone::transport::scene::Scene;
 
-/// Remembers the largest piece of memory that was asked for.
+/// Allocator that records the largest requested allocation.
 struct Watched;
 
 static LARGEST: AtomicUsize = AtomicUsize::new(0);
@@ -35,14 +36,14 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// Tests of this file run one by one, so that the memory and time that each sees are its own.
+/// Tests of this file run one by one, so that measured memory and time belong to a single test.
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
     ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A folder in memory where the system has one: hundreds of small stores are slow on disks.
+/// A folder in memory if the system has one: hundreds of small stores are slow on disks.
 fn folder() -> tempfile::TempDir {
     let memory = Path::new("/dev/shm");
     let made = if memory.is_dir() {
@@ -53,13 +54,13 @@ fn folder() -> tempfile::TempDir {
     made.or_else(|_| tempfile::tempdir()).expect("a folder")
 }
 
-/// The most that one piece of memory may take: an epipolar table of 2^24 pixels, doubled while it grows.
+/// Largest allowed allocation: an epipolar table of 2^24 pixels, doubled while it grows.
 const MEMORY: usize = 1 << 30;
 
-/// The longest that mutations may take together: a slow machine tries fewer.
+/// Time limit for all mutations together; a slow machine tests fewer.
 const BUDGET: Duration = Duration::from_secs(30);
 
-/// The longest that one text may take.
+/// Time limit for one text.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 const SLICES: &str = r#"
@@ -86,8 +87,8 @@ name = "photo"
 view.photo = { slice = "conventional" }
 "#;
 
-/// The mirror room with `slices` at 8 × 8 pixels, less its meshes (reading them thousands of times takes long), with
-/// a lens and a lamp.
+/// The mirror room with `slices` at 8 × 8 pixels, with a lens and a lamp and without its meshes, which would
+/// be read thousands of times.
 fn room() -> String {
     let whole = mirror_room(8, 8, 1, 8, SLICES);
     let mut parts: Vec<&str> = whole.split("[[objects]]").collect();
@@ -109,7 +110,7 @@ fn room() -> String {
 /// A scene with every feature of the syntax.
 const EVERYTHING: &str = include_str!("fuzz/everything.toml");
 
-/// The files that it names, in a folder.
+/// Folder with the files that the scene refers to.
 static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     let made = folder();
     let put = |name: &str, bytes: &[u8]| {
@@ -163,12 +164,13 @@ static FILES: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     made
 });
 
-/// Builds a text within bounds of time and memory.
+/// Builds a scene from text within bounds of time and memory.
 fn build(text: &str) -> Option<Scene> {
     within_bounds(text, sunstone::scene::from_text)
 }
 
-/// Builds a text by a reader within bounds of time and memory: a scene, or a message with its fix at a place in the text.
+/// Parses a text with a reader within bounds of time and memory. The result is a scene, or a message with a
+/// fix and a location in the text.
 fn within_bounds(text: &str, reader: impl FnOnce(&Path, &str) -> Result<Scene, InputError>) -> Option<Scene> {
     let place = FILES.path().join("fuzz.toml");
     LARGEST.store(0, Ordering::Relaxed);
@@ -197,7 +199,7 @@ fn within_bounds(text: &str, reader: impl FnOnce(&Path, &str) -> Result<Scene, I
     }
 }
 
-/// Renders a scene if it is small; true if it did.
+/// Renders a scene if it is small; returns whether it did.
 fn render_if_small(mut scene: Scene) -> bool {
     let small = |r: [u32; 2], n: u32| r[0] <= n && r[1] <= n;
     let bins = |s: &sunstone::tensor::slice::Slice| match s.time {
@@ -247,17 +249,17 @@ fn runner(cases: u32) -> TestRunner {
 /// One change to a text.
 #[derive(Clone, Debug)]
 enum Change {
-    /// The number at this share of all numbers becomes this text.
+    /// Replaces the number at this fraction of all numbers by this text.
     Number(f64, &'static str),
-    /// The line at this share of all lines goes, or comes twice, or changes places.
+    /// Deletes, duplicates or swaps the line at this fraction of all lines.
     Drop(f64),
     Twice(f64),
     Swap(f64, f64),
-    /// The word at one share of all words becomes that at another.
+    /// Replaces the word at one fraction of all words by the word at another.
     Word(f64, f64),
-    /// Characters go.
+    /// Deletes characters.
     Cut(f64, usize),
-    /// A character comes.
+    /// Inserts a character.
     Insert(f64, char),
 }
 
@@ -297,7 +299,7 @@ fn change() -> impl Strategy<Value = Change> {
     ]
 }
 
-/// Byte ranges of the longest runs of characters that `f` likes.
+/// Byte ranges of the longest runs of characters that satisfy `f`.
 fn runs(text: &str, f: impl Fn(char) -> bool, first: impl Fn(char) -> bool) -> Vec<std::ops::Range<usize>> {
     let mut out: Vec<std::ops::Range<usize>> = Vec::new();
     let mut inside = false;
@@ -410,8 +412,8 @@ fn arbitrary_text_is_an_error_or_a_scene() {
 fn mutated_scenes_build_or_say_why_and_render_finite() {
     let _alone = alone();
     assert!(render_if_small(build(EVERYTHING).expect("everything is right")));
-    // Milk takes three times as long as all the rest: hundreds of kinds of drops. Spheres of many sizes, all some hundred
-    // wavelengths large, take up to a minute.
+    // Milk takes three times as long as all the rest: hundreds of kinds of droplets. Spheres of many sizes,
+    // all of about a hundred wavelengths, take up to a minute.
     let slow = ["milk.milk", "beads.polystyrene", "grains.particles"];
     let lines = EVERYTHING
         .lines()
@@ -468,7 +470,8 @@ path = "camera.pose.look_at.origin.1"
 range = { min = 0.9, max = 1.1 }
 "#;
 
-/// Whatever becomes of a template, every variant of it is a scene or one message at its place; the same number is the same scene.
+/// After any mutation of a template, every variant is a scene or one message with a location. Equal numbers
+/// give equal scenes.
 #[test]
 fn mutated_templates_vary_or_say_why() {
     let _alone = alone();
@@ -534,7 +537,7 @@ fn mutated_figure_files_are_read_or_say_why() {
     tested.unwrap_or_else(|e| panic!("{e}"));
 }
 
-/// Sizes that are right one by one must not multiply to more memory than a machine has.
+/// Sizes that are valid one by one must not multiply to more memory than a machine has.
 #[test]
 fn huge_sizes_are_bounded_or_refused() {
     let _alone = alone();
@@ -574,8 +577,8 @@ fn huge_sizes_are_bounded_or_refused() {
     assert!(LARGEST.load(Ordering::Relaxed) < 1 << 27);
 }
 
-/// Every value in the descriptions of a store, and its coordinates, in turn something else: commands that read stores
-/// answer or say why. (What the library makes of worse damage is tested beside it.)
+/// Replaces every value in the metadata of a store, and its coordinates, one by one. Commands that read
+/// stores give a result or an error message. (Tests of the library cover worse damage.)
 #[test]
 fn commands_survive_edited_stores() {
     use serde_json::{Value, json};

@@ -1,7 +1,7 @@
-//! Hostile cases: whatever is given to the program, it answers soon, in few words, with the right exit code, and leaves
-//! nothing behind.
+//! Hostile cases: for any input the program answers quickly and briefly, with the right exit code, and leaves
+//! no files behind.
 //!
-//! Every case runs the built program as a child process. `cargo test` runs a fixed part of the cases;
+//! Every case runs the built program as a child process. `cargo test` runs a fixed subset of the cases;
 //! `SUNSTONE_HOSTILE=all cargo test --release --test hostile -- --nocapture` runs all and prints the table.
 
 #![cfg(unix)]
@@ -33,7 +33,7 @@ use case::{Case, Finding, Tally, run_all};
 use fixtures::Fixtures;
 use std::time::Instant;
 
-/// One in so many cases runs where not all are asked for.
+/// By default, one of this many cases runs.
 const PART: usize = 16;
 
 #[test]

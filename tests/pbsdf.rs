@@ -1,5 +1,5 @@
-//! Files of measured materials: what is written is the documented layout, what is wrong is named, and no bytes at all
-//! make the reader panic or ask for memory that the file cannot fill.
+//! Files of measured materials: the writer follows the documented layout, faults are reported, and no bytes
+//! make the reader panic or request more memory than the file can fill.
 
 use glam::Vec3A;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -17,7 +17,7 @@ use sunstone::transport::material::measured::table::{Options, Table};
 use sunstone::transport::material::measured::write::write;
 use sunstone::transport::material::{Lanes, Material, Materials};
 
-/// Remembers the largest piece of memory that a thread asked for.
+/// Allocator that records the largest allocation of a thread.
 struct Watched;
 
 thread_local! {
@@ -37,7 +37,7 @@ unsafe impl GlobalAlloc for Watched {
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
-/// A folder in memory where the system has one.
+/// A folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm")
         .or_else(|_| tempfile::tempdir())
@@ -47,7 +47,8 @@ fn folder() -> tempfile::TempDir {
 /// A field of a file: name, type code, shape, data.
 type FieldOf = (&'static str, u8, Vec<u64>, Vec<u8>);
 
-/// The container written by itself, from its description alone; returns the file and where each field's data begin.
+/// The container, written here from its description alone; returns the file and the offset of each field's
+/// data.
 fn container(fields: &[FieldOf]) -> (Vec<u8>, Vec<usize>) {
     let mut out = b"tensor_file\0\x01\x00".to_vec();
     out.extend((fields.len() as u32).to_le_bytes());
@@ -82,7 +83,7 @@ fn axes() -> Axes {
     Axes::even([4, 3, 3], vec![450, 550])
 }
 
-/// A number for every element: positive and finite, M00 the largest.
+/// A value for every element: positive and finite, M00 the largest.
 fn value(element: usize) -> f32 {
     let (k, e) = (element / 16, element % 16);
     (if e == 0 { 1.0 } else { 0.3 - 0.05 * e as f32 }) * (1.0 + 0.01 * k as f32)
@@ -112,7 +113,7 @@ fn saved(folder: &Path, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// Writer and description agree byte for byte, and nothing but the file is left in the folder.
+/// Writer and description agree byte for byte, and nothing else is left in the folder.
 #[test]
 fn the_writer_writes_the_documented_layout() {
     let folder = folder();
@@ -148,7 +149,7 @@ fn the_writer_refuses_axes_that_the_reader_would() {
     assert!(matches!(nowhere, Err(PbsdfError::Write(_))), "{nowhere:?}");
 }
 
-/// Order of fields, alignment and fields that nobody asked for do not matter.
+/// The order of fields, alignment and unknown fields are irrelevant.
 #[test]
 fn other_layouts_of_the_same_table_read_alike() {
     let folder = folder();
@@ -157,7 +158,7 @@ fn other_layouts_of_the_same_table_read_alike() {
     shuffled.insert(2, ("note", 1, vec![3], vec![1, 2, 3]));
     shuffled.push(("odd", 77, vec![u64::MAX, 2], vec![]));
     let (mut file, starts) = container(&shuffled);
-    // M again at an odd place.
+    // M again, at an odd offset.
     let m = &fields()[4].3;
     let at = file.len() as u64 | 1;
     file.resize(at as usize, 0);
@@ -294,7 +295,7 @@ fn every_fault_is_named_with_its_fix() {
     );
 }
 
-/// Empty axes are taken as even if the caller says so, and give what the same table with written axes gives.
+/// Empty axes count as evenly spaced if the caller says so, and give the same results as the written axes.
 #[test]
 fn empty_axes_may_be_even() {
     let folder = folder();
@@ -317,8 +318,8 @@ fn empty_axes_may_be_even() {
     assert_eq!(table.angles(), [&a.phi_d[..], &a.theta_d, &a.theta_h]);
 }
 
-/// In a materials file: the place of `file`, the path, the fault, the fix; and the hash follows the data.
-/// A file that another program cuts short while it is open answers as before.
+/// In a materials file: the location of `file`, the path, the fault, the fix; and the hash depends on the
+/// data. A file that another program truncates while it is open still gives the same answers.
 #[test]
 fn a_small_table_survives_its_file() {
     let folder = folder();
@@ -338,7 +339,7 @@ fn a_small_table_survives_its_file() {
     assert_eq!(table.file_len(), file.len());
 }
 
-/// A large file is mapped, not read: a table behind 65 MiB of nothing loads, and gives its entries.
+/// A large file is mapped, not read: a table after 65 MiB of zeros loads and gives its entries.
 #[test]
 fn a_large_table_is_mapped() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -389,8 +390,8 @@ fn scenes_name_the_place_of_the_file() {
     );
 }
 
-/// Pieces tell tables apart: all of a small file; of a large one header, axes and 64 stretches of the data, so that a
-/// change as long as their distance is always seen. A scene's hash follows them.
+/// Hashes of pieces distinguish tables: all of a small file; of a large one the header, axes and 64 parts of
+/// the data, so that a change as long as their distance is always detected. A scene's hash depends on them.
 #[test]
 fn scenes_know_tables_by_their_pieces() {
     let folder = folder();
@@ -448,7 +449,7 @@ fn finite(s: &Scatter) -> bool {
         .all(|e| e.to_array().iter().all(|x| x.is_finite()))
 }
 
-/// A few values and samples of a table are finite.
+/// Asserts that a few values and samples of a table are finite.
 fn assert_finite(table: Table, stream: &mut Stream, what: &str) {
     let materials = Materials {
         list: vec![Material::Measured(Measured { table: 0 })],
@@ -474,7 +475,7 @@ fn assert_finite(table: Table, stream: &mut Stream, what: &str) {
     }
 }
 
-/// 10 000 mutations of valid files: cut, with bits flipped, header numbers replaced, stretches of noise.
+/// 10,000 mutations of valid files: truncated, with flipped bits, replaced header numbers, ranges of noise.
 #[test]
 fn mutated_files_load_or_say_why() {
     const EXTREME: [u64; 8] = [0, 1, 2, 255, 0x7fff_ffff, u64::MAX / 2, u64::MAX - 7, u64::MAX];
@@ -509,7 +510,7 @@ fn mutated_files_load_or_say_why() {
                     }
                 }
                 _ => {
-                    // A whole element of the data, at its extremes.
+                    // A whole element of the data, set to extreme values.
                     let to = [f32::NAN, f32::INFINITY, f32::MAX, -1.0, f32::MIN_POSITIVE, 9e8][below(6)];
                     let at = below(n) & !3;
                     for (x, y) in file[at..].iter_mut().zip(to.to_le_bytes()) {
@@ -526,7 +527,7 @@ fn mutated_files_load_or_say_why() {
         LARGEST.set(0);
         let table = Table::open(&path, &options);
         let largest = LARGEST.get();
-        // Small files: messages and the least importance table have a size of their own.
+        // Small files: messages and the smallest importance table have a minimum size.
         let allowed = (2 * file.len()).max(8192);
         assert!(
             largest <= allowed,

@@ -1,8 +1,8 @@
-//! Sessions that survive the night: runs of the simulated rig that are killed at random instants, or disturbed on purpose, and
-//! resumed, leave the very bytes of a run that nothing disturbed.
+//! Interrupted sessions: runs of the simulated rig that are killed at random times, or disturbed on purpose,
+//! and resumed, are byte-identical to an undisturbed run.
 //!
-//! `SUNSTONE_KILLS=200` kills as often (CI: 24), `SUNSTONE_DAMAGE=10000` damages as many runs (CI: 400); `-- --nocapture` prints
-//! the table of faults.
+//! `SUNSTONE_KILLS=200` sets the number of kills (CI: 24), `SUNSTONE_DAMAGE=10000` the number of damaged runs
+//! (CI: 400); `-- --nocapture` prints the table of faults.
 
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -61,12 +61,12 @@ bin_ps = 25
 laser_power = 0.9
 ";
 
-/// The same scan with every photon kept.
+/// The same scan with time tags.
 fn tagged() -> String {
     SCAN.replace("bin_ps = 25\n", "bin_ps = 25\ntime_tags = true\n")
 }
 
-/// Files of a rig with its plans, and mishaps.
+/// Files of a rig with its plans and faults.
 struct Bench(tempfile::TempDir);
 
 impl Bench {
@@ -101,7 +101,7 @@ impl Bench {
         self.command(plan, store, rest).output().expect("runs")
     }
 
-    /// The content of a finished store: all files but the journal, which has what differs from run to run.
+    /// The content of a finished store: all files except the journal, which differs between runs.
     fn content(&self, store: &str) -> Vec<(PathBuf, Vec<u8>)> {
         let root = self.path(store);
         let verified = Command::new(env!("CARGO_BIN_EXE_sunstone"))
@@ -141,7 +141,7 @@ fn assert_same(a: &[(PathBuf, Vec<u8>)], b: &[(PathBuf, Vec<u8>)], what: &str) {
     }
 }
 
-/// Frames that the journal notes as taken, by number.
+/// Numbers of the frames that the journal records as taken.
 fn noted(store: &Path) -> Vec<u32> {
     let text = std::fs::read_to_string(store.join(".session.jsonl")).expect("a journal");
     let events = text
@@ -153,7 +153,7 @@ fn noted(store: &Path) -> Vec<u32> {
         .collect()
 }
 
-/// Kills at random instants, each resumed: no frame lost, and none in the store twice.
+/// Kills at random times, each resumed: no frame is lost, and none is in the store twice.
 #[test]
 fn kills_lose_nothing() {
     let kills: u32 = std::env::var("SUNSTONE_KILLS").map_or(24, |n| n.parse().expect("a number"));
@@ -169,7 +169,7 @@ fn kills_lose_nothing() {
         let mut here = 0;
         while here < kills.div_ceil(3) {
             let store = format!("{plan}{round}.zarr");
-            // Again and again until it comes to its end.
+            // Resumes until the run finishes.
             let mut resumed = 0;
             loop {
                 round += 1;
@@ -181,7 +181,7 @@ fn kills_lose_nothing() {
                     .stderr(Stdio::null())
                     .spawn()
                     .expect("starts");
-                // Any instant of a run, a golden ratio apart.
+                // Times within a run, in steps of the golden ratio.
                 let share = (f64::from(round) * 0.618_034).fract();
                 std::thread::sleep(whole_takes.mul_f64(share * if resumed > 3 { 2.0 } else { 1.1 }));
                 let _ = child.kill();
@@ -203,7 +203,7 @@ fn kills_lose_nothing() {
                 };
                 left[state] += 1;
                 if state == 1 && !path.join("frames/raw").exists() {
-                    // Nothing was begun that could go on.
+                    // Nothing was begun that could be resumed.
                     let _ = std::fs::remove_dir_all(&path);
                 }
                 if state == 2 {
@@ -226,7 +226,7 @@ fn kills_lose_nothing() {
     assert!(left[1] > 0, "no run was killed half way");
 }
 
-/// What went wrong, where and when; and whether the session is to end, with what in its message.
+/// Fault, place and time; and whether the session must end, with part of its message.
 const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("camera.toml", "dropped_frame", "camera", 9, None),
     ("camera.toml", "timeout", "camera", 5, None),
@@ -281,7 +281,8 @@ const FAULTS: &[(&str, &str, &str, u64, Option<&str>)] = &[
     ("tags.toml", "power_cut", "counter", 30, None),
 ];
 
-/// Every fault ends recovered, or in one clear error with all data safe: resumed on a sound rig, the bytes are the same.
+/// After every fault the session recovers, or ends with one clear error and all data safe. Resumed on an
+/// intact rig, the bytes are equal.
 #[test]
 fn faults_lose_nothing() {
     let sound = Bench::new("");
@@ -311,7 +312,7 @@ fn faults_lose_nothing() {
                 let event = ["retry", "suspend", "clock_jump"]
                     .into_iter()
                     .find(|e| journal.lines().any(|l| l.contains(&format!("\"event\":\"{e}\""))));
-                // It did strike.
+                // The fault occurred.
                 format!(
                     "recovered: {}",
                     event.unwrap_or_else(|| panic!("{kind} of {instrument} left no trace"))
@@ -340,8 +341,8 @@ fn faults_lose_nothing() {
     }
 }
 
-/// Histograms of time tags are those of a counter that makes them itself, bit for bit; and the kept files, read by
-/// `sunstone ptu`, have them too.
+/// Histograms of time tags equal those of a counter that makes them itself, bit for bit. The kept files, read
+/// by `sunstone ptu`, also give them.
 #[test]
 fn time_tags_have_the_histograms() {
     let bench = Bench::new("");
@@ -376,7 +377,7 @@ fn time_tags_have_the_histograms() {
         }
     }
     assert!(photons > 1000, "{photons} photons show nothing");
-    // A row of tags that is damaged is noticed, as is one that is lost.
+    // A damaged row of tags is detected, as is a lost one.
     said(&["verify"], &[&bench.path("tags.zarr")]);
     let file = bench.path("tags.zarr/time_tags/000003.ptu");
     let mut bytes = std::fs::read(&file).expect("reads");
@@ -395,7 +396,7 @@ fn time_tags_have_the_histograms() {
     verify("000003.ptu");
     std::fs::remove_file(&file).expect("removes");
     verify("000003.ptu");
-    // More bins than a record can tell.
+    // More bins than a record can express.
     let long = tagged().replace("bins = 64", "bins = 40000");
     std::fs::write(bench.path("long.toml"), long).expect("writes");
     let output = bench.run("long.toml", "long.zarr", &[]);
@@ -406,7 +407,7 @@ fn time_tags_have_the_histograms() {
     assert_eq!(output.status.code(), Some(2));
 }
 
-/// Shape and numbers of an array of unsigned 32-bit integers.
+/// Shape and values of an array of unsigned 32-bit integers.
 fn counts_of(path: &Path) -> (Vec<usize>, Vec<u32>) {
     let bytes = std::fs::read(path).expect("reads");
     let length = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -419,7 +420,8 @@ fn counts_of(path: &Path) -> (Vec<usize>, Vec<u32>) {
     (shape, words.iter().map(|b| u32::from_le_bytes(*b)).collect())
 }
 
-/// Two sessions on one path, a plan that is another one, a store that is finished: refused in words, nothing touched.
+/// Two sessions on one path, a different plan, and a finished store are refused with a message, and nothing
+/// is changed.
 #[test]
 fn what_cannot_be_resumed_is_refused() {
     let bench = Bench::new("");
@@ -444,7 +446,7 @@ fn what_cannot_be_resumed_is_refused() {
     assert_same(&bench.content("s.zarr"), &before, "nothing touched");
 }
 
-/// A laser's table that is not there, and one that is none, are told by the rig file's place.
+/// A missing table of a laser, and an invalid one, are reported with the location in the rig file.
 #[test]
 fn a_laser_without_a_table_is_told() {
     let bench = Bench::new("");
@@ -460,7 +462,7 @@ fn a_laser_without_a_table_is_told() {
     assert!(!bench.path("s.zarr").exists());
 }
 
-/// A number that depends on how often it was asked for.
+/// A deterministic sequence of numbers.
 struct Draw(u64);
 
 impl Draw {
@@ -473,7 +475,7 @@ impl Draw {
     }
 }
 
-/// All places of a document.
+/// All paths of a document.
 fn places(value: &Value, here: String, out: &mut Vec<String>) {
     out.push(here.clone());
     match value {
@@ -492,7 +494,7 @@ fn places(value: &Value, here: String, out: &mut Vec<String>) {
     }
 }
 
-/// A document changed at one place.
+/// A document with a change at one path.
 fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     let mut document: Value = serde_json::from_slice(bytes).expect("a description");
     let mut all = vec![];
@@ -530,7 +532,7 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
             };
         }
         Value::String(s) if s.len() > 8 && draw.below(2) == 0 => {
-            // A scheme's text, of which a byte is lost or changed.
+            // A scheme's text with one byte deleted or changed.
             let at = draw.below(s.len());
             if s.is_char_boundary(at) && s.is_char_boundary(at + 1) {
                 s.replace_range(at..=at, ["", "9", "-", "x"][draw.below(4)]);
@@ -541,15 +543,15 @@ fn damaged_document(bytes: &[u8], draw: &mut Draw) -> Vec<u8> {
     serde_json::to_vec(&document).expect("a document")
 }
 
-/// Finished runs that are damaged at one place and sealed anew, as no accident does but another program might, are refused in
-/// words or read; none panics, none takes long.
+/// Finished runs that are damaged at one place and sealed again, which no accident does but another program
+/// might, are refused with a message or read. None panics, none takes long.
 #[test]
 fn damaged_runs_are_told() {
     let wanted: usize = std::env::var("SUNSTONE_DAMAGE").map_or(400, |n| n.parse().expect("a number"));
     let bench = Bench::new("");
     let mut draw = Draw(18);
     let (mut read, mut refused) = (0, 0);
-    // As many captures as matrices need.
+    // As many captures as the matrices require.
     let more = |text: &str| {
         text.replace("captures = 6", "captures = 16")
             .replace("captures = 4", "captures = 16")
@@ -562,7 +564,7 @@ fn damaged_runs_are_told() {
         let content = bench.content(&store);
         let root = bench.path(&store);
         for case in 0..wanted / 2 {
-            // Most of what can be said wrongly is said at the root; frames are many.
+            // Most metadata are at the root; frames are many.
             let root_is = ["zarr.json", "frames/raw/zarr.json"][draw.below(2)];
             let at_root = content
                 .iter()
@@ -620,8 +622,8 @@ fn damaged_runs_are_told() {
     assert!(refused > wanted / 4 && read > wanted / 20, "{refused} {read}");
 }
 
-/// Mirrors behind an analog output card take the very frames of a simulated scanner: the card's 16 bits over ±10 V of 0.8 V per
-/// degree are its steps. Faults of the card are survived.
+/// Mirrors behind an analog output card take the same frames as a simulated scanner: the card's 16 bits over
+/// ±10 V, at 0.8 V per degree, are its steps. Faults of the card are survived.
 #[test]
 fn an_analog_galvo_takes_the_same_frames() {
     let sound = Bench::new("");
@@ -645,7 +647,7 @@ fn an_analog_galvo_takes_the_same_frames() {
             "{fault}"
         );
     }
-    // A card of four bits points elsewhere, and that is seen in the frames.
+    // A card of four bits points elsewhere, which the frames show.
     let coarse = RIG.replace("[galvo]\n", &format!("[galvo]\n{smooth}card = {{ bits = 4 }}\n"));
     let bench = Bench::new("");
     std::fs::write(bench.path("rig.toml"), coarse).expect("writes");
@@ -673,7 +675,8 @@ fn an_analog_galvo_takes_the_same_frames() {
     }
 }
 
-/// A counter behind a library that is not there, and settings that no board has, are told before anything is taken.
+/// A counter with a missing library, and settings that no board supports, are reported before anything is
+/// captured.
 #[test]
 fn a_counter_without_its_library_is_told() {
     let bench = Bench::new("");
@@ -703,7 +706,7 @@ fn a_counter_without_its_library_is_told() {
     }
 }
 
-/// A camera that this program was not built for is told, with what to build.
+/// A camera without support in this build is reported, with the feature to build.
 #[cfg(not(feature = "usb3_vision"))]
 #[test]
 fn a_camera_of_another_build_is_told() {
@@ -723,7 +726,7 @@ fn a_camera_of_another_build_is_told() {
     assert!(!bench.path("s.zarr").exists());
 }
 
-/// Runs a command of the program, which must succeed, and returns what it prints.
+/// Runs a command of the program, which must succeed, and returns its output.
 fn said(words: &[&str], paths: &[&Path]) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
     command.args(words).args(paths);
@@ -732,7 +735,7 @@ fn said(words: &[&str], paths: &[&Path]) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// A value and its error of a printed line.
+/// A value and its error from a printed line.
 fn stated(told: &str, name: &str) -> [f64; 2] {
     let line = told
         .lines()
@@ -745,11 +748,12 @@ fn stated(told: &str, name: &str) -> [f64; 2] {
     [words[0], words.get(1).copied().unwrap_or(f64::NAN)]
 }
 
-/// A plane that a simulated counter scans tells its response and when its clock begins, to 5 sigma; rig files take it.
+/// A plane scanned with a simulated counter gives its response and its time zero, to 5 sigma; rig files
+/// accept the result.
 #[test]
 fn a_scanned_plane_calibrates_the_counter() {
     let bench = Bench::new("");
-    // Light comes back in the middle of a bin.
+    // Light returns in the middle of a bin.
     let metres = 266.5 * 25.0 * 299_792_458e-12 / 2.0;
     let scene = format!(
         "wavelengths_nm = [550]\n[camera]\nresolution = [4, 4]\nfov_x_deg = 1\n\
@@ -806,9 +810,9 @@ fn a_scanned_plane_calibrates_the_counter() {
     let z2: f64 = (0..16)
         .map(|p| (temporal.zero_ps.at(p) / temporal.sigma_ps.at(p)).powi(2))
         .sum();
-    // Of 16 squares, five standard deviations of their sum.
+    // For 16 squares, five standard deviations of their sum.
     assert!(z2 < 16.0 + 5.0 * 32.0_f64.sqrt(), "{z2}");
-    // At a plane that is 3 mm nearer, time zeros are 20 ps late: that must be seen.
+    // For a plane that is 3 mm nearer, time zeros are 20 ps late, which must be detected.
     let wrong = format!("--distance={}", metres - 3e-3);
     let told = said(
         &["calibrate", "counter", &wrong],
@@ -850,7 +854,7 @@ fn a_scanned_plane_calibrates_the_counter() {
     }
 }
 
-/// Dark and lit frames of a simulated camera tell its gain, read noise, black level and dark current.
+/// Dark and lit frames of a simulated camera give its gain, read noise, black level and dark current.
 #[test]
 fn still_frames_calibrate_the_sensor() {
     let bench = Bench::new("");
@@ -907,7 +911,8 @@ fn still_frames_calibrate_the_sensor() {
             "{name}: {value} ± {sigma}"
         );
     }
-    // Of 120 pixels, 32 frames and 16 exposures each: noise of the mean black level 0.006 DN, of the current 8 e/s.
+    // With 120 pixels, 32 frames and 16 exposures each: noise of the mean black level 0.006 DN, of the
+    // current 8 e/s.
     assert!((stated(&plain, "black level")[0] - 40.0).abs() < 0.05, "{told}");
     assert!((stated(&plain, "dark current")[0] - 300.0).abs() < 40.0, "{told}");
     let rig = format!("calibration = [\"sensor.toml\"]\n{RIG}{detectors}");
@@ -920,7 +925,7 @@ fn still_frames_calibrate_the_sensor() {
     one_file_for_all(&bench, &out);
 }
 
-/// The elements go into the file that has the sensor; everything that reads calibrations reads it as it is.
+/// Adds the elements to the file that has the sensor; everything that reads calibrations accepts it.
 fn one_file_for_all(bench: &Bench, file: &Path) {
     let sensor = std::fs::read_to_string(file).expect("reads");
     let plan = CAMERA
@@ -949,8 +954,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
             .as_array()
             .is_some_and(|s| s.len() == 8)
     );
-    // Schemes.
-    // Without a sample every reading is saturated.
+    // Schemes. Without a sample every reading is saturated.
     said(
         &["reconstruct", "--scheme"],
         &[file, &air, Path::new("-o"), &bench.path("m.zarr")],
@@ -970,7 +974,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
         })
         .collect();
     said(&words, &[&ones, Path::new("-o"), &bench.path("i.npy")]);
-    // Plans and rigs; a rig takes one name as it takes a list.
+    // Plans and rigs; a rig accepts a single name or a list.
     let plan = CAMERA.replace("{ kind = \"quad\", captures = 6 }", "\"sensor.toml\"");
     std::fs::write(bench.path("again.toml"), plan).expect("writes");
     std::fs::write(
@@ -982,7 +986,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
     let store = Run::open(&bench.path("calibrated.zarr"), None).expect("a run");
     let gain = store.attributes()["detector"]["cmos"]["gain_e_per_dn"].as_f64();
     assert_eq!(gain, before["detector"]["cmos"]["gain_e_per_dn"].as_float());
-    // What is no calibration is left as it is.
+    // A file that is not a calibration is not changed.
     let other = std::fs::read_to_string(bench.path("rig.toml")).expect("reads");
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
     command

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Renders the pictures of scenes/README.md anew: every shipped scene at 512 × 512 pixels, and says how long each took.
+"""Render the pictures of scenes/README.md again: every shipped scene at 512 × 512 pixels; print the time of each.
 
-Two seeds are rendered and denoised by each other's errors (`sunstone denoise`), which pictures say in their titles; the slices are
-those that the pictures show.
+Two seeds are rendered and denoised with each other's errors (`sunstone denoise`), which the pictures' titles state. The slices
+are those that the pictures show.
 
     python3 tools/gallery.py [SCENE ...] [--scale 1.0]
 
---scale multiplies the samples. Needs `cargo build --release`; standard library only.
+--scale multiplies the number of samples. Requires `cargo build --release`; standard library only.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 SIZE = 512
-# Samples of each seed, and the pictures that are kept.
+# Samples per seed, and the pictures to keep.
 FOUR = ["photo", "epipolar", "nonepipolar", "mueller"]
 SCENES = {
     "mirror_room": (128, ["photo", "mueller_nonepipolar"]),
@@ -34,12 +34,12 @@ SCENES = {
 
 
 def blocks(text):
-    """The tables of a scene file."""
+    """Return the tables of a scene file."""
     return re.split(r"(?m)^(?=\[\[|\[camera\])", text)
 
 
 def wanted(text, pictures):
-    """The scene at another size, with the named pictures and what they show alone."""
+    """Return the scene at another size, with only the named pictures and their slices."""
     named = lambda block: re.search(r'(?m)^name = "([^"]+)"', block)
     figures = [b for b in blocks(text) if b.startswith("[[figures]]") and named(b)[1] in pictures]
     shown = {m for b in figures for m in re.findall(r'slice = "([^"]+)"', b)}
@@ -65,7 +65,7 @@ def main():
         samples, pictures = SCENES[name]
         samples = max(8, round(samples * options.scale))
         folder = ROOT / "scenes" / name
-        # Beside the original, whose meshes are named relative to it.
+        # In the folder of the original, because its mesh paths are relative.
         file = folder / ".gallery.toml"
         file.write_text(wanted((folder / "scene.toml").read_text(), pictures))
         with tempfile.TemporaryDirectory() as temporary:

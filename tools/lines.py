@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Prints the lines of Rust of every crate: code, tests and doc comments apart, without blank lines.
+"""Print the lines of Rust of every crate: code, tests and doc comments separately, without blank lines.
 
-Tests are files of `tests/` folders, files declared by `#[cfg(test)] mod NAME;`, and `#[cfg(test)] mod` blocks, which end their files here.
-With --write, the column of ARCHITECTURE.md is replaced.
+Tests are files in `tests/` folders, files declared by `#[cfg(test)] mod NAME;`, and `#[cfg(test)] mod` blocks, which must end
+their files. With --write, the columns in ARCHITECTURE.md are replaced.
 """
 
 import re
@@ -16,13 +16,13 @@ PAGE = ROOT / "ARCHITECTURE.md"
 
 
 def tracked():
-    """All tracked Rust files."""
+    """Return all tracked Rust files."""
     names = subprocess.run(["git", "ls-files", "*.rs"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     return [Path(name) for name in names.splitlines()]
 
 
 def test_files(files):
-    """Files and folders that are compiled for tests alone."""
+    """Return files and folders that are compiled only for tests."""
     found = set()
     for file in files:
         text = (ROOT / file).read_text()
@@ -33,7 +33,7 @@ def test_files(files):
 
 
 def crate(file):
-    """The crate of a file: a package of src/, or the first folder."""
+    """Return the crate of a file: a package in src/, or the top-level folder."""
     first, second = file.parts[:2]
     if first == "src":
         return second if (ROOT / first / second / "Cargo.toml").is_file() else "sunstone"
@@ -41,7 +41,7 @@ def crate(file):
 
 
 def count():
-    """Lines by crate and kind."""
+    """Return the number of lines by crate and kind."""
     files = tracked()
     tests = test_files(files)
     lines = {}

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Writes the meshes of scenes/mirror_room: knot.glb, vase.ply and pedestal.obj.
+"""Write the meshes of scenes/mirror_room: knot.glb, vase.ply and pedestal.obj.
 
-Lengths are metres, +y is up, every mesh stands on y = 0, is closed and faces outward. Needs Python 3 alone; the same
-script gives the same files.
+Lengths are in metres and +y is up. Every mesh stands on y = 0, is closed and faces outward. Requires Python 3 only; the output is
+deterministic.
 
-    tools/make_meshes.py [folder]      (default: scenes/mirror_room beside this script's folder)
+    tools/make_meshes.py [folder]      (default: scenes/mirror_room of this repository)
 """
 
 import json
@@ -34,12 +34,12 @@ def unit(a):
 
 
 def f32(x):
-    """The nearest single-precision number, without negative zero."""
+    """Round to the nearest single-precision number, without negative zero."""
     return struct.unpack("<f", struct.pack("<f", x))[0] + 0.0
 
 
 def stand(points, size, axes):
-    """Scales points so that their largest extent along `axes` is `size`, centres x and z, and rests them on y = 0."""
+    """Scale points so that their largest extent along `axes` is `size`, centre x and z, and place them on y = 0."""
     low = [min(p[k] for p in points) for k in range(3)]
     high = [max(p[k] for p in points) for k in range(3)]
     scale = size / max(high[k] - low[k] for k in axes)
@@ -53,7 +53,7 @@ KNOT_RINGS, KNOT_SIDES, KNOT_TUBE = 256, 16, 0.45
 
 
 def knot_point(t):
-    """The (2,3) torus knot on the torus of radii 2 and 1 about the z axis."""
+    """Return a point of the (2,3) torus knot on the torus of radii 2 and 1 about the z axis."""
     r = 2.0 + math.cos(3 * t)
     return (r * math.cos(2 * t), r * math.sin(2 * t), math.sin(3 * t))
 
@@ -70,7 +70,7 @@ def knot_tangent(t):
 
 
 def knot():
-    """(positions, normals, triangles) of a tube round the knot, on frames that turn as little as possible."""
+    """Return (positions, normals, triangles) of a tube around the knot, with rotation-minimizing frames."""
     times = [TAU * i / KNOT_RINGS for i in range(KNOT_RINGS + 1)]
     frame = unit(cross(knot_tangent(0.0), (0.0, 0.0, 1.0)))
     frames = []
@@ -78,7 +78,7 @@ def knot():
         tangent = knot_tangent(t)
         frame = unit(add(frame, tangent, -dot(frame, tangent)))
         frames.append((frame, cross(tangent, frame)))
-    # What the frame is short of closing on itself is spread along the knot.
+    # The twist that closes the frame is distributed along the knot.
     (n0, b0), (n1, _) = frames[0], frames[-1]
     gap = math.atan2(dot(n1, b0), dot(n1, n0))
     points, normals, triangles = [], [], []
@@ -151,7 +151,7 @@ VASE_PROFILE = [
 
 
 def spline(points, u):
-    """Point and outward normal of a uniform cubic B-spline segment with four control points, u from 0 to 1."""
+    """Return point and outward normal of a uniform cubic B-spline segment with four control points, u from 0 to 1."""
     weights = ((1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3)
     slopes = (-((1 - u) ** 2), 3 * u**2 - 4 * u, -3 * u**2 + 2 * u + 1, u**2)
     r, y = (sum(w * p[c] for w, p in zip(weights, points)) / 6 for c in (0, 1))
@@ -160,9 +160,9 @@ def spline(points, u):
 
 
 def outline(control, turn):
-    """Points and outward normals (radius, height) along the uniform cubic B-spline of a profile, axis to axis.
+    """Return points and outward normals (radius, height) along the uniform cubic B-spline of a profile, from axis to axis.
 
-    `turn` is the largest angle, in radians, by which neighbouring normals differ.
+    `turn` is the largest angle, in radians, between neighbouring normals.
     """
     mirror = [(-control[1][0], control[1][1]), *control, (-control[-2][0], control[-2][1])]
     out = []
@@ -170,7 +170,7 @@ def outline(control, turn):
         points = mirror[k : k + 4]
         (_, start), (_, end) = spline(points, 0.0), spline(points, 1.0)
         angle = math.acos(max(-1.0, min(1.0, dot(start, end))))
-        # Sharp bends get more steps; 1e-9 keeps the count the same whatever the last digit of the angle.
+        # Sharp bends get more steps; 1e-9 makes the count independent of rounding errors of the angle.
         steps = max(2, math.ceil(angle / turn - 1e-9))
         last = k == len(control) - 2
         out += [spline(points, step / steps) for step in range(steps + last)]
@@ -178,7 +178,7 @@ def outline(control, turn):
 
 
 def turned(profile, sides, turn, height):
-    """(positions, normals, triangles) of a profile turned about the y axis, of the given height."""
+    """Return (positions, normals, triangles) of a surface of revolution about the y axis, of the given height."""
     curve = outline(profile, turn)
     top = max(y for (_, y), _ in curve)
     low = min(y for (_, y), _ in curve)
@@ -219,7 +219,7 @@ def write_ply(path, positions, normals, triangles):
 
 # --- pedestal.obj -----------------------------------------------------------------------------------------------------
 
-# (distance of the flat sides from the axis, height) from the lower edge to the upper one.
+# (distance of the flat sides from the axis, height), from the lower to the upper edge.
 PEDESTAL_PROFILE = [
     (0.245, 0.000), (0.250, 0.005), (0.250, 0.050), (0.235, 0.065), (0.215, 0.070), (0.200, 0.085), (0.200, 0.215),
     (0.215, 0.230), (0.235, 0.235), (0.250, 0.250), (0.250, 0.290), (0.240, 0.300),
@@ -228,7 +228,7 @@ PEDESTAL_CHAMFER = 0.08
 
 
 def write_pedestal(path):
-    """An octagon with chamfered edges; one polygon a face, one normal a polygon."""
+    """Write an octagon with chamfered edges; one polygon per face, one normal per polygon."""
     outline = []
     corners = [(math.cos(TAU * (k + 0.5) / 8), math.sin(TAU * (k + 0.5) / 8)) for k in range(8)]
     corners = [add((0.0, 0.0), c, 1.0 / math.cos(TAU / 16)) for c in corners]

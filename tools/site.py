@@ -1,8 +1,9 @@
-"""Hooks of mkdocs.yml: pages link to files outside docs/, which the site has as well.
+"""Hooks of mkdocs.yml: the site includes files outside docs/ that pages link to.
 
-A link that leaves docs/ (`../CONVENTIONS.md`, `../../scenes/fruits/variants.toml`) is followed: Markdown becomes a page of the site,
-a picture or a data file a copy, a text of the program or of a scene a page that shows it, and a folder a page that lists its
-files. They stand under repository/, by their paths there. The pages of the Rust library are what `cargo doc` made, under rust/.
+Links that leave docs/ (`../CONVENTIONS.md`, `../../scenes/fruits/variants.toml`) are followed. Markdown becomes a page of the
+site, a picture or data file is copied, source code and scene files become pages that show them, and a folder becomes a page that
+lists its files. These pages are under repository/, by their paths there. The pages of the Rust library come from `cargo doc`,
+under rust/.
 """
 
 import os
@@ -15,19 +16,19 @@ from mkdocs.structure.files import File
 
 ROOT = Path(__file__).resolve().parents[1]
 LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)(#[^)\s]*)?(\))")
-# Its pages come when the site is built (`on_post_build`), so that the link is none that is checked.
+# The linked pages are added after the build (`on_post_build`); the HTML link avoids mkdocs' check.
 RUST = """# Rust: reference
 
-What `cargo doc` makes of the sources: <a href="rust/sunstone/index.html">the crate sunstone and all that is behind it</a>.
-[Using the library](library.md) says how to begin.
+API documentation from `cargo doc`: <a href="rust/sunstone/index.html">the crate sunstone and its dependencies</a>.
+To get started, see [Using the library](library.md).
 """
 FENCE = re.compile(r"^(```|~~~)")
-# Texts that a page shows, by what its highlighter calls their language.
+# Texts that a page shows, with the highlighter's name of their language.
 LANGUAGES = {".rs": "rust", ".toml": "toml", ".py": "python", ".sh": "bash", ".json": "json"}
 
 
 def leaves(source, link):
-    """Where a link of a file of the repository leads, from its root; None if elsewhere than to a file."""
+    """Return the target of a link in a repository file, relative to the root; None for URLs and absolute paths."""
     if re.match(r"[a-z]+:", link) or link.startswith("/"):
         return None
     target = (source.parent / link).resolve()
@@ -39,7 +40,7 @@ def leaves(source, link):
 
 
 def uri(path):
-    """The place in the site of a file of the repository."""
+    """Return the site's path of a file of the repository."""
     path = PurePosixPath(path)
     if path.parts and path.parts[0] == "docs":
         return str(PurePosixPath(*path.parts[1:]))
@@ -50,7 +51,7 @@ def uri(path):
 
 
 def blocks(text):
-    """The parts of a page in turn, and whether each is outside fenced code. (A link's text may go over a line's end.)"""
+    """Yield the parts of a page in order, and whether each is outside fenced code. (Link texts may span lines.)"""
     inside, block = False, ""
     for line in text.splitlines(keepends=True):
         if not FENCE.match(line.lstrip()):
@@ -65,26 +66,26 @@ def blocks(text):
 
 
 def links(text):
-    """All links of a page."""
+    """Return all links of a page."""
     return [match[2] for block, outside in blocks(text) if outside for match in LINK.finditer(block)]
 
 
 def shown(path):
-    """The page of a file or folder that is no page by itself, or None."""
+    """Return the page that shows a file or folder, or None if the file is a page or a data file."""
     full = ROOT / path
     if full.is_dir():
         names = sorted(p.name for p in full.iterdir() if p.is_file() and not p.name.startswith("."))
         return f"# {path}/\n\n" + "".join(f"- [{name}]({name})\n" for name in names)
     if full.suffix in LANGUAGES:
-        # Longer than any fence within.
+        # Longer than any fence in the file.
         return f"# {path}\n\n`````{LANGUAGES[full.suffix]}\n{full.read_text()}\n`````\n"
     return None
 
 
 def on_files(files, config):
-    """Adds what pages link to outside docs/, and what those link to, as far as it goes."""
+    """Add files outside docs/ that pages link to, and recursively the files that those link to."""
     waiting = [ROOT / "docs" / f.src_uri for f in files if f.src_uri.endswith(".md")]
-    # The front page is README's.
+    # The front page is README.md.
     waiting.append(ROOT / "README.md")
     known = set(waiting)
     while waiting:
@@ -109,7 +110,7 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Turns a page's links into those of the site."""
+    """Rewrite a page's links to paths of the site."""
     place = page.file.src_uri
     if place == "rust-reference.md":
         return markdown
@@ -120,7 +121,7 @@ def on_page_markdown(markdown, page, config, files):
         if place.endswith("/folder.md"):
             source = source.parent / "folder.md"
         elif not source.exists():
-            # A text that is shown has no links.
+            # Source text has no links.
             return markdown
     else:
         source = ROOT / "docs" / place
@@ -138,7 +139,7 @@ def on_page_markdown(markdown, page, config, files):
 
 
 def on_post_build(config):
-    """Brings the pages of the Rust library in."""
+    """Add the pages of the Rust library."""
     made = ROOT / "target/doc"
     if not (made / "sunstone/index.html").is_file():
         raise PluginError("there are no pages of the Rust library in target/doc: run `cargo doc --no-deps --workspace` first")

@@ -1,17 +1,19 @@
 #!/usr/bin/env python3
-"""Paths from the camera against paths from both ends on every shipped scene that both can sample: totals and pixels.
+"""Compare camera paths with bidirectional paths on every shipped scene that both can sample: totals and pixels.
 
-Each scene is rendered by two integrators, 32 x 32 pixels, in rounds of independent seeds, until the totals of the image (M00, each
-wavelength) are known to --goal of themselves together, or --seconds are over for that scene. Whoever has more variance a second is
-rendered next. Where projectors light mirrors or glass, plain paths miss light, and `caustics` stands in for them.
+Two integrators render each scene at 32 x 32 pixels in rounds of independent seeds, until the combined relative error of the
+image's totals (M00, each wavelength) is below --goal, or until --seconds have passed for that scene. The next round goes to the
+integrator that reduces the combined variance more per second. If projectors illuminate mirrors or glass, plain paths miss light;
+`caustics` replaces them.
 
-Errors of totals are those of seeds, as they deviate from each other: they ask nothing of the errors that renders state. Those
-are asked of pixels: z² of the pixels that both know to 20 %, of one seed more than states them anew.
+The errors of totals come from the spread over seeds and do not use the errors that renders report. The reported errors are tested
+with pixels: z² of the pixels that both integrators know to 20 %, with one additional seed.
 
     python3 validation/agreement.py [--scenes sss_statue/scene.toml] [--goal 0.003] [--seconds 120] [--planted]
 
-A scene fails if M00 of a wavelength, or another element, is 5 errors off (Student's t of so many seeds, as a Gaussian). It is
-*unsure* if the goal was not reached. --planted: one side's projector shines 2 % less, which each scene that reaches its goal must find.
+A scene fails if M00 of a wavelength, or another element, deviates by 5 errors (Student's t for the number of seeds, mapped to a
+Gaussian). It is *unsure* if the goal was not reached. --planted dims one side's projector by 2 %; each scene that reaches its
+goal must detect this.
 """
 
 import argparse
@@ -35,7 +37,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
 ROOT = environment.ROOT
 SIZE = 32
-# Rounds before errors are looked at, seconds of a round.
+# Rounds before the first error estimate, and seconds per round.
 FIRST, ROUND_S = 8, 2.0
 SCENES = {
     "gold_mirror/scene.toml": "path",
@@ -55,7 +57,7 @@ LIMIT, PLANTED = 5.0, 0.98
 
 
 def edited(scene, integrator, dim):
-    """The scene as one integrator renders it, with one slice."""
+    """Return the scene text for one integrator, with one slice."""
     text = scene.read_text()
     text = text[: text.index("[[slices]]")]
     text = re.sub(r"(?m)^(integrator|manifold|tile) *=.*\n", "", text)
@@ -70,11 +72,11 @@ def edited(scene, integrator, dim):
 
 
 class Side:
-    """One integrator's renders of a scene."""
+    """Renders of a scene by one integrator."""
 
     def __init__(self, scene, integrator, dim, folder, first_seed):
         self.integrator, self.folder, self.seed = integrator, folder, first_seed
-        # Beside the original, whose meshes are named relative to it.
+        # In the folder of the original, because its mesh paths are relative.
         self.file = scene.with_name(f".agreement-{scene.stem}-{integrator}-{os.getpid()}.toml")
         self.text = edited(scene, integrator, dim)
         self.means, self.variances, self.seconds = [], 0.0, 0.0
@@ -105,16 +107,16 @@ class Side:
         self.seconds += spent
 
     def image(self):
-        """Means of pixels, and their stated errors."""
+        """Return the means of pixels, and the errors that renders report."""
         return np.mean(self.means, axis=0), np.sqrt(self.variances) / len(self.means)
 
     def totals(self):
-        """Totals of elements and wavelengths, and their errors by seeds."""
+        """Return the totals of elements and wavelengths, and their errors from the spread over seeds."""
         return comparison.mean_and_error([m.sum(axis=0) for m in self.means])
 
 
 def compare(scene, integrators, goal, seconds, dim):
-    """Renders until the goal is met or time is over; returns the row of the table."""
+    """Render until the goal is met or the time is over; return the row of the table."""
     with tempfile.TemporaryDirectory() as temporary:
         path = ROOT / "scenes" / scene
         a, b = (Side(path, name, d, Path(temporary), 1000 * k + 1) for k, (name, d) in enumerate(zip(integrators, (1, dim))))
@@ -127,7 +129,7 @@ def compare(scene, integrators, goal, seconds, dim):
             error = np.hypot(error_a[0], error_b[0]) / m00
             if error.max() <= goal or time.monotonic() - begun > seconds:
                 break
-            # What a second of either takes off the joint variance.
+            # Reduction of the combined variance per second of each side.
             gain = [((side_error[0] / m00) ** 2).max() / s.seconds for s, side_error in ((a, error_a), (b, error_b))]
             [a, b][int(gain[1] > gain[0])].round()
         sure = error.max() <= goal
@@ -153,7 +155,7 @@ def main():
     parser.add_argument("--scenes", nargs="+", default=list(SCENES))
     parser.add_argument("--goal", type=float, default=0.003)
     parser.add_argument("--seconds", type=float, default=120.0)
-    parser.add_argument("--planted", action="store_true", help="one side is 2 %% darker, which must be found")
+    parser.add_argument("--planted", action="store_true", help="make one side 2 %% darker, which must be detected")
     options = parser.parse_args()
     failed = []
     for scene in options.scenes:
@@ -170,7 +172,7 @@ def main():
         if off != options.planted and (r["sure"] or off):
             failed.append(scene)
     if failed:
-        sys.exit(f"{'not found in' if options.planted else 'differ'}: {', '.join(failed)}")
+        sys.exit(f"{'not detected in' if options.planted else 'differ'}: {', '.join(failed)}")
 
 
 if __name__ == "__main__":

@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
-"""Images of chessboards in every file format that cameras write, against OpenCV on the same files.
+"""Check chessboard images in every file format that cameras write, against OpenCV on the same files.
 
-Six poses of a board are drawn and written as PNG of 8 and 16 bits and with opacity, and as JPEG: grey, colour with subsampling,
-progressive, CMYK, and with each EXIF orientation. `sunstone calibrate board` finds corners in the files; so does OpenCV
-(`findChessboardCornersSB` on what `cv2.imread` reads, which rotates by EXIF). Rows: the root mean square distance of our corners from
-OpenCV's and from the truth, the error of the focal lengths over their standard error, and the calibrated resolution, which must be that of
-OpenCV's image.
-Then files that must be refused: a JPEG cut off at ten places, one of another orientation among the others, a JPEG named .png.
-Exits with 1 if a row is above its bound or a file is accepted that must not be.
+Six poses of a board are drawn and written as PNG with 8 and 16 bits and with alpha, and as JPEG: grey, colour with subsampling,
+progressive, CMYK, and each EXIF orientation. `sunstone calibrate board` finds corners in the files, as does OpenCV
+(`findChessboardCornersSB` on the result of `cv2.imread`, which rotates by EXIF). Rows: the root mean square distance of
+Sunstone's corners from OpenCV's and from the truth, the error of the focal lengths over their standard error, and the calibrated
+resolution, which must be that of OpenCV's image. Then files that must be refused: a JPEG truncated at ten places, one of another
+orientation among the others, a JPEG named .png. Exits with 1 if a row is above its bound or an invalid file is accepted.
 """
 
 import argparse
@@ -28,13 +27,13 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
 COLUMNS, ROWS, SQUARE = 9, 6, 0.025
 SIZE, FOCAL = (640, 480), 560.0
-# Largest root mean square of distances from OpenCV's corners and from the truth, pixels, and largest z-score of a focal length.
+# Largest root mean square distance from OpenCV's corners and from the truth, pixels, and largest z-score of a focal length.
 CORNERS, TRUTH, SIGMA = 0.06, 0.06, 5
 FINE = 4
 
 
 def board(pose):
-    """A picture of the board, with FINE by FINE samples a pixel, 0 to 1."""
+    """Return an image of the board, 0 to 1, with FINE by FINE samples per pixel."""
     turn, at = cv2.Rodrigues(np.array(pose[:3]))[0], np.array(pose[3:])
     v, u = np.mgrid[0 : SIZE[1] * FINE, 0 : SIZE[0] * FINE]
     rays = np.stack([((u + 0.5) / FINE - SIZE[0] / 2) / FOCAL, ((v + 0.5) / FINE - SIZE[1] / 2) / FOCAL, np.ones(u.shape)], axis=-1)
@@ -58,14 +57,14 @@ def poses():
 
 
 def stored(image, orientation):
-    """The pixels that a file of an orientation stores of an image."""
+    """Return the pixels that a file with an EXIF orientation stores for an image."""
     back = {1: lambda a: a, 2: lambda a: a[:, ::-1], 3: lambda a: a[::-1, ::-1], 4: lambda a: a[::-1], 5: lambda a: a.transpose(1, 0, 2),
             6: lambda a: np.rot90(a), 7: lambda a: np.rot90(a.transpose(1, 0, 2), 2), 8: lambda a: np.rot90(a, -1)}
     return np.ascontiguousarray(back[orientation](image))
 
 
 def write(kind, image, path):
-    """One image, 0 to 1, as a file of a kind."""
+    """Write one image, 0 to 1, as a file of a kind."""
     grey = (image * 255).round().astype(np.uint8)
     colour = np.stack([grey, (grey * 0.9).astype(np.uint8), (grey * 0.8).astype(np.uint8)], axis=-1)
     if kind == "png, 16 bits":
@@ -84,7 +83,7 @@ def write(kind, image, path):
 
 
 def run(folder, names):
-    """Our calibration, our corners in OpenCV's pixels by image, and what is printed; None if refused."""
+    """Return Sunstone's calibration, its corners in OpenCV's pixels by image, and the output; None if refused."""
     words = ["calibrate", "board", *names, "--columns", COLUMNS, "--rows", ROWS, "--square", "25mm", "--lens", "none", "-o", "c.toml",
              "--corners", "corners.csv"]
     (folder / "c.toml").unlink(missing_ok=True)
@@ -98,7 +97,9 @@ def run(folder, names):
 
 
 def compare(kind, images, folder):
-    """Distances of corners from OpenCV's and from the truth, z-score of focal lengths, whether the resolution is OpenCV's."""
+    """Return distances of corners from OpenCV's and from the truth, z-score of focal lengths, and whether the resolution is
+    OpenCV's.
+    """
     names = [f"{i}.{kind[:3]}" for i in range(len(images))]
     for name, image in zip(names, images):
         write(kind, image, folder / name)
@@ -116,7 +117,7 @@ def compare(kind, images, folder):
         if not found or name not in corners:
             return np.inf, np.inf, np.inf, False
         truth = cv2.projectPoints(points, np.array(pose[:3]), np.array(pose[3:]), matrix, None)[0].reshape(-1, 2)
-        # OpenCV may begin at the other end of the board.
+        # OpenCV may start at the opposite end of the board.
         there = min((there.reshape(-1, 2), there.reshape(-1, 2)[::-1]), key=lambda t: np.abs(corners[name] - t).max())
         off.append(corners[name] - there)
         wrong.append(corners[name] - truth)
@@ -127,7 +128,7 @@ def compare(kind, images, folder):
 
 
 def refusals(images, folder):
-    """Files that must be refused: what, how many, how many were."""
+    """Return files that must be refused: their kind, their number, and the number refused."""
     names = [f"{i}.jpg" for i in range(len(images))]
     for name, image in zip(names, images):
         write("jpg", image, folder / name)

@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
-"""Materials against Mitsuba 3's BSDF of the same name: Mueller elements over random direction pairs.
+"""Compare materials with Mitsuba 3's BSDFs of the same name: Mueller elements over random direction pairs.
 
 Prints a table `material | elements | pairs | max |dM|/M00 | bound` and exits with 1 if a row is above its bound. Both programs
-evaluate the same model in the same directions, so this is no statistics: what is left is single precision, and
-differences of the models that are named in the last column. The materials are listed in materials.py. Where Mitsuba's BSDF is
-not polarized (rough and thin dielectrics), its other elements come from Mitsuba's own Fresnel matrices, `mi.mueller`.
+evaluate the same model in the same directions, so the comparison is deterministic. The remaining differences come from single
+precision and from differences between the models, named in the last column. The materials are listed in materials.py. If
+Mitsuba's BSDF is not polarized (rough and thin dielectrics), its other elements come from Mitsuba's own Fresnel matrices,
+`mi.mueller`.
 
-`--record` writes results/bsdf_coverage.json: of each material what is compared, at which incidences, and what is not. Every
-full run must compare what that file says.
+`--record` writes results/bsdf_coverage.json: for each material what is compared, at which incidences, and what is not. Every full
+run must compare what that file says.
 
-`--power` plants errors in our matrices, one at a time: each element off by twice the bound, all brighter by 1 %, the frame of
-light or of the camera turned by 0.5°, two wavelengths exchanged. Every row must notice every error that changes Mitsuba's own
-matrices by more than the bound, and so many rows must be able to as FLOORS says.
+`--power` applies errors to Sunstone's matrices, one at a time: each element off by twice the bound, all brighter by 1 %, the
+light's or the camera's frame rotated by 0.5°, two wavelengths exchanged. Every row must detect every error that changes Mitsuba's
+own matrices by more than the bound. FLOORS gives the number of rows that must be able to detect each error.
 """
 
 import argparse
@@ -32,7 +33,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     from materials import WAVELENGTHS
 
 RESULTS = environment.HERE / "results/bsdf_coverage.json"
-# Materials of ours that Mitsuba 3 has no counterpart of.
+# Materials of Sunstone without a counterpart in Mitsuba 3.
 WITHOUT = ["partial_depolarizer", "coated_conductor", "crystal", "plastic with single_scatter", "retarder with tilt = plate"]
 
 
@@ -40,7 +41,7 @@ WITHOUT = ["partial_depolarizer", "coated_conductor", "crystal", "plastic with s
 
 
 def rotation(angle):
-    """R: Stokes vectors in a frame turned by `angle`, counter-clockwise looking toward the source. [n, 4, 4]"""
+    """Return R for Stokes vectors in a frame rotated by `angle`, counter-clockwise looking toward the source. [n, 4, 4]"""
     c, s = np.cos(2 * angle), np.sin(2 * angle)
     r = np.zeros((len(angle), 4, 4))
     r[:, 0, 0] = r[:, 3, 3] = 1
@@ -50,23 +51,23 @@ def rotation(angle):
 
 
 def angle_between(travel, from_axis, to_axis):
-    """By how much `from_axis` is turned to `to_axis`, both across `travel`."""
+    """Return the rotation angle from `from_axis` to `to_axis`, both perpendicular to `travel`."""
     c = np.einsum("ni,ni->n", to_axis, from_axis)
     s = np.einsum("ni,ni->n", to_axis, np.cross(travel, from_axis))
     return np.arctan2(s, c)
 
 
 def to_our_frames(matrices, toward_light, frame_in, toward_eye, frame_out, local):
-    """From Mitsuba's implicit frames (`stokes_basis` of the direction of travel) to the given ones.
+    """Convert from Mitsuba's implicit frames (`stokes_basis` of the direction of travel) to the given frames.
 
-    `local` holds, as columns, the axes that Mitsuba took directions by when it chose those frames.
+    The columns of `local` are the axes in which Mitsuba expressed directions when it chose those frames.
     """
 
     def basis(travel):
         return np.array([np.array(mi.mueller.stokes_basis(mi.Vector3f(*v))).ravel() for v in travel @ local]) @ local.T
 
     if np.linalg.det(local) < 0:
-        # A mirror image: what is counter-clockwise is clockwise there.
+        # In a mirror image the sense of rotation is reversed.
         matrices = matrices * np.outer([1, 1, -1, -1], [1, 1, -1, -1])
 
     into = rotation(angle_between(-toward_light, frame_in, basis(-toward_light)))
@@ -75,14 +76,14 @@ def to_our_frames(matrices, toward_light, frame_in, toward_eye, frame_out, local
 
 
 def wavelength_matrices(value):
-    """A Mitsuba spectrum of Mueller matrices as [wavelength, out, in]."""
+    """Return a Mitsuba spectrum of Mueller matrices as [wavelength, out, in]."""
     m = np.array(value, dtype=float)
     m = m.reshape(4, 4, -1) if m.shape[-1] == 4 and m.ndim == 3 else m
     return np.moveaxis(m, -1, 0)[: len(WAVELENGTHS)]
 
 
 def interaction(toward_eye):
-    """A surface in its own frame, seen from `toward_eye`."""
+    """Return a surface interaction in its own frame, seen from `toward_eye`."""
     si = mi.SurfaceInteraction3f()
     si.wi = mi.Vector3f(*toward_eye)
     si.sh_frame = mi.Frame3f(mi.Vector3f(0, 0, 1))
@@ -95,7 +96,7 @@ def interaction(toward_eye):
 
 
 def masking_ratio(alpha, directions):
-    """Smith's G1 for Beckmann facets over the rational fit of Walter et al. (2007) that Mitsuba takes for it. [n]"""
+    """Return Smith's G1 for Beckmann facets over the rational fit of Walter et al. (2007) that Mitsuba uses instead. [n]"""
     from math import erf
 
     cos = np.abs(directions[:, 2])
@@ -106,10 +107,10 @@ def masking_ratio(alpha, directions):
 
 
 def fresnel(toward_light, toward_eye, frame_in, frame_out, refracts, ior=1.5):
-    """`mi.mueller`'s matrices of the glass facet that takes light to the eye, in the given frames, [n, 1, out, in]."""
+    """Return `mi.mueller`'s matrices of the glass facet that directs light to the eye, in the given frames, [n, 1, out, in]."""
     index = np.where(np.stack([toward_light[:, 2], toward_eye[:, 2]]) > 0, 1.0, ior)[..., None]
     facet = index[0] * toward_light + index[1] * toward_eye
-    # Where the directions are those of a mirror, or go straight through, any facet does that bisects them.
+    # For mirror directions or straight transmission, every bisecting facet is valid.
     facet /= np.linalg.norm(facet, axis=1, keepdims=True)
     facet *= np.sign(facet[:, 2:])
     across = np.cross(facet, toward_light)
@@ -123,13 +124,13 @@ def fresnel(toward_light, toward_eye, frame_in, frame_out, refracts, ior=1.5):
 
 
 def gray(matrix):
-    """A matrix of Mitsuba's, at its first wavelength, [4, 4]."""
+    """Return a matrix of Mitsuba at its first wavelength, [4, 4]."""
     m = np.array(matrix, dtype=float)
     return m.reshape(4, 4, -1)[..., 0]
 
 
 def plate(toward_light, toward_eye, frame_in, frame_out, refracts, ior=1.5):
-    """Orders of reflection between the faces of a plate summed as matrices of `mi.mueller`, [n, wavelength, out, in]."""
+    """Return the sum over orders of reflection between the faces of a plate, from `mi.mueller`, [n, wavelength, out, in]."""
     across = np.cross(toward_light, [0, 0, 1.0])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     into = rotation(angle_between(-toward_light, frame_in, across))
@@ -145,8 +146,10 @@ def plate(toward_light, toward_eye, frame_in, frame_out, refracts, ior=1.5):
 
 
 def unpolarized_plate(ours, refracts):
-    """Our matrices of a plate taken apart into the powers that one face reflects of s and p, and their mean put together
-    again by Mitsuba's formula for the plate: M00 alone, [n, wavelength, 1, 1]."""
+    """Return M00 alone of a plate, recomputed with Mitsuba's formula, [n, wavelength, 1, 1].
+
+    Sunstone's matrices give the powers of s and p that one face reflects. Mitsuba's formula is applied to their mean.
+    """
     s, p = (ours[..., 0, 0] + sign * ours[..., 0, 1] for sign in (1, -1))
     face = lambda power: (1 - power) / (1 + power) if refracts else power / (2 - power)
     mean = (face(s) + face(p)) / 2
@@ -154,14 +157,14 @@ def unpolarized_plate(ours, refracts):
 
 
 def theirs(case, light, eye, frame_in, frame_out):
-    """What our matrices are compared with, in the given frames."""
+    """Return the reference for Sunstone's matrices, in the given frames."""
     refracts = eye[0, 2] * light[0, 2] < 0
     if case.completed == "plate":
         return plate(light, eye, frame_in, frame_out, refracts)
     values = mitsuba(case, light, eye)
     if case.completed == "facet":
         whole = fresnel(light, eye, frame_in, frame_out, refracts)
-        # Where no facet can do it, there is nothing to complete.
+        # Without a valid facet there is nothing to complete.
         whole = np.where(whole[..., :1, :1] > 0, whole, np.diag([1.0, 0, 0, 0]))
         return values[..., :1, :1] * whole / whole[..., :1, :1]
     if case.completed == "unpolarized plate":
@@ -170,7 +173,7 @@ def theirs(case, light, eye, frame_in, frame_out):
 
 
 def compared(case, ours, refracts):
-    """What is compared of matrices: all elements, or what the case lets."""
+    """Return the quantities to compare: all elements, or those that the case allows."""
     if case.completed == "unpolarized plate" and ours.shape[-1] == 4:
         return unpolarized_plate(ours, refracts)
     if case.frame_free:
@@ -180,7 +183,7 @@ def compared(case, ours, refracts):
 
 
 def mitsuba(case, toward_light, toward_eye):
-    """Mueller matrices [pair, wavelength, out, in] in Mitsuba's frames; BRDFs in 1/sr, delta lobes as they are."""
+    """Return Mueller matrices [pair, wavelength, out, in] in Mitsuba's frames; BRDFs in 1/sr, delta lobes without a unit."""
     result = raw(case, case.bsdf, toward_light, toward_eye)
     if case.microfacet:
         alpha = case.microfacet["alpha"]
@@ -190,7 +193,7 @@ def mitsuba(case, toward_light, toward_eye):
 
 
 def raw(case, description, toward_light, toward_eye):
-    """What one of Mitsuba's BSDFs says."""
+    """Evaluate one of Mitsuba's BSDFs."""
     bsdf = mi.load_dict(description)
     context = mi.BSDFContext()
     result = []
@@ -199,7 +202,7 @@ def raw(case, description, toward_light, toward_eye):
         if case.lobe == "brdf":
             m = wavelength_matrices(bsdf.eval(context, si, mi.Vector3f(*light))) / abs(light[2])
         else:
-            # Whichever lobe a small or a large random number picks: the one that goes where `light` is.
+            # A small or a large random number selects the lobe; use the one in the direction `light`.
             for pick in (0.0, 0.999999):
                 bs, weight = bsdf.sample(context, si, pick, mi.Point2f(0.5, 0.5))
                 out = np.array(bs.wo).ravel()
@@ -209,7 +212,7 @@ def raw(case, description, toward_light, toward_eye):
                 sys.exit(f"{case.name}: Mitsuba has no lobe from {light} to {eye}")
             m = wavelength_matrices(weight) * float(bs.pdf)
             if eye[2] * light[2] < 0 and float(bs.eta) != 1:
-                # Radiance to power: Mitsuba's weights hold the squared ratio of the indices.
+                # Convert radiance to power: Mitsuba's weights include the squared ratio of the indices.
                 m = m * float(bs.eta) ** 2
         result.append(m)
     return np.array(result)
@@ -219,7 +222,7 @@ def raw(case, description, toward_light, toward_eye):
 
 
 def sunstone(case, folder, lines):
-    """The answers of `sunstone pbrdf eval` to a list of directions in degrees."""
+    """Return the output of `sunstone pbrdf eval` for a list of directions in degrees."""
     (folder / "material.toml").write_text(f"wavelengths_nm = {WAVELENGTHS}\n[materials.m]\n{case.toml}\n{case.others}")
     np.savetxt(folder / "directions.csv", lines, fmt="%.6f", delimiter=",")
     command = [environment.sunstone(), "pbrdf", "eval", "material.toml", "--name", "m", "--directions", "directions.csv"]
@@ -235,7 +238,7 @@ def sunstone(case, folder, lines):
 
 
 class Answers:
-    """Both programs' matrices of a case, and where."""
+    """Matrices of both programs for a case, and their directions."""
 
     def __init__(self, case, pairs, seed):
         random = np.random.default_rng(seed)
@@ -250,7 +253,7 @@ class Answers:
             lines = lines[:, :2]
         with tempfile.TemporaryDirectory() as folder:
             answers = sunstone(case, Path(folder), lines)
-        # Refracted directions come one for each wavelength; here they agree.
+        # Refracted directions are given per wavelength; here they are equal.
         out = [a["out"][0] if isinstance(a["out"], list) else a["out"] for a in answers]
         ours = np.array([a["mueller"] for a in answers])
         light, frame_in = (np.array([a["in"][k] for a in answers]) for k in ("direction", "frame"))
@@ -260,20 +263,21 @@ class Answers:
             light, frame_in, eye, frame_out, ours = (x[keep] for x in (light, frame_in, eye, frame_out, ours))
         self.case, self.ours, self.refracts = case, ours, eye[0, 2] * light[0, 2] < 0
         self.theirs = theirs(case, light, eye, frame_in, frame_out)
-        # All elements, for what an error would change of them.
+        # All elements, to compute the effect of an error on them.
         whole = case.completed == "unpolarized plate"
         self.whole = plate(light, eye, frame_in, frame_out, self.refracts) if whole else self.theirs
 
     def off(self, ours, theirs):
-        """Largest difference of matrices over M00, over all pairs, wavelengths and elements that are compared."""
+        """Return the largest difference of matrices over M00, over all pairs, wavelengths and compared elements."""
         a, b = (compared(self.case, m, self.refracts) for m in (ours, theirs))
-        # Mitsuba sets distributions of facets below 1e-20 to zero: next to that, what is nothing to it is nothing.
+        # Mitsuba sets facet distributions below 1e-20 to zero. Values that are zero for Mitsuba and tiny for Sunstone count as
+        # equal.
         nothing = (b[..., :1, :1] == 0) & (a[..., :1, :1] < 1e-15)
         return (np.abs(a - b) / np.where(nothing, 1, np.maximum(b[..., :1, :1], 1e-30))).max()
 
 
 def planted(bound):
-    """The errors: how each changes matrices [n, wavelength, out, in]."""
+    """Return the errors as functions of matrices [n, wavelength, out, in]."""
 
     def element(i, j):
         def change(m):
@@ -292,13 +296,13 @@ def planted(bound):
     }
 
 
-# How many rows at least must be able to show each planted error.
+# Minimum number of rows that must be able to detect each error.
 FLOORS = {"intensity 1%": 34, "0.5° at light": 30, "0.5° at camera": 30, "wavelengths": 12}
 ELEMENT_FLOOR = 31
 
 
 def facet_cosine(light, eye, ior=1.5):
-    """The smaller cosine under which refracted light meets its facet."""
+    """Return the smaller cosine between the refracted light and its facet."""
     index = np.where(np.stack([light[:, 2], eye[:, 2]]) > 0, 1.0, ior)[..., None]
     facet = index[0] * light + index[1] * eye
     facet /= np.linalg.norm(facet, axis=1, keepdims=True)
@@ -306,7 +310,7 @@ def facet_cosine(light, eye, ior=1.5):
 
 
 def elements(case):
-    """What is compared, in words."""
+    """Describe what is compared."""
     if case.completed == "unpolarized plate":
         return "M00"
     return "M00, M33, |M13, M23|" if case.frame_free else "16"
@@ -314,10 +318,10 @@ def elements(case):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--pairs", type=int, default=2000, help="random direction pairs for each material")
+    parser.add_argument("--pairs", type=int, default=2000, help="random direction pairs per material")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", help="rows whose name contains this")
-    parser.add_argument("--power", action="store_true", help="check that planted errors are found in every row")
+    parser.add_argument("--only", help="check only rows whose name contains this text")
+    parser.add_argument("--power", action="store_true", help="check that every row detects the planted errors")
     parser.add_argument("--record", action="store_true", help="write results/bsdf_coverage.json")
     options = parser.parse_args()
     mi.set_variant("scalar_spectral_polarized")
@@ -330,7 +334,7 @@ def main():
             return power(cases, options)
         print(f"{'material':44} | {'elements':20} | {'pairs':>6} | {'max |dM|/M00':>12} | {'bound':>8} |")
         rows = [check(case, options) for case in cases]
-    print(f"not compared, as Mitsuba has no such thing: {', '.join(WITHOUT)}")
+    print(f"not compared, because Mitsuba has no counterpart: {', '.join(WITHOUT)}")
     failed = sum(not row["good"] for row in rows)
     if failed:
         sys.exit(f"{failed} rows failed")
@@ -339,11 +343,11 @@ def main():
     elif not options.only:
         compares = lambda table: [(row["material"], row["elements"], list(row["theta_in_deg"])) for row in table]
         if compares(rows) != compares(json.loads(RESULTS.read_text())["rows"]):
-            sys.exit(f"what is compared is not what {RESULTS.name} says: --record")
+            sys.exit(f"the compared elements differ from {RESULTS.name}: update it with --record")
 
 
 def check(case, options):
-    """Prints the row of a case, and returns it."""
+    """Print the row of a case and return it."""
     answers = Answers(case, options.pairs, options.seed)
     pairs, worst = len(answers.ours), answers.off(answers.ours, answers.theirs)
     good = bool(worst <= case.bound)
@@ -356,13 +360,13 @@ def check(case, options):
 
 
 def power(cases, options):
-    """Plants every error in every row."""
+    """Apply every error to every row."""
     able, missed = {}, []
     for case in cases:
         answers = Answers(case, options.pairs, options.seed)
         blind = []
         for name, change in planted(case.bound).items():
-            # An error of exactly twice the bound is told from what is left between the programs.
+            # An error of exactly twice the bound must exceed the remaining difference between the programs.
             if answers.off(change(answers.whole), answers.whole) < 1.9 * case.bound:
                 blind.append(name)
                 continue
@@ -370,21 +374,21 @@ def power(cases, options):
             if answers.off(change(answers.ours), answers.theirs) <= case.bound:
                 missed.append(f"{name} in {case.name}")
         shown = len(planted(case.bound)) - len(blind)
-        print(f"{case.name:44} | {shown:2} errors | cannot show {', '.join(blind) or 'none'}", flush=True)
+        print(f"{case.name:44} | {shown:2} errors | cannot detect {', '.join(blind) or 'none'}", flush=True)
         if not shown:
             missed.append(f"everything in {case.name}")
     for name, count in able.items():
         floor = 1 if options.only else FLOORS.get(name, ELEMENT_FLOOR)
-        print(f"{name:16} can be shown by {count} rows; floor {floor}")
+        print(f"{name:16} can be detected by {count} rows; floor {floor}")
         if count < floor:
-            missed.append(f"{name}: too few rows can show it")
-    missed += [f"{name}: no row can show it" for name in FLOORS if name not in able and not options.only]
+            missed.append(f"{name}: too few rows can detect it")
+    missed += [f"{name}: no row can detect it" for name in FLOORS if name not in able and not options.only]
     if missed:
         sys.exit("NOT FOUND: " + "; ".join(missed))
 
 
 def record(rows):
-    """What is compared, for the page that says so, and what it was found by."""
+    """Record what is compared, for the documentation, and the settings of the run."""
     from ratios import origin
 
     kept = [{key: value for key, value in row.items() if key != "good"} for row in rows]

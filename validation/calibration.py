@@ -1,20 +1,22 @@
 #!/usr/bin/env python3
-"""Calibration of cameras and projectors on boards that Sunstone renders, against the truth and against OpenCV.
+"""Check calibrations of cameras and projectors on rendered boards, against the truth and against OpenCV.
 
-A chessboard stands before a camera in random poses, through a lens of 5 coefficients (Brown–Conrady) and through one of 8
-(rational). `sunstone calibrate board` calibrates from the images; so does OpenCV, with the corners that it finds itself in the same
-images (`findChessboardCorners` with `cornerSubPix`, and `findChessboardCornersSB`), and with ours. Then a projector shows its Gray codes on the board, all patterns
-rendered at once as masks of one render, and `sunstone calibrate projector` finds both devices. Rows:
+A chessboard is in random poses in front of a camera, with a lens of 5 coefficients (Brown–Conrady) and with one of 8 (rational).
+`sunstone calibrate board` calibrates from the images. OpenCV calibrates from its own corners in the same images
+(`findChessboardCorners` with `cornerSubPix`, and `findChessboardCornersSB`), and from Sunstone's corners. Then a projector shows
+its Gray codes on the board, with all patterns as masks of one render, and `sunstone calibrate projector` finds both devices.
+Rows:
 
-- corners: root mean square of their distances from where `cv2.projectPoints` puts them
-- RMS: ours over OpenCV's on the same images, the better of its own corners: at most 1
-- same corners: largest difference of focal lengths, centre and RMS from OpenCV's result with our corners, in our sigma
-- truth: largest z-score of focal lengths and centre, of the lens (where it moves what it sees), of all poses of the board; and mean
-  squares of those of the poses
+- corners: root mean square distance from the result of `cv2.projectPoints`
+- RMS: Sunstone's over OpenCV's on the same images, with the better of OpenCV's corners: at most 1
+- same corners: largest difference of focal lengths, centre and RMS from OpenCV's result with Sunstone's corners, in Sunstone's
+  sigma
+- truth: largest z-score of focal lengths and centre, of the lens (where it moves what it sees), of all poses of the board; and
+  mean squares of those of the poses
 
-Exits with 1 if a row is above its bound. `--power` plants errors one at a time (centre off by half a pixel, x and y of it exchanged,
-another size of squares, k3 and p1 exchanged, rotations transposed, errors claimed three times too small, worse corners), and checks that
-each is noticed. `--both` does both on the same images.
+Exits with 1 if a row is above its bound. `--power` applies errors one at a time (centre off by half a pixel, its x and y
+exchanged, another size of squares, k3 and p1 exchanged, rotations transposed, errors stated three times too small, worse
+corners), and checks that each is detected. `--both` does both on the same images.
 """
 
 import argparse
@@ -44,12 +46,12 @@ BOUNDS = {"corners, pixels": 0.06, "RMS over OpenCV's": 1.0, "same corners, sigm
 
 
 def listed(values):
-    """An array as TOML and JSON."""
+    """Format an array as TOML and JSON."""
     return json.dumps(np.asarray(values).tolist())
 
 
 def run(*arguments, folder):
-    """The program's output; ends where it fails."""
+    """Return the program's output; exit if it fails."""
     done = subprocess.run([environment.sunstone(), *map(str, arguments)], cwd=folder, capture_output=True, text=True)
     if done.returncode != 0:
         sys.exit(f"sunstone {' '.join(map(str, arguments))}: {done.stderr}")
@@ -57,12 +59,12 @@ def run(*arguments, folder):
 
 
 def points():
-    """The board's corners."""
+    """Return the board's corners."""
     return np.array([[i % COLUMNS * SQUARE, i // COLUMNS * SQUARE, 0] for i in range(COLUMNS * ROWS)])
 
 
 class Device:
-    """A device as OpenCV has it."""
+    """A device with OpenCV's parameters."""
 
     def __init__(self, size, focal, centre, lens):
         self.size, self.lens = size, np.array(lens)
@@ -88,13 +90,13 @@ BETWEEN = (np.array([0.04, -0.22, 0.02]), np.array([0.09, 0.035, 0.03]))
 
 
 def after(outer, inner):
-    """First `inner`, then `outer`."""
+    """Return the pose that applies `inner` first, then `outer`."""
     rvec, tvec = cv2.composeRT(*[np.asarray(v, float).reshape(3, 1) for v in (*inner, *outer)])[:2]
     return rvec.ravel(), tvec.ravel()
 
 
 def poses(device, count, rng, other=None):
-    """Poses from which all of the board is seen, tilted, and over all of the image together."""
+    """Return tilted poses in which the whole board is visible and which together cover the image."""
     corners = np.array([[x, y, 0] for x in (-1.6, COLUMNS + 0.6) for y in (-1.6, ROWS + 0.6)]) * SQUARE
     found = []
     for _ in range(100_000):
@@ -117,11 +119,11 @@ def poses(device, count, rng, other=None):
             whole = ((thrown > 2) & (thrown < np.array(other.size) - 3)).all()
         if whole and near:
             found.append(pose)
-    sys.exit("no pose of the board is seen by both devices")
+    sys.exit("both devices see no common pose of the board")
 
 
 def scene(tables, more):
-    """The board: 10 by 7 squares, black before the first corner, on white paper."""
+    """Return the board: 10 by 7 squares, black before the first corner, on white paper."""
     half, middle = np.array([COLUMNS + 1, ROWS + 1]) * SQUARE / 2, np.array([COLUMNS - 1, ROWS - 1]) * SQUARE / 2
     place = "rotate_deg = [180, 0, 0], translate"
     return (f"wavelengths_nm = [550]\n{tables}[render]\n{more}max_depth = 2\n"
@@ -134,7 +136,7 @@ def scene(tables, more):
 
 
 def photographs(device, all_poses, folder):
-    """Renders the views; the images' paths."""
+    """Render the views and return the paths of the images."""
     def one(i):
         more = ("[[emitters]]\nenvironment = { radiance = 1 }\n[[slices]]\nname = \"image\"\nprojector = \"ambient\"\n"
                 "polarization = \"intensity\"\n")
@@ -147,7 +149,7 @@ def photographs(device, all_poses, folder):
 
 
 def calibrated(folder, images, count, square=SQUARE):
-    """Our calibration, and our corners in OpenCV's pixels by image."""
+    """Return Sunstone's calibration and its corners in OpenCV's pixels by image."""
     run("calibrate", "board", *images, "--columns", COLUMNS, "--rows", ROWS, "--square", f"{square * 1000:.6f}mm", "--lens", count,
         "-o", "ours.toml", "--corners", "corners.csv", folder=folder)
     ours = tomllib.loads((folder / "ours.toml").read_text())
@@ -158,7 +160,7 @@ def calibrated(folder, images, count, square=SQUARE):
 
 
 def theirs(folder, images):
-    """OpenCV's corners by image, where it finds them: of its older way and of its newer one."""
+    """Return OpenCV's corners by image, if found: with its older and its newer method."""
     older, newer = {}, {}
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
     for name in images:
@@ -174,7 +176,7 @@ def theirs(folder, images):
 
 
 def opencv(corners, count):
-    """OpenCV's calibration of corners: RMS, matrix, coefficients."""
+    """Return OpenCV's calibration from corners: RMS, matrix, coefficients."""
     flags = cv2.CALIB_RATIONAL_MODEL if count == 8 else 0
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 500, 1e-12)
     board = [points().astype(np.float32)] * len(corners)
@@ -184,7 +186,7 @@ def opencv(corners, count):
 
 
 def of(table):
-    """A device of a calibration file."""
+    """Return a device of a calibration file."""
     m = np.array(table["opencv_matrix"])
     return Device(tuple(table["resolution"]), (m[0, 0], m[1, 1]), (m[0, 2], m[1, 2]), table["opencv"])
 
@@ -195,14 +197,14 @@ def f_and_c(device):
 
 
 def moved(parameters, size):
-    """Where a device of parameters fx, fy, cx, cy and coefficients sees a few directions."""
+    """Return the image positions of a few directions for the parameters fx, fy, cx, cy and coefficients."""
     at = np.array([[x, y, 1.0] for x in (-0.45, 0, 0.45) for y in (-0.3, 0.05, 0.35)])
     device = Device(size, parameters[:2], parameters[2:4], parameters[4:])
     return device.project((np.zeros(3), np.zeros(3)), at).ravel()
 
 
 def z_of_lens(device, truth, covariance):
-    """z-scores of what a device sees against what it should, by the covariance of its parameters."""
+    """Return z-scores of the image positions against the truth, with the covariance of the parameters."""
     here = np.array([*f_and_c(device), *device.lens])
     steps = np.maximum(np.abs(here), 0.1) * 1e-6
     slopes = np.array([(moved(here + s * e, device.size) - moved(here - s * e, device.size)) / (2 * s)
@@ -212,7 +214,7 @@ def z_of_lens(device, truth, covariance):
 
 
 def z_of_poses(ours, truth, images):
-    """z-scores of the changes of poses."""
+    """Return z-scores of the deviations of poses."""
     all_z = []
     for pose, errors, name in zip(ours["quality"]["poses"], ours["quality"]["poses_errors"], ours["quality"]["files"]):
         want = truth[images.index(name)]
@@ -222,7 +224,7 @@ def z_of_poses(ours, truth, images):
 
 
 def truth_rows(ours, name, truth):
-    """Rows of one device against the truth."""
+    """Return the rows of one device against the truth."""
     device, errors = of(ours[name]), ours["quality"][f"{name}_errors"]
     z = (f_and_c(device) - f_and_c(truth)) / [errors[k] for k in ("fx", "fy", "cx", "cy")]
     names = ours["covariance"]["names"]
@@ -232,7 +234,7 @@ def truth_rows(ours, name, truth):
 
 
 def rows(ours, corners, own, same, truth, all_poses, images):
-    """Every row of a lens: name and value."""
+    """Return every row of a lens: name and value."""
     off = np.concatenate([corners[n] - truth.project(all_poses[images.index(n)], points()) for n in corners])
     out = {"corners, pixels": np.sqrt((off**2).sum(axis=1).mean())}
     out["RMS over OpenCV's"] = ours["quality"]["rms_px"][0] / own[0]
@@ -247,11 +249,11 @@ def rows(ours, corners, own, same, truth, all_poses, images):
 
 
 def failing(found):
-    """Names of rows above their bounds."""
+    """Return the names of rows above their bounds."""
     return [name for name, value in found.items() if not value <= BOUNDS[name]]
 
 
-# Errors planted in what we found.
+# Errors applied to Sunstone's results.
 def half_a_pixel(ours, corners):
     ours["camera"]["opencv_matrix"][0][2] += 0.5
 
@@ -286,7 +288,7 @@ ERRORS = {"cx off by half a pixel": half_a_pixel, "cx and cy exchanged": exchang
 
 
 def one_lens(count, seed, folder, checked, planted):
-    """Renders, calibrates, compares; true if something is wrong."""
+    """Render, calibrate and compare; return true if a check fails."""
     folder.mkdir()
     rng = np.random.default_rng(seed + count)
     truth = camera(count)
@@ -298,9 +300,9 @@ def one_lens(count, seed, folder, checked, planted):
     own, same = min(each, key=lambda result: result[0]), opencv(corners, count)
     failed = False
     if checked:
-        print(f"{count} coefficients: our RMS {ours['quality']['rms_px'][0]:.4f} pixels in {len(corners)} of {VIEWS} images, OpenCV's "
-              f"{each[0][0]:.4f} in {len(found[0])} (cornerSubPix) and {each[1][0]:.4f} in {len(found[1])} (SB), and {same[0]:.4f} with our "
-              "corners")
+        print(f"{count} coefficients: RMS of Sunstone {ours['quality']['rms_px'][0]:.4f} pixels in {len(corners)} of {VIEWS} "
+              f"images, of OpenCV {each[0][0]:.4f} in {len(found[0])} (cornerSubPix) and {each[1][0]:.4f} in {len(found[1])} (SB), "
+              f"and {same[0]:.4f} with Sunstone's corners")
         failed = len(corners) < VIEWS
         for name, value in rows(ours, corners, own, same, truth, all_poses, images).items():
             failed |= not value <= BOUNDS[name]
@@ -314,16 +316,16 @@ def one_lens(count, seed, folder, checked, planted):
         change(spoilt, worse)
         noticed = failing(rows(spoilt, worse, own, same, truth, all_poses, images))
         failed |= not noticed
-        print(f"{count} coefficients, {error:32} {'noticed: ' + '; '.join(noticed) if noticed else 'NOT NOTICED'}")
+        print(f"{count} coefficients, {error:32} {'detected: ' + '; '.join(noticed) if noticed else 'NOT DETECTED'}")
     spoilt, worse = calibrated(folder, images, count, SQUARE * 1.01)
     noticed = failing(rows(spoilt, worse, own, same, truth, all_poses, images))
     failed |= not noticed
-    print(f"{count} coefficients, {'squares of 25.25 mm':32} {'noticed: ' + '; '.join(noticed) if noticed else 'NOT NOTICED'}", flush=True)
+    print(f"{count} coefficients, {'squares of 25.25 mm':32} {'detected: ' + '; '.join(noticed) if noticed else 'NOT DETECTED'}", flush=True)
     return failed
 
 
 def with_projector(seed, folder, checked, planted):
-    """The same for camera and projector."""
+    """Run the same checks for camera and projector."""
     folder.mkdir()
     rng = np.random.default_rng(seed + 99)
     eye, lamp = camera(5), projector()
@@ -339,7 +341,7 @@ def with_projector(seed, folder, checked, planted):
         (folder / f"view{i}").mkdir()
         for n in names:
             run("probe", f"{i}.zarr", f"p{n[:3]}", "--sum", "wavelength", "-o", f"view{i}/{n[:3]}.npy", "--force", folder=folder)
-        # What comes with it: coordinates and errors.
+        # Files with the same prefix: coordinates and errors.
         for other in (folder / f"view{i}").iterdir():
             if len(other.name) > len("000.npy"):
                 other.unlink()
@@ -357,7 +359,7 @@ def with_projector(seed, folder, checked, planted):
         turn = cv2.Rodrigues(np.array(pose["R"]) @ cv2.Rodrigues(BETWEEN[0])[0].T)[0].ravel()
         z = np.array([*turn, *(np.array(pose["t"]) - BETWEEN[1])]) / found["quality"]["pose_errors"]
         out["projector: truth, z of poses"] = np.abs(z).max()
-        # All of both devices at once: what one parameter alone is off by stands out against the correlations.
+        # All parameters of both devices together, which also detects deviations against their correlations.
         off = np.concatenate([*[[*f_and_c(d) - f_and_c(t), *(d.lens - t.lens)] for d, t in
                                 ((of(found["camera"]), eye), (of(found["projector"]), lamp))], turn, np.array(pose["t"]) - BETWEEN[1]])
         covariance = np.array(found["covariance"]["rows"])
@@ -389,14 +391,14 @@ def with_projector(seed, folder, checked, planted):
         change(spoilt)
         noticed = [name for name, value in compared(spoilt).items() if not value <= bound(name)]
         failed |= not noticed
-        print(f"projector, {error:40} {'noticed: ' + '; '.join(noticed) if noticed else 'NOT NOTICED'}", flush=True)
+        print(f"projector, {error:40} {'detected: ' + '; '.join(noticed) if noticed else 'NOT DETECTED'}", flush=True)
     return failed
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
-    parser.add_argument("--both", action="store_true", help="compare, and plant errors")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
+    parser.add_argument("--both", action="store_true", help="compare, and check that planted errors are detected")
     parser.add_argument("--seed", type=int, default=1, help="of poses")
     a = parser.parse_args()
     failed, checked, planted = False, a.both or not a.power, a.both or a.power

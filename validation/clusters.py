@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""What renders by Dask cost: its scheduler's time for units that do nothing, and a render by two workers against one process of two threads.
+"""Measure the cost of renders with Dask: the scheduler's time per unit, and two workers against one process of two threads.
 
-Rounds are interleaved, and every render is whole: its process or call from start to a finished store in memory. Workers start before.
-Processor time is told beside: of all commands, those of the workers too. It says the same on a machine that others use as well, but
-not how long anybody waits.
+Rounds are interleaved. Every render is complete: a process or call from its start to a finished store in memory. Workers start
+before. Processor time is also printed: that of all commands, including those of the workers. It is independent of other load on
+the machine, but does not measure waiting times.
 
     python3 validation/clusters.py [--rounds 3] [--record]
 
-Needs the package pysunstone in .venv (pip install ./python[dask]). With --record the numbers go to results/clusters.json.
+Requires the package pysunstone in .venv (pip install ./python[dask]). With --record the numbers go to results/clusters.json.
 """
 
 import argparse
@@ -26,14 +26,14 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
 UNITS = 10_000
 PARTS = 8
-# Half a minute to a minute each on two cores of 2020: what is rendered on clusters takes longer.
+# Half a minute to a minute each on two cores of 2020; renders on clusters take longer.
 RENDERS = {"path": 768, "caustics": 512, "bidirectional": 96}
 SCENE = environment.ROOT / "scenes/mirror_room/scene.toml"
 
 
 @dataclass(frozen=True)
 class Nothing:
-    """A unit that takes no time."""
+    """A unit that does nothing."""
 
     place: str
 
@@ -44,7 +44,7 @@ class Nothing:
 
 
 def scheduler(client, rounds):
-    """Milliseconds of a unit, from 10,000 that do nothing."""
+    """Return milliseconds per unit, from 10,000 units that do nothing."""
     from pysunstone import _units
 
     each = []
@@ -57,13 +57,13 @@ def scheduler(client, rounds):
 
 
 def used():
-    """Processor seconds of the commands that this process has run."""
+    """Return the processor seconds of all commands that this process has run."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return children.ru_utime + children.ru_stime
 
 
 def pair(client, integrator, spp, folder):
-    """Seconds of one process with two threads, and of two workers with one each; then the same of processor time."""
+    """Return seconds of one process with two threads and of two workers with one thread each; then the same in processor time."""
     from pysunstone import distributed
 
     def everywhere():

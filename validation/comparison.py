@@ -1,15 +1,15 @@
-"""Do two noisy images show the same thing? Three tests, each with a stated probability of a false alarm.
+"""Test whether two noisy images show the same, with three tests of known false-alarm probability.
 
-Both sides come with means and standard errors per pixel; Mitsuba's are estimated from `batches` renders with seeds of
-their own, so a difference over its error follows Student's t there, which `gaussian_from_t` maps to a unit Gaussian.
+Both sides have means and standard errors per pixel. Mitsuba's are estimated from `batches` renders with separate seeds, so that a
+difference over its error follows Student's t, which `gaussian_from_t` maps to a unit Gaussian.
 
-1. chi2: the sum of all z^2; finds differences anywhere.
-2. max: the largest |z| among n pixels; finds single wrong pixels.
-3. gain: (ours / theirs) - 1 fitted to the whole image; finds wrong factors and signs far below a pixel's noise.
+1. chi2: the sum of all z^2; detects differences anywhere.
+2. max: the largest |z| among n pixels; detects single wrong pixels.
+3. gain: (ours / theirs) - 1 fitted to the whole image; detects wrong factors and signs far below a pixel's noise.
 
-The p-value of a comparison is three times the smallest of the three (Bonferroni), and the cross-check as a whole fails
-if any of its m comparisons has p < SIGNIFICANCE / m. (planted.py fits named errors to all elements of a pair together, over
-which, with the comparisons, the same probability is spread.)
+The p-value of a comparison is three times the smallest of the three (Bonferroni). The cross-check as a whole fails if any of its
+m comparisons has p < SIGNIFICANCE / m. (planted.py fits named errors to all elements of a pair together; the same total
+probability is divided over these fits and the comparisons.)
 """
 
 import math
@@ -18,13 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 
 SIGNIFICANCE = 1e-3
-# Both programs compute in single precision: differences below this fraction of the brightest pixel do not count.
+# Both programs use single precision: differences below this fraction of the brightest pixel are ignored.
 ROUNDING = 1e-5
 
 
 @dataclass
 class Comparison:
-    """Outcome of one comparison."""
+    """Result of one comparison."""
 
     pixels: int
     max_z: float
@@ -35,22 +35,22 @@ class Comparison:
 
 
 def mean_and_error(batches):
-    """Mean over the first axis, and its standard error."""
+    """Return the mean over the first axis and its standard error."""
     batches = np.asarray(batches, np.float64)
     return batches.mean(0), batches.std(0, ddof=1) / math.sqrt(len(batches))
 
 
 def z_scores(ours, ours_error, theirs, theirs_error, batches, scale, our_batches=None):
-    """Differences in units of their error, as unit Gaussians; their variance; where there is more noise than rounding.
+    """Return differences in units of their error, as unit Gaussians; their variance; and where noise exceeds rounding.
 
-    `scale` is the brightest value that either shows in intensity; `our_batches` counts the renders that our error was
-    estimated from (None: thousands of samples).
+    `scale` is the largest intensity of both images. `our_batches` is the number of renders that Sunstone's error was estimated
+    from (None: thousands of samples).
     """
     var_a, var_b = ours_error**2, theirs_error**2
     floor = (ROUNDING * scale) ** 2
     variance = np.maximum(var_a + var_b + floor, 1e-300)
-    # Welch and Satterthwaite's degrees of freedom: Mitsuba's error is an estimate from few renders, ours mostly from
-    # thousands of samples. Pixels without noise (rounding alone) are Gaussian enough.
+    # Welch and Satterthwaite's degrees of freedom: Mitsuba's error is an estimate from few renders, Sunstone's mostly from
+    # thousands of samples. Pixels without noise (only rounding) count as Gaussian.
     spread = (var_b / variance) ** 2 / (batches - 1)
     if our_batches:
         spread += (var_a / variance) ** 2 / (our_batches - 1)
@@ -59,7 +59,7 @@ def z_scores(ours, ours_error, theirs, theirs_error, batches, scale, our_batches
 
 
 def compare(ours, ours_error, theirs, theirs_error, batches, scale, our_batches=None):
-    """Compares two images; see `z_scores`."""
+    """Compare two images; see `z_scores`."""
     ours, ours_error, theirs, theirs_error = (np.ravel(a) for a in (ours, ours_error, theirs, theirs_error))
     z, variance, noisy = z_scores(ours, ours_error, theirs, theirs_error, batches, scale, our_batches)
     var_a, var_b = ours_error**2, theirs_error**2
@@ -75,7 +75,7 @@ def compare(ours, ours_error, theirs, theirs_error, batches, scale, our_batches=
 
 
 def fit_gain(ours, theirs, var_a, var_b, variance):
-    """Relative excess of ours over theirs, and its standard error.
+    """Return the relative excess of Sunstone over the reference, and its standard error.
 
     The pattern is the inverse-variance mean of both, because its noise is uncorrelated with that of the difference.
     """
@@ -89,16 +89,16 @@ def fit_gain(ours, theirs, var_a, var_b, variance):
 
 
 def gaussian_from_t(t, dof):
-    """Unit Gaussian with the tail probability of Student's t (Wallace 1959)."""
+    """Return the unit Gaussian with the tail probability of Student's t (Wallace 1959)."""
     return np.sign(t) * (8 * dof + 1) / (8 * dof + 3) * np.sqrt(dof * np.log1p(t**2 / dof))
 
 
 def two_sided(z):
-    """Probability that a unit Gaussian strays farther than |z|."""
+    """Return the probability that a unit Gaussian exceeds |z| in magnitude."""
     return math.erfc(abs(z) / math.sqrt(2))
 
 
 def chi2_p_value(chi2, dof):
-    """Probability of a larger chi squared (Wilson and Hilferty 1931; good for dof above some ten)."""
+    """Return the probability of a larger chi squared (Wilson and Hilferty 1931; accurate for dof above about ten)."""
     z = ((chi2 / dof) ** (1 / 3) - (1 - 2 / (9 * dof))) / math.sqrt(2 / (9 * dof))
     return math.erfc(z / math.sqrt(2)) / 2

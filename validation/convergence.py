@@ -1,19 +1,20 @@
 #!/usr/bin/env python3
-"""How long each integrator takes until the median lit pixel of a scene is known to 5 %.
+"""Measure how long each integrator takes until the median lit pixel of a scene is known to 5 %.
 
-Every scene of scenes/ that is meant for bidirectional paths is rendered by each integrator, its conventional image alone.
-The relative standard error of a pixel falls with the square root of time, so a short render says how long a longer one
-takes. A pixel is lit if the bidirectional render finds at least 1 % of the image's bright light there (99th percentile).
-An integrator that does not find all light never gets there, however small its errors: the lit pixels' light together must
-be the bidirectional image's within 2 % (and five standard errors), and the median pixel's within 10 %, or "never" is said.
+Every scene of scenes/ that is meant for bidirectional paths is rendered by each integrator, only its conventional image. The
+relative standard error of a pixel falls with the square root of time, so a short render predicts the time of a longer one. A
+pixel is lit if the bidirectional render finds at least 1 % of the image's bright light there (99th percentile). An integrator
+that misses light never reaches the goal, however small its errors. Its light over all lit pixels must therefore agree with the
+bidirectional image within 2 % (and five standard errors), and that of the median pixel within 10 %; otherwise "never" is printed.
 
-A render's own errors say nothing of light that it has not met yet. So each scene is also rendered as shipped (integrator "auto") with
-several seeds, and their true deviations from each other are its error: the squares of a pixel's deviations from the mean of all seeds,
-over the squared mean, averaged over seeds (their number less one), wavelengths and 2 × 2 pixels; then the median over the lit blocks.
+A render's own errors do not include light that it has not sampled yet. So each scene is also rendered as shipped (integrator
+"auto") with several seeds, and the error comes from their deviations: the squared deviations of a pixel from the mean of all
+seeds, over the squared mean, averaged over seeds (their number less one), wavelengths and 2 × 2 pixels; then the median over the
+lit blocks.
 
     python3 validation/convergence.py [--scenes disco_ball milky_tank] [--seconds 60] [--seeds 4] [--only-seeds] [--record]
 
-With --record, which wants all scenes, the numbers go to results/convergence.json (result_file.py).
+With --record, which requires all scenes, the numbers go to results/convergence.json (result_file.py).
 """
 
 import argparse
@@ -37,12 +38,12 @@ GOAL = 0.05
 
 
 def render(scene, integrator, spp, folder, seed=1):
-    """The mean and relative error of every pixel and wavelength, and the seconds they took."""
+    """Return the mean and relative error of every pixel and wavelength, and the render time in seconds."""
     text = scene.read_text()
     text = re.sub(r"(?m)^integrator *=.*\n", "", text)
     text = re.sub(r"(?m)^manifold *=.*\n", "", text)
     text = text.replace("[render]", f'[render]\nintegrator = "{integrator}"', 1)
-    # Beside the original, whose meshes are named relative to it.
+    # In the folder of the original, because its mesh paths are relative.
     file = scene.with_name(f".convergence-{integrator}.toml")
     file.write_text(text)
     try:
@@ -62,7 +63,7 @@ def render(scene, integrator, spp, folder, seed=1):
 
 
 def spread(images):
-    """The relative error of a pixel of one of several renders, in the median over lit blocks of 2 x 2 pixels."""
+    """Return the relative error of a pixel of one of several renders, as the median over lit blocks of 2 x 2 pixels."""
     images = np.asarray(images, dtype=np.float64)
     mean = images.mean(axis=0)
     variance = ((images - mean) ** 2).sum(axis=0) / (len(images) - 1)
@@ -75,7 +76,7 @@ def spread(images):
 
 
 def by_seeds(scene, seconds, seeds, folder):
-    """Seconds to the goal as shipped, by the true deviations of seeds."""
+    """Return the seconds to the goal as shipped, from the deviations of seeds."""
     *_, spp = measure(scene, "auto", seconds, folder)
     renders = [render(scene, "auto", spp, folder, seed) for seed in range(1, seeds + 1)]
     took = float(np.mean([r[2] for r in renders]))
@@ -84,18 +85,18 @@ def by_seeds(scene, seconds, seeds, folder):
 
 
 def check_spread():
-    """Of renders of known error the spread is that error, and twice it is found."""
+    """Check that `spread` returns the error of renders of known error."""
     rng = np.random.default_rng(1)
     truth = rng.uniform(0.5, 2.0, (64, 64, 1))
     for error in (0.03, 0.06):
         renders = [truth * (1 + error * rng.standard_normal((64, 64, 3))) for _ in range(4)]
         found = spread(renders)
         if abs(found / error - 1) > 0.05:
-            sys.exit(f"renders of error {error} are said to have {found}")
+            sys.exit(f"renders of error {error} give a spread of {found}")
 
 
 def measure(scene, integrator, seconds, folder):
-    """A render of about so many seconds."""
+    """Return a render of about `seconds` seconds."""
     spp = 8
     mean, error, took = render(scene, integrator, spp, folder)
     if took < seconds:
@@ -109,11 +110,11 @@ def main():
     parser.add_argument("--scenes", nargs="+", default=SCENES)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seeds", type=int, default=4)
-    parser.add_argument("--only-seeds", action="store_true", help="true deviations of seeds alone")
+    parser.add_argument("--only-seeds", action="store_true", help="measure only the deviations of seeds")
     parser.add_argument("--record", action="store_true", help="write results/convergence.json")
     options = parser.parse_args()
     if options.record and (set(options.scenes) != set(SCENES) or options.only_seeds):
-        sys.exit("--record wants all scenes and both measures")
+        sys.exit("--record requires all scenes and both measures")
     check_spread()
     rows, true = [], {}
     for name in options.scenes:
@@ -137,7 +138,7 @@ def main():
             found = {}
             for integrator in ("bidirectional", "caustics", "path"):
                 if integrator == "caustics" and re.search(r"(?m)^interior", scene.read_text()):
-                    # With media all paths are traced from both ends.
+                    # With media, all paths are traced from both ends.
                     continue
                 mean, error, took, spp = measure(scene, integrator, options.seconds, folder)
                 image = mean.mean(axis=-1)
@@ -166,13 +167,13 @@ def main():
 
 
 def plain(value):
-    """A number as JSON knows it; null for none."""
+    """Return a number for JSON; null for none."""
     value = value.item() if hasattr(value, "item") else value
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def numbers(rows, true):
-    """What goes to the result file."""
+    """Return the content of the result file."""
     out = {"goal": result_file.once(GOAL, "", "a setting")}
     for row in rows:
         if "seeds" in row:

@@ -1,18 +1,17 @@
 #!/usr/bin/env python3
-"""Cross-check of Sunstone against Mitsuba 3 and mitransient: the same scenes in both, compared pixel by pixel.
+"""Cross-check Sunstone against Mitsuba 3 and mitransient: the same scenes in both, compared pixel by pixel.
 
-Makes its own virtual environment (.venv at the project root) on the first run, and builds Sunstone if need be. Exit
-code 0: they agree. 1: they do not. 3: trouble on the way (the last line says which).
+The first run creates a virtual environment (.venv at the project root) and builds Sunstone if necessary. Exit code 0: they agree.
+1: they do not. 3: the check could not run (the last line gives the reason).
 
-Compared are Stokes images of scenes written by hand for both (scenes.py), of scene files that `sunstone export` writes
-for Mitsuba, at each of their wavelengths (exported.py), under polarized light (polarized.py) and over time
-(transient.py); and all 16 elements of the matrix by an integrator of our own on top of Mitsuba
-(mueller_integrator.py).
+The comparisons cover Stokes images of scenes written by hand for both programs (scenes.py), of scene files that `sunstone export`
+writes for Mitsuba, at each of their wavelengths (exported.py), under polarized light (polarized.py) and over time (transient.py).
+All 16 elements of the matrix are compared with a custom integrator on top of Mitsuba (mueller_integrator.py).
 
-Mitsuba's llvm variants are needed for 16 elements and for time; on Debian 12 they are had with `apt-get install
-libllvm19`. Without it this fails; with --scalar, those comparisons are left out, and it says so.
+Mitsuba's llvm variants are required for 16 elements and for time; on Debian 12 install them with `apt-get install libllvm19`.
+Without LLVM the check fails; --scalar skips those comparisons and reports this.
 
-Significance, and what the columns mean: see comparison.py. Pictures go to target/crosscheck (images.py).
+For significance and the meaning of the columns see comparison.py. Pictures go to target/crosscheck (images.py).
 """
 
 import argparse
@@ -37,7 +36,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import programs
 
 CACHE = environment.ROOT / "target/crosscheck"
-# How many pairs at least must be able to show each planted error, with LLVM (see planted.py).
+# Minimum number of pairs that must be able to detect each planted error, with LLVM (see planted.py).
 FLOORS = {
     "intensity 1%": 28,
     "intensity 6%": 29,
@@ -57,7 +56,7 @@ KEPT = ["mirror_room_550_nm", "Cornell_box_over_time", "polarized_lamp_right_cir
 
 
 def run_all(seed, llvm, full):
-    """Renders everything with both programs, into the cache."""
+    """Render everything with both programs into the cache."""
     import exported
     import handwritten
     import polarized
@@ -83,7 +82,7 @@ def print_table(rows):
 
 # Fresnel numbers -----------------------------------------------------------------------------------------------------
 
-# Mueller matrices of CONVENTIONS.md: name, cosine of incidence, index, [M00, M01, M22, M23].
+# Mueller matrices of CONVENTIONS.md: name, angle of incidence in degrees, index, [M00, M01, M22, M23].
 PINS = [
     ("gold at 60 deg", 60, 0.4242 + 2.4721j, [0.792257, 0.102981, -0.406951, -0.671906]),
     ("glass 1.5 at 45 deg", 45, 1.5, [0.0502399, 0.0417735, -0.0279111, 0]),
@@ -93,7 +92,7 @@ PINS = [
 
 
 def check_pins():
-    """Prints Mitsuba's Fresnel matrices beside the project's; True if all agree."""
+    """Print Mitsuba's Fresnel matrices next to the project's; return True if all agree."""
     good = True
     for name, angle_deg, index, expected in PINS:
         cosine = np.cos(np.radians(angle_deg)) * (1 if angle_deg >= 0 else -1)
@@ -109,7 +108,7 @@ def check_pins():
     return good
 
 
-# Rows of the table in docs/validation.md: scenes whose name begins so.
+# Rows of the table in docs/validation.md: prefixes of scene names.
 GROUPS = {
     "handwritten": ("gold, ", "mirror and glass"),
     "gold_corner": ("gold corner",),
@@ -125,8 +124,10 @@ GROUPS = {
 
 
 def numbers(table, seconds):
-    """What goes to the result file: of every group how many comparisons, the largest |z|, the smallest p, and of its
-    intensities the gain that is the most of its own standard errors off.
+    """Return the content of the result file.
+
+    For every group: the number of comparisons, the largest |z|, the smallest p, and the gain of an intensity that deviates most
+    in units of its own standard error.
     """
     out = {
         "comparisons": result_file.once(len(table), "", "a count"),
@@ -147,7 +148,7 @@ def numbers(table, seconds):
 
 
 def record(rows, seconds):
-    """Numbers with what they were made by, and a few of the pictures, for the repository."""
+    """Write numbers with their provenance, and a few of the pictures, to the repository."""
     import shutil
 
     packages = ["mitsuba", "mitransient", "drjit", "numpy"]
@@ -169,12 +170,12 @@ def record(rows, seconds):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cached", action="store_true", help="compare the last run's results, render nothing")
-    parser.add_argument("--scalar", action="store_true", help="use Mitsuba's scalar variant, which needs no LLVM; much is not checked then")
-    parser.add_argument("--full", action="store_true", help="four times the samples in the exported scenes")
-    parser.add_argument("--seed", type=int, default=1, help="other random numbers in both programs")
-    parser.add_argument("--record", action="store_true", help="write results/crosscheck.json, and a few pictures beside it")
-    parser.add_argument("--power", action="store_true", help="with the last run's results: every planted error must be found")
+    parser.add_argument("--cached", action="store_true", help="compare the last run's results without rendering")
+    parser.add_argument("--scalar", action="store_true", help="use Mitsuba's scalar variant, without LLVM; skip comparisons")
+    parser.add_argument("--full", action="store_true", help="use four times the samples in the exported scenes")
+    parser.add_argument("--seed", type=int, default=1, help="random seed for both programs")
+    parser.add_argument("--record", action="store_true", help="write results/crosscheck.json and a few pictures")
+    parser.add_argument("--power", action="store_true", help="use the last run's results; check that planted errors are detected")
     options = parser.parse_args()
     begun = time.monotonic()
     CACHE.mkdir(parents=True, exist_ok=True)

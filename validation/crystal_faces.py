@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""Does light from inside a crystal with rough faces show in -(3,3)? The quartz of scenes/crystals/faces.toml and glass of its mean index
-(the same crystal with n_o = n_e = 1.5505), by several seeds: over the pixels that are wholly the crystal's, -(3,3) less what one reflection
-by the surface brings, over the intensity of all other light, in all light and in epipolar light.
+"""Does light from inside a crystal with rough faces appear in -(3,3)?
+
+Renders the quartz of scenes/crystals/faces.toml and glass of its mean index (the same crystal with n_o = n_e = 1.5505) with
+several seeds. For the pixels that show only the crystal, prints -(3,3) minus the contribution of a single surface reflection,
+over the intensity of all other light; for all light and for epipolar light.
 
     python3 validation/crystal_faces.py [--seeds 5] [--spp 128] [--sunstone target/release/sunstone]
 
-Needs numpy and xarray with zarr. One reflection brings -(3,3) of its intensity times a share that is read from the closed form at each pixel's
-half angle; here, where it is within 15 degrees, it is taken as 1, which is off by less than 0.003.
+Requires numpy and xarray with zarr. A single reflection contributes -(3,3) equal to its intensity times a factor from the closed
+form at the pixel's half angle. Here the half angle is within 15 degrees and the factor is taken as 1, with an error below 0.003.
 """
 
 import argparse
@@ -16,12 +18,12 @@ from pathlib import Path
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes/crystals"
 GLASS = "quartz.crystal = { n_o = 1.5505, n_e = 1.5505, axis = [1, 0, 0], roughness = 0.3 }"
-# Bits of the label: facets alone.
+# Bits of the label: facets only.
 GLOSSY = 4
 
 
 def scenes(folder):
-    """Both scenes, turned by 21 degrees about the optic axis, without variants."""
+    """Return both scenes, rotated by 21 degrees about the optic axis, without variants."""
     text = (SCENES / "faces.toml").read_text()
     text = text[: text.index("[vary.")].replace("rotate_deg = [0, 0, 0]", "rotate_deg = [21, 0, 0]")
     for name in ("quartz.ply", "pattern.png"):

@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
-"""Lu–Chipman decomposition against PyPI `muellerkit`, and the time that both take on the same array in one run.
+"""Compare the Lu–Chipman decomposition with PyPI `muellerkit`, and time both on the same array in one run.
 
-Matrices are random mixtures of three Jones matrices, which exist by construction; a share has a depolarizer of negative
-determinant put in front. All three factors, diattenuation, retardance and depolarization are compared; prints a table and exits
-with 1 if a row is above its bound of 1e-8. `--power` plants errors in our arrays (off by twice the bound; the sign of s3;
-transposed) and in the matrices that we are given (1 % of intensity, a frame turned by 0.5°, two matrices exchanged), one at a
-time, and checks that every row notices each that changes muellerkit's own arrays by more than the bound.
-Times are those of all arrays and of the four scalars alone, in interleaved rounds; with --record they go to
-results/decompose.json (result_file.py).
+Matrices are random mixtures of three Jones matrices, which are realizable by construction; some have a depolarizer of negative
+determinant in front. All three factors, diattenuation, retardance and depolarization are compared. Prints a table and exits with
+1 if a row is above its bound of 1e-8. `--power` applies errors to Sunstone's arrays (off by twice the bound; the sign of s3;
+transposed) and to its input matrices (1 % of intensity, a frame rotated by 0.5°, two matrices exchanged), one at a time. It
+checks that every row detects each error that changes muellerkit's own arrays by more than the bound. Times are those of all
+arrays and of the four scalars alone, in interleaved rounds. With --record they go to results/decompose.json (result_file.py).
 """
 
 import argparse
@@ -33,7 +32,7 @@ SCALARS = "polarizance,diattenuation,retardance,depolarization"
 
 
 def mixtures(count, rng):
-    """Mueller matrices of mixtures of three Jones matrices."""
+    """Return Mueller matrices of mixtures of three Jones matrices."""
     pauli = np.array([[[1, 0], [0, 1]], [[1, 0], [0, -1]], [[0, 1], [1, 0]], [[0, -1j], [1j, 0]]])
     jones = rng.normal(size=(3, count, 2, 2)) + 1j * rng.normal(size=(3, count, 2, 2))
     jones *= np.array([1.0, 0.4, 0.2])[:, None, None, None]
@@ -43,23 +42,23 @@ def mixtures(count, rng):
 
 
 def ours(m, folder):
-    """Our arrays, and the seconds that the decomposition alone took."""
+    """Return Sunstone's arrays, and the seconds of the decomposition alone."""
     np.save(folder / "m.npy", m)
     seconds = run(folder)
     return dict(np.load(folder / "p.npz")), seconds
 
 
 def run(folder, *options):
-    """Decomposes m.npy; the seconds that the decomposition alone took."""
+    """Decompose m.npy; return the seconds of the decomposition alone."""
     command = [environment.sunstone(), "-v", "decompose", folder / "m.npy", "-o", folder / "p.npz", *options]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return float(re.search(r"matrices in ([0-9.]+) s", done.stderr + done.stdout).group(1))
 
 
 def speed(m, count, folder, record):
-    """Times ours on `count` matrices and muellerkit on `m`, in interleaved rounds."""
+    """Time Sunstone on `count` matrices and muellerkit on `m`, in interleaved rounds."""
     np.save(folder / "m.npy", np.tile(m, (-(-count // len(m)), 1, 1))[:count])
-    # Seconds that a million matrices take.
+    # Seconds per million matrices.
     seconds = {"all_arrays": [], "scalars": [], "muellerkit": []}
     for _ in range(ROUNDS):
         seconds["all_arrays"].append(run(folder) / count * 1e6)
@@ -76,7 +75,7 @@ def speed(m, count, folder, record):
 
 
 def theirs(m):
-    """The same of muellerkit, and its seconds."""
+    """Return the same arrays from muellerkit, and its seconds."""
     start = time.perf_counter()
     factors = muellerkit.decompose_depolarizer_retarder_diattenuator(m)
     seconds = time.perf_counter() - start
@@ -92,13 +91,13 @@ def theirs(m):
 
 
 def difference(name, a, b, m):
-    """The largest difference of two arrays of one name, over M00 where they scale with the matrices m."""
+    """Return the largest difference of two arrays of one name, over M00 if they scale with the matrices m."""
     scale = np.abs(m[:, 0, 0]) if name in ("m_d", "product") else np.ones(len(m))
     return (np.abs(a - b).reshape(len(m), -1).max(axis=1) / scale).max()
 
 
 def product(arrays):
-    """The matrices that the factors make."""
+    """Return the product of the factors."""
     return arrays["m_delta"] @ arrays["m_r"] @ arrays["m_d"]
 
 
@@ -107,24 +106,24 @@ TURN = 0.5
 
 
 def turned(m):
-    """Matrices in frames turned by TURN degrees."""
+    """Return matrices in frames rotated by TURN degrees."""
     c, s = np.cos(2 * np.radians(TURN)), np.sin(2 * np.radians(TURN))
     r = np.array([[1, 0, 0, 0], [0, c, s, 0], [0, -s, c, 0], [0, 0, 0, 1]])
     return r @ m @ r.T
 
 
 def exchanged(m):
-    """The first two matrices exchanged."""
+    """Exchange the first two matrices."""
     return np.concatenate([m[1::-1], m[2:]])
 
 
-# How errors change the matrices that we are given, and how many rows at least must be able to show them.
+# Errors in the input matrices, and the minimum number of rows that must be able to detect them.
 GIVEN = {
     "1 % of intensity": (lambda m: 1.01 * m, 2),
     f"frame turned by {TURN}°": (turned, 4),
     "two exchanged": (exchanged, 7),
 }
-# How errors change the arrays that we give.
+# Errors in the resulting arrays.
 GIVES = {
     "s3": lambda a: a * np.outer([1, 1, 1, -1], [1, 1, 1, -1]) if a.ndim == 3 else None,
     "transposed": lambda a: a.swapaxes(-1, -2) if a.ndim == 3 else None,
@@ -132,7 +131,7 @@ GIVES = {
 
 
 def power(m, got, want, folder):
-    """Plants every error; true if a row that can show one does not."""
+    """Apply every error; return true if a row that can detect one does not."""
     failed, able = False, dict.fromkeys(GIVEN, 0)
     for error, (change, floor) in GIVEN.items():
         changed, _ = ours(change(m), folder)
@@ -142,20 +141,20 @@ def power(m, got, want, folder):
         for name, value in want.items():
             bound = BOUNDS.get(name, BOUND)
             if difference(name, shown[name], value, m) <= 2 * bound:
-                print(f"{error:20} {name:16} cannot show it")
+                print(f"{error:20} {name:16} cannot detect it")
                 continue
             able[error] += 1
             found = not difference(name, changed[name], value, m) < bound
             failed |= not found
-            print(f"{error:20} {name:16} {'noticed' if found else 'NOT NOTICED'}")
+            print(f"{error:20} {name:16} {'detected' if found else 'NOT DETECTED'}")
         if able[error] < floor:
             failed = True
-            print(f"{error:20} can be shown by {able[error]} rows; floor {floor}")
+            print(f"{error:20} can be detected by {able[error]} rows; floor {floor}")
     symmetric = []
     for name, value in want.items():
         bound = BOUNDS.get(name, BOUND)
         m00 = m[:, 0, 0] if name in ("m_d", "product") else np.ones(len(m))
-        # One number of one matrix, each in its turn.
+        # One number of one matrix, each in turn.
         off = []
         for k in range(got[name][0].size):
             array = got[name].copy()
@@ -167,20 +166,20 @@ def power(m, got, want, folder):
                 continue
             # A diattenuator's matrix is symmetric.
             if error == "transposed" and difference(name, GIVES[error](value), value, m) <= 2 * bound:
-                print(f"{error:20} {name:16} cannot show it")
+                print(f"{error:20} {name:16} cannot detect it")
                 symmetric.append(name)
                 continue
             found = all(not difference(name, array, value, m) < bound for array in arrays)
             failed |= not found
-            print(f"{error:20} {name:16} {'noticed' if found else 'NOT NOTICED'}")
+            print(f"{error:20} {name:16} {'detected' if found else 'NOT DETECTED'}")
     return failed or symmetric != ["m_d"]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
-    parser.add_argument("--count", type=int, default=100_000, help="matrices to compare")
-    parser.add_argument("--speed", type=int, default=2_000_000, help="matrices to time ours with")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
+    parser.add_argument("--count", type=int, default=100_000, help="number of matrices to compare")
+    parser.add_argument("--speed", type=int, default=2_000_000, help="number of matrices for timing Sunstone")
     parser.add_argument("--record", action="store_true", help="write results/decompose.json")
     a = parser.parse_args()
     rng = np.random.default_rng(1)

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Reports to the DLPC350 against the package pycrafter4500, byte for byte.
+"""Compare reports to the DLPC350 with those of the package pycrafter4500, byte for byte.
 
-The package writes to a device that only keeps what it is given; our program prints what the driver writes for the same
-values. The package fills the field of images as it is given, TI's own program with one less, as with the other two counts:
-it is given one less here. Exits with 1 if a report differs. `--power` changes one bit in every message, which must be noticed.
+The package writes to a device that only stores the data; Sunstone prints what its driver writes for the same values. The package
+writes the number of images as given, while TI's own program writes one less, as for the other two counts; so this script passes
+one less. Exits with 1 if a report differs. `--power` changes one bit in every message, which must be detected.
 """
 
 import argparse
@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 class Kept:
-    """A device of which only what is written matters."""
+    """A device that stores written data."""
 
     def __init__(self):
         self.bytes = b""
@@ -36,7 +36,7 @@ class Kept:
 
 
 def theirs():
-    """What the package writes, by the names of our program."""
+    """Return what the package writes, by Sunstone's names of the messages."""
     plain = {"trig_type": 0, "pat_num": 0, "bit_depth": 1, "led_select": 2}
     flags = {"trig_type": 3, "pat_num": 23, "bit_depth": 1, "led_select": 7, "do_invert_pat": True,
              "do_insert_black": True, "do_buf_swap": True, "do_trig_out_prev": True}
@@ -49,7 +49,7 @@ def theirs():
         "trigger vsync": lambda d: d.set_pattern_trigger_mode("vsync"),
         "trigger internal": lambda d: d.set_pattern_trigger_mode(1),
         "trigger from outside": lambda d: d.set_pattern_trigger_mode(2),
-        # The package does not know these: its generic command makes reports of codes and data as TI's own program has them.
+        # The package does not support these; its generic command builds reports from codes and data like TI's program.
         "trigger output 1": lambda d: d.command("w", 0, 0x1A, 0x1D, [1, 0xBB, 0xD5]),
         "trigger output 2": lambda d: d.command("w", 0, 0x1A, 0x1E, [0, 0x7F]),
         "trigger input 1": lambda d: d.command("w", 0, 0x1A, 0x35, [0x03, 0x02, 0x07, 0x00]),
@@ -67,7 +67,7 @@ def theirs():
         "pattern plain": lambda d: d.send_pattern_lut(**plain),
         "pattern all flags": lambda d: d.send_pattern_lut(**flags),
         "pattern grey": lambda d: d.send_pattern_lut(2, 2, 8, 2),
-        # The package sends one pattern at a time: this is its way of cutting long messages into reports.
+        # The package sends one pattern at a time; this uses its division of long messages into reports.
         "pattern long": lambda d: d.command("w", 0, 0x1A, 0x34, long),
         "main status": lambda d: d.get_main_status(),
     }
@@ -81,7 +81,7 @@ def theirs():
 
 
 def check(change=lambda data: data):
-    """Whether each message differs."""
+    """Return whether each message differs."""
     command = ["cargo", "run", "--release", "--quiet", "--example", "instrument_bytes", "--", "dlpc350"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
     ours = {name: bytes.fromhex(data) for name, data in (line.split("\t") for line in done.stdout.splitlines())}
@@ -92,7 +92,7 @@ def check(change=lambda data: data):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--power", action="store_true", help="check that planted errors are found")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
     options = parser.parse_args()
     if not options.power:
         found = check()
@@ -106,7 +106,7 @@ def main():
         found = check(lambda data, at=place: data[:at] + bytes([data[at] ^ 0x04]) + data[at + 1:])
         planted += len(found)
         missed += [f"{name} at {place}" for name, differs in found.items() if not differs]
-    print(f"{planted} reports with one bit changed: {planted - len(missed)} noticed {missed or ''}")
+    print(f"{planted} reports with one bit changed: {planted - len(missed)} detected {missed or ''}")
     sys.exit(bool(missed))
 
 

@@ -1,19 +1,21 @@
 #!/usr/bin/env python3
-"""Captures and their least-squares reconstruction against PyPI `polanalyser`, and the time that both take in one run.
+"""Compare captures and their least-squares reconstruction with PyPI `polanalyser`, and time both in one run.
 
-Both have the same signs, so that nothing is transformed: `polanalyser.retarder(δ, θ)` is R(-θ) M R(θ) with M[2][3] = +sin δ,
+Both use the same signs, so that nothing is transformed: `polanalyser.retarder(δ, θ)` is R(-θ) M R(θ) with M[2][3] = +sin δ,
 M[3][2] = -sin δ and a middle block [[cos 2θ, sin 2θ], [-sin 2θ, cos 2θ]] of R(θ), as in CONVENTIONS.md.
 
-Compared are design matrices (bound 1e-12) of built-in schemes and of random angles and retardances, then reconstructions of
-mixtures of Jones matrices from noisy intensities (1e-9 of a pixel's greatest element; 1e-4 for float32 and uint16 files).
+The script compares design matrices (bound 1e-12) of built-in schemes and of random angles and retardances. Then it compares
+reconstructions of mixtures of Jones matrices from noisy intensities (bound 1e-9 of a pixel's largest element; 1e-4 for float32
+and uint16 files).
 
-Then 36 float32 images are timed: the whole command, its files in memory where there is a tmpfs, and the computation that it
-reports; against them `polanalyser.calcMueller` on the array in memory, by which the computation is judged, and from file to
-file, by which the whole command is; and passes of NumPy over the array and the files. The command's memory is held to 200 MB, also for images four times as large.
+Then it times 36 float32 images: the whole command, with its files in memory if there is a tmpfs, and the computation time that
+the command reports. The computation is judged against `polanalyser.calcMueller` on the array in memory, the whole command against
+it from file to file. Passes of NumPy over the array and the files are also timed. The command's memory must stay below 200 MB,
+also for four times as many pixels.
 
-Exits with 1 if something is above its bound. `--power` plants errors in what Sunstone is given or gives, the smallest 0.1° of
-frame and 0.1 % of intensity, and checks that all rows notice all of them.
-With --record the times and the memory go to results/ellipsometry.json (result_file.py).
+Exits with 1 if a value is above its bound. `--power` applies errors to Sunstone's inputs or outputs, the smallest 0.1° of frame
+and 0.1 % of intensity, and checks that all rows detect all of them. With --record the times and the memory go to
+results/ellipsometry.json (result_file.py).
 """
 
 import argparse
@@ -37,7 +39,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import numpy as np
     from speed import high_water
 
-    # Only this module: the package as a whole also imports OpenCV, which Mueller matrices do without.
+    # Only this module: the whole package also imports OpenCV, which is not needed for Mueller matrices.
     package = importlib.util.find_spec("polanalyser").submodule_search_locations[0]
     spec = importlib.util.spec_from_file_location("polanalyser_mueller", Path(package) / "mueller.py")
     polanalyser = importlib.util.module_from_spec(spec)
@@ -46,7 +48,7 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 DESIGN, DOUBLE, SINGLE = 1e-12, 1e-9, 1e-4
 HEIGHT, WIDTH = 150, 200
 ROWS, COLUMNS, CAPTURES = 1024, 1224, 36
-# From file to file the aim is a fifth of polanalyser's time, reached on a quiet machine only; a third is the bound.
+# The target for file to file is a fifth of polanalyser's time, which only a quiet machine reaches; the bound is a third.
 MEMORY, RATIO, PASSES, FILES = 200, 5, 2, 3
 BUILT_IN = {
     "DRR 36": ["drr", "-k", "36"],
@@ -58,14 +60,14 @@ ARRAY = [0, 45, 90, 135]
 
 
 class Scheme:
-    """Ideal elements of a scheme file, in the order in which light meets them: (kind, angles, retardances), degrees."""
+    """Ideal elements of a scheme file, in the order in which light passes them: (kind, angles, retardances), degrees."""
 
     def __init__(self, generator, analyzer, array):
         self.generator, self.analyzer, self.array = generator, analyzer, array
 
     @classmethod
     def load(cls, path):
-        """What a file says."""
+        """Load a scheme file."""
         text = tomllib.loads(path.read_text())
         assert "coaxial" not in text and text.get("source", [1, 0, 0, 0]) == [1, 0, 0, 0], "an ideal scheme"
 
@@ -78,7 +80,7 @@ class Scheme:
         return cls(side("generator"), side("analyzer"), text["sensor"]["kind"] == "polarizer_array")
 
     def save(self, path):
-        """Writes it down."""
+        """Write the scheme file."""
         lines = ['name = "check"', f'sensor = {{ kind = "{"polarizer_array" if self.array else "intensity"}" }}']
         number = lambda v: str(np.asarray(v, float).tolist())
         for side, elements in [("generator", self.generator), ("analyzer", self.analyzer)]:
@@ -88,19 +90,20 @@ class Scheme:
         path.write_text("\n".join(lines) + "\n")
 
     def turned(self, degrees):
-        """All elements turned, but not the sensor's own polarizers."""
+        """Return the scheme with all elements rotated, except the sensor's own polarizers."""
         turn = lambda elements: [(kind, np.add(angle, degrees), delta) for kind, angle, delta in elements]
         return Scheme(turn(self.generator), turn(self.analyzer), self.array)
 
     def swapped(self):
-        """Generator and analyzer exchanged, light the other way; of a polarizer array the retarders alone."""
+        """Return the scheme with generator and analyzer exchanged and light reversed; with a polarizer array, only the retarders.
+        """
         if self.array:
             (p, q2), (q3,) = self.generator, self.analyzer
             return Scheme([p, q3], [q2], True)
         return Scheme(self.analyzer[::-1], self.generator[::-1], False)
 
     def matrices(self):
-        """Polanalyser's generators and analyzers, one for each measurement, (M, 4, 4)."""
+        """Return polanalyser's generators and analyzers, one per measurement, (M, 4, 4)."""
         settings = [v for e in self.generator + self.analyzer for v in e[1:]]
         captures = np.broadcast_shapes(*(np.shape(v) for v in settings) or (1,))[0]
 
@@ -116,13 +119,13 @@ class Scheme:
         return np.moveaxis(np.array(pairs), 1, 0)
 
     def design(self):
-        """Polanalyser's design matrix, (M, 4, 4)."""
+        """Return polanalyser's design matrix, (M, 4, 4)."""
         psg, psa = self.matrices()
         return psa[:, 0, :, None] * psg[:, None, :, 0]
 
 
 def mixtures(count, rng):
-    """Realizable Mueller matrices: mixtures of three Jones matrices."""
+    """Return realizable Mueller matrices: mixtures of three Jones matrices."""
     pauli = np.array([[[1, 0], [0, 1]], [[1, 0], [0, -1]], [[0, 1], [1, 0]], [[0, -1j], [1j, 0]]])
     jones = rng.normal(size=(3, count, 2, 2)) + 1j * rng.normal(size=(3, count, 2, 2))
     jones *= np.array([1.0, 0.4, 0.2])[:, None, None, None]
@@ -130,7 +133,7 @@ def mixtures(count, rng):
 
 
 def random_scheme(rng, retardances, array):
-    """Random settings of two polarizers and two retarders."""
+    """Return random settings of two polarizers and two retarders."""
     captures = 12 if array else 30
     angle = lambda: rng.uniform(-720, 720, captures)
     delta = lambda: rng.uniform(0, 360, captures) if retardances else 90
@@ -140,7 +143,7 @@ def random_scheme(rng, retardances, array):
 
 
 def run(*arguments):
-    """Runs Sunstone; what it says."""
+    """Run Sunstone and return its output."""
     done = subprocess.run([environment.sunstone(), *map(str, arguments)], capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"{' '.join(map(str, done.args))}:\n{done.stderr}")
@@ -148,7 +151,7 @@ def run(*arguments):
 
 
 def design(folder, scheme):
-    """Sunstone's design matrix, (M, 4, 4)."""
+    """Return Sunstone's design matrix, (M, 4, 4)."""
     scheme.save(folder / "s.toml")
     run("scheme", "matrix", folder / "s.toml", "-o", folder / "a.npy")
     a = np.load(folder / "a.npy")
@@ -157,7 +160,7 @@ def design(folder, scheme):
 
 
 def reconstruct(folder, scheme, intensities):
-    """Sunstone's Mueller matrices."""
+    """Return Sunstone's Mueller matrices."""
     scheme.save(folder / "s.toml")
     np.save(folder / "i.npy", intensities)
     run("reconstruct", folder / "i.npy", "--scheme", folder / "s.toml", "-o", folder / "m.npy")
@@ -167,7 +170,7 @@ def reconstruct(folder, scheme, intensities):
     return m
 
 
-# How each error changes the scheme that Sunstone is given, and the matrices that it gives.
+# Effect of each error on the scheme that Sunstone receives, and on the matrices that it returns.
 SAME = lambda x: x
 SIGNS = (1, 1, 1, -1)
 ERRORS = {
@@ -177,12 +180,12 @@ ERRORS = {
     "transposed": (SAME, lambda m: m.swapaxes(-1, -2)),
     "0.1 %": (SAME, lambda m: 1.001 * m),
 }
-# Design matrices and reconstructions: of seven schemes, the four that are built in also from two kinds of files.
+# Design matrices and reconstructions of seven schemes; of the four built-in ones also from two kinds of files.
 COMPARED = 7 + 7 + 2 * len(BUILT_IN)
 
 
 def rows(folder, rng):
-    """What is compared: name, bound, ours (given an error's two changes), theirs, scale."""
+    """Yield the comparisons: name, bound, ours (given an error's two changes), theirs, scale."""
     schemes = {}
     for name, arguments in BUILT_IN.items():
         run("scheme", *arguments, "-o", folder / "built_in.toml")
@@ -213,7 +216,7 @@ def rows(folder, rng):
 
 
 def compare(folder, power):
-    """Prints the table; true if a row is wrong."""
+    """Print the table; return true if a row is wrong."""
     rng = np.random.default_rng(1)
     columns = ERRORS if power else {"largest difference": (SAME, SAME)}
     print(f"{'scheme and array':24} {'bound':>7}" + "".join(f" {name:>20}" for name in columns))
@@ -227,7 +230,7 @@ def compare(folder, power):
             difference = (np.abs(got - theirs) / scale).max()
             wrong = not difference < bound
             failed |= wrong != power
-            verdict = (" noticed" if wrong else " MISSED") if power else ""
+            verdict = (" detected" if wrong else " MISSED") if power else ""
             line += f" {f'{difference:.3e}{verdict}':>20}"
         print(line)
     if count != COMPARED:
@@ -236,7 +239,7 @@ def compare(folder, power):
 
 
 def timed(action, *outputs):
-    """Seconds that something takes, whose outputs are not there before."""
+    """Return the seconds of an action whose outputs do not exist before."""
     for path in outputs:
         path.unlink(missing_ok=True)
     start = time.perf_counter()
@@ -245,7 +248,7 @@ def timed(action, *outputs):
 
 
 def peak(command):
-    """Largest resident memory of a command, megabytes of 1e6 bytes."""
+    """Return the largest resident memory of a command, megabytes of 1e6 bytes."""
     running = subprocess.Popen([*map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     most = 0
     while running.poll() is None:
@@ -257,7 +260,7 @@ def peak(command):
 
 
 def speed(folder, pixels, record):
-    """Prints times and memory; true if they are above their bounds. Records them if asked to."""
+    """Print times and memory, and record them on request. Return true if they are above their bounds."""
     height = max(1, pixels // COLUMNS)
     rng = np.random.default_rng(2)
     image = rng.random((CAPTURES, height, COLUMNS), dtype=np.float32)
@@ -293,7 +296,7 @@ def speed(folder, pixels, record):
         "numpy, copy of the input": lambda: np.copyto(copy, image),
     }
     outputs = folder / "m.npy", folder / "theirs.npy"
-    # Rounds are interleaved, because machines drift; the best of each counts.
+    # Rounds are interleaved, because the machine's speed drifts; the best of each counts.
     rounds = [{name: timed(action, *outputs) for name, action in actions.items()} for _ in range(5)]
     best = {name: min(r[name] for r in rounds) for name in actions}
     best["sunstone, computation"] = min(reported)
@@ -302,15 +305,15 @@ def speed(folder, pixels, record):
     reported.pop()
     off = np.abs(np.load(folder / "m.npy") - theirs).max() / np.abs(theirs).max()
     size = f"{CAPTURES} x {height} x {COLUMNS} float32 ({image.nbytes / 1e6:.0f} MB)"
-    print(f"\n{size}, files in {folder.parent}; off by {off:.1e}")
+    print(f"\n{size}, files in {folder.parent}; largest relative difference {off:.1e}")
     mine = best["sunstone, whole command"]
     for name, seconds in sorted(best.items(), key=lambda item: item[1]):
         rate = image.nbytes / seconds / 1e9
         print(f"{name:26} {seconds:9.4f} s  {rate:7.2f} GB/s  {seconds / mine:7.2f} x the whole command")
     del theirs, copy, result
     failed = not off < SINGLE
-    # Both compute from numbers that are there; Sunstone's come in pieces, each right after it has been read: what its threads
-    # computed, over their number.
+    # Both compute from data in memory. Sunstone reads the file in pieces and computes each piece right after it: its time is the
+    # sum over threads divided by their number.
     ratio = best["polanalyser, in memory"] / best["sunstone, computation"]
     files = best["polanalyser, whole"] / mine
     passes = best["sunstone, computation"] / best["numpy, sum of the input"]
@@ -338,7 +341,7 @@ def speed(folder, pixels, record):
 
 
 def numbers(seconds, used):
-    """What goes to the result file: seconds and ratios of paired rounds, megabytes."""
+    """Return the content of the result file: seconds and ratios of paired rounds, megabytes."""
     out = {
         key: result_file.rounds(seconds[name], "s")
         for key, name in (
@@ -358,7 +361,7 @@ def numbers(seconds, used):
 
 
 def store(pixels):
-    """Where files of that many pixels go: in memory if there is room."""
+    """Return a folder for files of that many pixels: in memory if there is enough."""
     memory = environment.in_memory()
     need = 5 * pixels * 4 * (CAPTURES + 16) * 1.2
     return memory if memory and shutil.disk_usage(memory).free > need else None
@@ -366,14 +369,14 @@ def store(pixels):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
     full = ROWS * COLUMNS
-    text = f"pixels to time both with, 0 for none (default {full}; with fewer the ratio of times is printed but not judged)"
+    text = f"number of pixels for timing, 0 for none (default {full}; with fewer, ratios of times are printed but not judged)"
     parser.add_argument("--speed", type=int, nargs="?", const=full, default=full, metavar="PIXELS", help=text)
     parser.add_argument("--record", action="store_true", help="write results/ellipsometry.json (at the full number of pixels)")
     a = parser.parse_args()
     if a.record and (a.power or a.speed != full):
-        sys.exit("--record wants the full number of pixels")
+        sys.exit("--record requires the full number of pixels")
     with tempfile.TemporaryDirectory(dir=store(a.speed)) as folder:
         failed = compare(Path(folder), a.power)
         if a.speed and not a.power:

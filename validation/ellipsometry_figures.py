@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
-"""Numbers of the tables that ellipsometry_figures.sh leaves in results/ellipsometry, as one result file: which schemes need how
-many captures. Called by that script at its end. Standard library only.
+"""Write one result file from the tables that ellipsometry_figures.sh leaves in results/ellipsometry: the number of captures that
+each scheme needs.
+
+That script calls this one at its end. Standard library only.
 """
 
 import csv
@@ -12,13 +14,13 @@ SCENES = ["gold_mirror", "mirror_room"]
 
 
 def table(name):
-    """Rows of a table, numbers as numbers."""
+    """Return the rows of a table, with numbers converted."""
     with (TABLES / f"{name}.csv").open() as lines:
         return [{k: number(v) for k, v in row.items()} for row in csv.DictReader(lines)]
 
 
 def number(text):
-    """A number if it is one."""
+    """Convert text to a number if possible."""
     try:
         return float(text)
     except ValueError:
@@ -26,19 +28,19 @@ def number(text):
 
 
 def fewest(rows, scheme, error):
-    """Fewest captures of a learned scheme whose error on unseen materials is below `error`."""
+    """Return the smallest number of captures of a learned scheme whose error on unseen materials is below `error`."""
     good = [int(r["captures"]) for r in rows if r["scheme"] == scheme and r["rms_element_unseen"] < error]
     return min(good) if good else None
 
 
 def numbers():
-    """What goes to the result file."""
+    """Return the content of the result file."""
     out, trials = {}, {scene: table(scene) for scene in SCENES}
     for scene, rows in trials.items():
         for row in rows:
             key = row["scheme"].lower().replace("-", "_").replace(" ", "_")
             out[f"{scene}_{key}"] = result_file.estimate(row["rmse"], row["rmse_std_error"], "rms of an element, T00 = 1")
-    # Least squares of a scheme of rank 16 errs alike for all materials.
+    # Least squares of a rank-16 scheme has the same error for all materials.
     drr = {int(r["captures"]): r["predicted_rmse"] for r in trials["mirror_room"] if r["scheme"].startswith("DRR ")}
     for captures, error in drr.items():
         out[f"drr_{captures}"] = result_file.once(error, "rms of an element, T00 = 1", "none: a closed form")

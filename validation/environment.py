@@ -1,4 +1,4 @@
-"""Where the checks run: their own virtual environment (.venv at the project root), and Sunstone itself."""
+"""Environment of the checks: their virtual environment (.venv at the project root) and the Sunstone program."""
 
 import os
 import subprocess
@@ -10,7 +10,9 @@ ROOT = HERE.parent
 
 
 def enter():
-    """Runs the calling script inside .venv, made as requirements.txt says, with LLVM in Mitsuba's reach if there is one."""
+    """Re-run the calling script inside .venv, created from requirements.txt, with Mitsuba's path to LLVM set if LLVM is
+    installed.
+    """
     venv = ROOT / ".venv"
     requirements = (HERE / "requirements.txt").read_text()
     stamp = venv / "requirements.installed"
@@ -26,7 +28,7 @@ def enter():
 
 
 def need_llvm(variant, otherwise):
-    """Sets a variant of Mitsuba that needs LLVM; ends the script if it does not start. `otherwise`: what to do without."""
+    """Set a variant of Mitsuba that needs LLVM; exit if it does not start. `otherwise` describes the alternative."""
     import mitsuba as mi
 
     try:
@@ -36,20 +38,22 @@ def need_llvm(variant, otherwise):
         print(error, file=sys.stderr)
         started = False
     if not started:
-        print(f"Mitsuba's {variant} does not start, for want of LLVM: on Debian, apt-get install libllvm19; elsewhere, name the "
-              f"library in DRJIT_LIBLLVM_PATH. {otherwise}", file=sys.stderr)
+        print(f"Mitsuba's {variant} does not start because LLVM is missing: on Debian, apt-get install libllvm19; elsewhere, set "
+              f"DRJIT_LIBLLVM_PATH to the library. {otherwise}", file=sys.stderr)
         sys.exit(3)
 
 
 def in_memory():
-    """Where files of commands lie that are timed whole: in memory, since a disk that others use stalls their flushes; None where the
-    system has no such place."""
+    """Return a folder in memory for the files of timed commands, or None if the system has none.
+
+    A disk that other processes use would stall the flushes of the files.
+    """
     memory = Path("/dev/shm")
     return memory if memory.is_dir() else None
 
 
 def sunstone():
-    """Path of the program; built if there is none."""
+    """Return the path of the program; build it if it does not exist."""
     program = Path(os.environ.get("SUNSTONE", ROOT / "target/release/sunstone"))
     if not program.exists():
         subprocess.run(["cargo", "build", "--release", "--locked"], cwd=ROOT, check=True)

@@ -1,7 +1,7 @@
-"""Environment maps: peak, values and flux of imported ones against Mitsuba, pixel by pixel.
+"""Compare imported environment maps with Mitsuba, pixel by pixel: peak, values and flux.
 
-Maps of several sizes, of noise and with one lit texel, rotated and mirrored, seen directly and by a diffuse plane. Needs the
-package pysunstone in the environment. Exits with 1 if a pixel or the irradiance differs.
+Maps of several sizes, of noise and with one lit texel, rotated and mirrored, are seen directly and illuminate a diffuse plane.
+Requires the package pysunstone in the environment. Exits with 1 if a pixel or the irradiance differs.
 """
 
 import sys
@@ -27,7 +27,7 @@ TURNS = {
 
 
 def maps(width, height, rng):
-    """Noise, and one lit texel of 1000 that is not at a pole."""
+    """Yield noise, and a map with one lit texel of 1000 that is not at a pole."""
     yield "noise", np.repeat(rng.uniform(0, 1, (height, width, 1)), 3, axis=2).astype(np.float32)
     if height > 2:
         lit = np.zeros((height, width, 3), np.float32)
@@ -36,7 +36,7 @@ def maps(width, height, rng):
 
 
 def scene(file, turn, look, fov, size, plane):
-    """A dict for both programs: the map, a camera, and a plane that is seen or far away."""
+    """Return a dict for both programs: the map, a camera, and a plane that is visible or far away."""
     at = T().look_at([0, 0, 0], look, [0.1, 1, 0.2]) if not plane else T().look_at([0, 2, 0], [0, 0, 0], [0, 0, 1])
     place = T().rotate([1, 0, 0], -90) if plane else T().translate([0, 0, 1000]).scale(0.01)
     return {
@@ -51,7 +51,7 @@ def scene(file, turn, look, fov, size, plane):
 
 
 def sunstone(described, spp):
-    """Radiances, and their standard errors."""
+    """Return radiances and their standard errors."""
     made = ps.from_mitsuba(described, wavelengths_nm=[550])
     found = next(iter(made.render(spp=spp).values()))
     pick = lambda a: np.asarray(a).reshape(*np.shape(a)[:2], -1)[..., 0]
@@ -75,7 +75,7 @@ def main():
                     loaded = mi.load_dict(seen)
                     renders = np.array([np.array(mi.render(loaded, seed=seed))[..., 0] for seed in range(4)])
                     theirs = renders.mean(axis=0)
-                    # Four renders estimate a pixel's variance badly: the largest of the image stands for all.
+                    # Four renders give a poor estimate of a pixel's variance, so the largest of the image is used for all pixels.
                     slack = 5 * np.sqrt(error**2 + renders.var(axis=0, ddof=1).max() / 4) + 1e-4 * theirs.max()
                     off = (abs(ours - theirs) / slack).max()
                     lit = scene(file, turn, to, 0.01, 5, True)
@@ -83,7 +83,7 @@ def main():
                     variance = ((flux_error**2).mean() + flux_theirs.var(ddof=1)) / flux.size
                     apart = abs(flux.mean() - flux_theirs.mean()) / (5 * np.sqrt(variance) + 1e-3 * flux_theirs.mean())
                     bad += off > 1 or apart > 1
-                    print(f"{width} x {height}, {kind}, {name or 'as it is'}: peak {ours.max():.4g}, Mitsuba {theirs.max():.4g}; "
+                    print(f"{width} x {height}, {kind}, {name or 'plain'}: peak {ours.max():.4g}, Mitsuba {theirs.max():.4g}; "
                           f"plane {flux.mean():.4g}, Mitsuba {flux_theirs.mean():.4g}{'' if max(off, apart) <= 1 else '  DIFFERENT'}")
     sys.exit(int(bad > 0))
 

@@ -1,27 +1,27 @@
 #!/usr/bin/env python3
-"""Time to the same error of the epipolar Mueller image: Sunstone's one render against mitransient, a pattern at a time.
+"""Time to the same error of the epipolar Mueller image: one render of Sunstone against mitransient, one pattern at a time.
 
-The epipolar image keeps, for every camera pixel, the light of the projector pixels on its epipolar line. Sunstone fills it
-in one render: a slice with all 16 elements at three wavelengths. A renderer that knows no projector pixels lights one
-epipolar line, renders, keeps the camera pixels of the same plane, and goes on to the next line. The scene is a rectified
-pair of 256 x 256 pixels (speed/epipolar.toml), so lines are rows, and an image takes
+The epipolar image keeps, for every camera pixel, the light of the projector pixels on its epipolar line. Sunstone fills it in one
+render: a slice with all 16 elements at three wavelengths. A renderer without projector pixels illuminates one epipolar line,
+renders, keeps the camera pixels of the same plane, and repeats this for the next line. The scene is a rectified pair of 256 x 256
+pixels (speed/epipolar.toml), so lines are rows, and an image takes
 
     256 patterns x 4 input states x 3 wavelengths = 3072 renders.
 
-What is measured, and what is counted:
+Measurements and assumptions:
 
-- mitransient (`transient_path` over one time bin, monochromatic and polarized, so that it brings the Stokes vector of one
-  wavelength) renders --patterns of the 256 rows, each twice with different seeds, after a warm-up. Its time for one is the
-  median; patterns are switched in place, nothing is compiled or loaded again. The other patterns are taken to cost the same.
-- It cannot light a scene with polarized light: a polarizer in front of its projector is black (Mitsuba 3's issue 1462). The
-  renders of the other three input states are counted at the price of unpolarized ones (--states 1 leaves them out).
-- Three wavelengths are three renders, as a monochromatic variant has one (--wavelengths 1 leaves them out).
-- The error is that of M00 at 550 nm in the rows of the measured patterns, from the difference of two seeds: RMSE = √(mean
-  (a - b)²/2). Both programs are unbiased, so time to equal error is t (RMSE/target)².
+- mitransient (`transient_path` over one time bin, monochromatic and polarized, so that it returns the Stokes vector of one
+  wavelength) renders --patterns of the 256 rows, each twice with different seeds, after a warm-up. Its time per pattern is the
+  median. Patterns are switched in place without recompiling or reloading. The other patterns are assumed to cost the same.
+- It cannot illuminate a scene with polarized light: a polarizer in front of its projector is black (Mitsuba 3's issue 1462). The
+  renders of the other three input states are counted with the time of unpolarized ones (--states 1 leaves them out).
+- Three wavelengths are three renders, because a monochromatic variant has one wavelength (--wavelengths 1 leaves them out).
+- The error is that of M00 at 550 nm in the rows of the measured patterns, from the difference of two seeds: RMSE = √(mean (a -
+  b)²/2). Both programs are unbiased, so time to equal error is t (RMSE/target)².
 - Sunstone's time is that of the whole process with all files written.
 
-The means of both over the measured rows must agree, or nothing is compared. A user who has mitransient render the lit row
-alone (a film cropped to 256 x 1) saves most of the samples: that is measured and printed as well.
+The means of both over the measured rows must agree; otherwise the script fails. A user who lets mitransient render only the lit
+row (a film cropped to 256 x 1) saves most of the samples: that is also measured and printed.
 """
 
 import argparse
@@ -49,7 +49,7 @@ ROWS, DEPTH, IRRADIANCE, BAR = 256, 6, 20.0, 1000
 
 
 def sunstone(spp, seed, threads):
-    """Seconds, and M00 at 550 nm [y, x]."""
+    """Return seconds, and M00 at 550 nm [y, x]."""
     store = OUT / f"seed{seed}.zarr"
     options = ["--spp", spp, "--seed", seed, "--threads", threads, "-o", store, "--force", "--no-figures"]
     command = [environment.sunstone(), "render", SCENE, *options]
@@ -82,13 +82,13 @@ class Mitransient:
         body = body.replace('<string name="component_format" value="float32"/>', "").replace(uniform, pattern)
         self.xml = head + "<sensor" + body.replace('<film type="hdrfilm">', film)
         if pattern not in self.xml:
-            sys.exit("the exported projector is not as expected")
+            sys.exit("the exported projector has an unexpected form")
         self.threads, self.crop = threads, crop
         dr.set_thread_count(threads)
         self.scenes = {}
 
     def scene(self, row):
-        """The scene, its parameters and the name of the pattern's."""
+        """Return the scene, its parameters and the name of the pattern's parameter."""
         key = row if self.crop else None
         if key not in self.scenes:
             xml = self.xml
@@ -98,7 +98,7 @@ class Mitransient:
                 xml = xml.replace('<float name="start_opl"', crop + '<float name="start_opl"')
             path = OUT / "mono/pattern.xml"
             path.write_text(xml)
-            # Reading images waits for ever where there is one thread alone.
+            # With a single thread, reading images waits forever.
             dr.set_thread_count(os.cpu_count())
             scene = mi.load_file(str(path))
             dr.set_thread_count(self.threads)
@@ -107,7 +107,7 @@ class Mitransient:
         return self.scenes[key]
 
     def render(self, row, spp, seed):
-        """Seconds, and s0 of camera row `row`."""
+        """Return seconds, and s0 of camera row `row`."""
         scene, parameters, name = self.scene(row)
         pattern = np.zeros((ROWS, ROWS, 1), np.float32)
         pattern[row] = IRRADIANCE
@@ -123,16 +123,16 @@ class Mitransient:
 
 
 def rmse(a, b):
-    """Error of one of two estimates of the same numbers."""
+    """Return the error of one of two independent estimates of the same numbers."""
     return float(np.sqrt(np.mean((a - b) ** 2) / 2))
 
 
 def measure(program, rows, spp):
-    """Median seconds of one pattern, its RMSE and its mean."""
+    """Return median seconds of one pattern, its RMSE and its mean."""
     program.render(rows[0], spp, 99)
     seconds, first, second = [], [], []
     for row in rows:
-        # A film of another crop is another scene: loaded and compiled before the clock runs.
+        # A film with another crop is another scene: load and compile it before timing.
         program.render(row, spp, 98)
         for seed, into in ((0, first), (1, second)):
             t, image = program.render(row, spp, seed)
@@ -185,7 +185,7 @@ def main():
             f"{name:36} | {side['spp']:4} | {side['seconds']:10.3f} | {count:7} | {side['mean']:.2e} | {side['rmse']:.2e}"
             f" | {side['total_s']:20.1f} | {side['ratio']:6.0f}"
         )
-    print(f"renders: {ROWS} patterns x {options.states} input states x {options.wavelengths} wavelengths, all priced alike")
+    print(f"renders: {ROWS} patterns x {options.states} input states x {options.wavelengths} wavelengths, all at the same cost")
     met = "met" if whole["ratio"] >= BAR else "MISSED"
     print(f"one pattern at a time takes {whole['ratio']:.0f} times as long to the same error; bar {BAR}: {met}")
     for name, side in (("whole", whole), ("cropped", cropped)):
@@ -198,7 +198,8 @@ def main():
 
 
 def numbers(ours, whole, cropped, renders, options):
-    """What goes to the result file: seconds to Sunstone's error and their ratios; the spread is that of single renders."""
+    """Return the content of the result file: seconds to Sunstone's error and their ratios; the spread is that of single renders.
+    """
     one = ours["seconds"]
     out = {
         "patterns": result_file.once(options.patterns, "", "a setting"),

@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
-"""What a sample is worth, and what an error costs: stratified samples against independent ones, and Sunstone against Mitsuba.
+"""Compare the cost of equal errors: stratified with independent samples, and Sunstone with Mitsuba.
 
-The mean squared error of a render is that of its pixels against a long render of the same program (`--reference` samples a pixel of
-another seed), over all pixels and `--seeds` seeds, relative to the squared mean of the image.
+The mean squared error of a render is that of its pixels against a long render of the same program (`--reference` samples per
+pixel with another seed), over all pixels and `--seeds` seeds, relative to the squared mean of the image.
 
-1. Stratified against independent samples of Sunstone (`--replicates 1`, and as many replicates as samples), at equal samples
-   and at equal time: the variance of independent samples over that of stratified ones, and the same times the ratio of seconds. On
-   the Cornell box of speed.py its image, all 16 elements and a time-resolved row, the mirror room's and the fruits' image. (Scenes
-   with media, as the fruits, draw independent samples in any case: 1 is right there.)
+1. Stratified against independent samples of Sunstone (`--replicates 1`, and as many replicates as samples), at equal samples and
+   at equal time: the variance of independent samples over that of stratified ones, and this ratio times the ratio of seconds.
+   Cases: for the Cornell box of speed.py its image, all 16 elements and a time-resolved row; the images of the mirror room and
+   the fruits. (Scenes with media, such as the fruits, always use independent samples: there the expected ratio is 1.)
 2. Sunstone against Mitsuba's full-Mueller integrator (speed.py), both as in speed.py, M00 of the image: error times time of
-   Mitsuba, with the sampler that does best, over that of Sunstone; at 550 nm alone, and for the three wavelengths that Sunstone
-   renders at once and Mitsuba one by one. Mitsuba's `orthogonal` renders more samples than it is asked for, which are counted as
-   what they are.
+   Mitsuba, with its best sampler, over that of Sunstone; at 550 nm alone, and for the three wavelengths that Sunstone renders
+   together and Mitsuba one by one. Mitsuba's `orthogonal` sampler renders more samples than requested; the actual number counts.
 
-Times are those of speed.py: Sunstone's of the whole process with all files written (in memory where there is /dev/shm), Mitsuba's of rendering alone.
+Times are those of speed.py: Sunstone's of the whole process with all files written (in memory if /dev/shm exists), Mitsuba's of
+rendering alone.
 
     python3 validation/equal_error.py [--seeds 3] [--reference 2560] [--record]
 """
@@ -48,13 +48,13 @@ IMAGE = '[[slices]]\nname = "image"\n'
 
 
 def only(scene, slices):
-    """The text of a scene with other slices, and no figures."""
+    """Return the text of a scene with other slices and without figures."""
     blocks = re.split(r"(?m)^(?=\[\[)", scene.read_text())
     return "".join(b for b in blocks if not b.startswith(("[[slices]]", "[[figures]]"))) + slices
 
 
 def render(file, name, spp, seed, replicates, folder):
-    """The means of a slice, and the seconds of the render."""
+    """Return the means of a slice, and the seconds of the render."""
     store = folder / "out.zarr"
     program = [environment.sunstone(), "render", file, "-o", store, "--force", "--no-figures", "--spp", spp]
     begun = time.perf_counter()
@@ -64,23 +64,23 @@ def render(file, name, spp, seed, replicates, folder):
 
 
 def error(images, reference):
-    """Relative mean squared error. Of matrices, all elements count alike, relative to M00."""
+    """Return the relative mean squared error. All elements of matrices have equal weight, relative to M00."""
     scale = reference[..., 0, 0, :] if reference.ndim == 5 else reference
     return float(np.mean([(image - reference) ** 2 for image in images]) / np.mean(scale) ** 2)
 
 
 def check_error():
-    """Images of known error have it, and a tenth more is found."""
+    """Check that images of known error give that error, and that ten percent more is detected."""
     rng = np.random.default_rng(1)
     reference = rng.uniform(1, 3, (64, 64, 3))
     of = lambda sigma: error([reference + sigma * rng.standard_normal(reference.shape) for _ in range(3)], reference)
     base = of(0.1)
     if abs(base / (0.01 / np.mean(reference) ** 2) - 1) > 0.04 or not 1.05 < of(0.1 * 1.1**0.5) / base < 1.15:
-        sys.exit("errors are not what they are")
+        sys.exit("the function `error` does not return the known error")
 
 
 def stratified(folder, seeds, reference_spp):
-    """Ratios of independent to stratified samples: of variance, and of variance times time."""
+    """Return ratios of independent to stratified samples: of variance, and of variance times time."""
     scenes = environment.ROOT / "scenes"
     cases = [
         ("cornell_image", speed.SCENE, IMAGE, "image", [16, 64]),
@@ -91,7 +91,7 @@ def stratified(folder, seeds, reference_spp):
     ]
     out = {}
     for name, scene, slices, slice_name, counts in cases:
-        # Beside the original, whose meshes are named relative to it.
+        # In the folder of the original, because its mesh paths are relative.
         file = scene.with_name(f".equal-error-{name}.toml")
         file.write_text(only(scene, slices))
         try:
@@ -111,7 +111,7 @@ def stratified(folder, seeds, reference_spp):
 
 
 def mitsuba(scene, sampler, spp, seed):
-    """M00 of one render, its seconds and its samples a pixel."""
+    """Return M00 of one render, its seconds and its samples per pixel."""
     made = mi.load_dict({"type": sampler, "sample_count": spp})
     really = made.sample_count()
     film = []
@@ -121,25 +121,27 @@ def mitsuba(scene, sampler, spp, seed):
 
 
 def scenes_of_mitsuba(folder, reference_spp):
-    """By wavelength, the Cornell box for Mitsuba and a long render of it."""
+    """Return by wavelength the Cornell box for Mitsuba and a long render of it."""
     out = {}
     for wavelength in WAVELENGTHS:
         scene = mi.load_file(speed.export(folder / f"mono-{wavelength}", "--wavelength", str(wavelength)))
-        # In parts: a wavefront of all would not fit.
+        # In parts, because a wavefront of all samples would exceed the memory.
         parts = [mitsuba(scene, "independent", 64, 1000 + k)[0] for k in range(max(1, reference_spp // 64))]
         out[wavelength] = scene, np.mean(parts, axis=0)
     return out
 
 
 def mitsuba_cost(scene, reference, sampler, spp, seeds):
-    """Error, seconds and samples of renders with a sampler."""
+    """Return error, seconds and samples of renders with a sampler."""
     mitsuba(scene, sampler, spp, 999)
     renders = [mitsuba(scene, sampler, spp, seed) for seed in range(1, seeds + 1)]
     return error([r[0] for r in renders], reference), min(r[1] for r in renders), renders[0][2]
 
 
 def against_mitsuba(folder, seeds, reference_spp):
-    """Error times time of Mitsuba over that of Sunstone: of one wavelength, and of all three, which Mitsuba renders one by one."""
+    """Return error times time of Mitsuba over that of Sunstone: of one wavelength, and of all three, which Mitsuba renders one by
+    one.
+    """
     mi.set_variant(speed.MONO)
     scenes = scenes_of_mitsuba(folder, reference_spp)
     out = {}
@@ -159,7 +161,7 @@ def against_mitsuba(folder, seeds, reference_spp):
                       f"{t:.2f} s (ours {took:.2f} s): {cost:5.2f} times the time for an equal error", flush=True)
                 best = min(best or (cost, sampler), (cost, sampler))
             each = [mitsuba_cost(*scenes[w], best[1], spp, seeds) for w in WAVELENGTHS]
-            # Its seconds are shared out so that all three errors are ours.
+            # Its time is divided among the wavelengths so that all three errors equal Sunstone's.
             all_three = sum(e * t / m for (e, t, _), m in zip(each, mine)) / took
             print(f"{spp:4} samples: Mitsuba's best sampler, {best[1]}, takes {best[0]:.2f} times as long for an equal error of one "
                   f"wavelength, {all_three:.2f} times for equal errors of three")

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Scenes to Mitsuba 3 and back: what `sunstone export --mitsuba` writes, rendered by Mitsuba itself.
+"""Check the exchange of scenes with Mitsuba 3: Mitsuba renders what `sunstone export --mitsuba` writes.
 
-Exports the scenes of `scenes_exchange/`, loads each with `mi.load_file`, renders its Stokes images there and here, and
-compares them pixel by pixel (comparison.py). Imports `by_hand.xml`, a scene as people write them, and compares likewise;
-and exports, imports and exports again, which must give the same XML. Every exported scene must also load, and render
-without a NaN, in the spectral variant (one with images of light in that of one wavelength).
+Exports the scenes of `scenes_exchange/`, loads each with `mi.load_file`, renders its Stokes images with both programs, and
+compares them pixel by pixel (comparison.py). Imports the hand-written scene `by_hand.xml` and compares it in the same way.
+Exports, imports and exports again, which must give the same XML. Every exported scene must also load, and render without a NaN,
+in the spectral variant (one with images of light in that of one wavelength).
 
-`--power` plants errors in our images of the last run and checks that each is found (planted.py). Needs LLVM: without it this
-fails; with --without-llvm, nothing is checked, and it says so.
+`--power` applies errors to Sunstone's images of the last run and checks that each is detected (planted.py). Without LLVM the
+script fails; with --without-llvm it checks nothing and reports this.
 """
 
 import argparse
@@ -33,14 +33,14 @@ OUT = environment.ROOT / "target/exchange"
 BATCHES = 32
 THEIR_SPP = 128
 OUR_SPP = 2048
-# How many pairs at least must be able to show each planted error.
+# Minimum number of pairs that must be able to detect each planted error.
 FLOORS = {"intensity 1%": 2, "intensity 6%": 3, "frame 0.5°": 2, "s1 flipped": 3, "s2 flipped": 3, "s3 flipped": 3}
 MONO, SPECTRAL = "llvm_ad_mono_polarized", "llvm_ad_spectral_polarized"
 SCENES = [HERE / "cornell.toml", HERE / "room.toml", HERE / "parallel.toml", environment.ROOT / "scenes/mirror_room/scene.toml"]
 
 
 def run(*arguments):
-    """Runs Sunstone; stops on failure."""
+    """Run Sunstone; stop on failure."""
     done = subprocess.run([environment.sunstone(), *map(str, arguments)], capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"sunstone {' '.join(map(str, arguments))}\n{done.stderr}")
@@ -48,7 +48,7 @@ def run(*arguments):
 
 
 def ours(toml, name, seed):
-    """Mean and standard error of column 0 of the Mueller image, [y, x, 4]."""
+    """Return mean and standard error of column 0 of the Mueller image, [y, x, 4]."""
     store = OUT / f"{name}.zarr"
     run("render", toml, "-o", store, "--force", "--seed", seed, "--spp", OUR_SPP, "--no-figures",
         "--integrator", "path")
@@ -57,17 +57,17 @@ def ours(toml, name, seed):
 
 
 def theirs(xml, seed):
-    """Mitsuba's Stokes images of several seeds, [seed, y, x, 4], and the angle from its frames to ours."""
+    """Return Mitsuba's Stokes images of several seeds, [seed, y, x, 4], and the angle from its frames to Sunstone's."""
     environment.need_llvm(MONO, "")
     scene = mi.load_file(str(xml))
     images = [np.array(mi.render(scene, spp=THEIR_SPP, seed=seed * BATCHES + i)) for i in range(BATCHES)]
-    # Last come S0, S1, S2, S3, each in R, G, B, which are equal.
+    # The last channels are S0, S1, S2, S3, each in R, G, B, which are equal.
     images = np.stack(images)[..., -12:].reshape(BATCHES, *images[0].shape[:2], 4, 3)[..., 0]
     return images, frames.angles(scene.sensors()[0])
 
 
 def run_all(seed):
-    """Renders everything with both programs, into the cache."""
+    """Render everything with both programs into the cache."""
     elements, names = [f"s{i}" for i in range(4)], []
     for name, mean, error, (images, angle) in rendered(seed):
         pair = pairs.Pair(name, "", elements, mean, error, images, angle)
@@ -77,7 +77,7 @@ def run_all(seed):
 
 
 def rendered(seed):
-    """Name, our mean and error, their images and frames: of each scene that both render."""
+    """Yield for each scene the name, Sunstone's mean and error, and Mitsuba's images and frames."""
     for toml in SCENES[:3]:
         folder = OUT / toml.stem
         run("export", toml, "--mitsuba", folder, "--force")
@@ -88,10 +88,10 @@ def rendered(seed):
 
 
 def check_loading():
-    """That every exported scene loads and renders at all its wavelengths, and that the XML survives a round trip."""
+    """Check that every exported scene loads and renders at all its wavelengths, and that the XML survives a round trip."""
     good = True
     for toml in SCENES:
-        # Images of light are numbers, which spectral variants refuse.
+        # Images of light contain plain numbers, which spectral variants refuse.
         variant = MONO if toml.stem == "parallel" else SPECTRAL
         environment.need_llvm(variant, "--without-llvm checks nothing.")
         name = toml.parent.name if toml.stem == "scene" else toml.stem
@@ -107,7 +107,7 @@ def check_loading():
 
 
 def plain(folder):
-    """The XML without comments and ids, numbers to six digits."""
+    """Return the XML without comments and ids, numbers with six digits."""
     text = re.sub(r"<!--.*?-->|id=\"[^\"]*\"|<float name=\"fov\"[^>]*>", "", (folder / "scene.xml").read_text())
     text = re.sub(r"[A-Za-z0-9_-]+\.(png|ply|exr)", "file", text)
     round6 = lambda m: f"{float(m[0]):.5g}".replace("-0", "0") if abs(float(m[0])) > 1e-6 else "0"
@@ -118,11 +118,11 @@ def plain(folder):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--power", action="store_true", help="with the last run's results: every planted error must be found")
-    parser.add_argument("--without-llvm", action="store_true", help="where there is no LLVM: check nothing, and say so")
+    parser.add_argument("--power", action="store_true", help="use the last run's results; check that planted errors are detected")
+    parser.add_argument("--without-llvm", action="store_true", help="without LLVM: check nothing, and report this")
     options = parser.parse_args()
     if options.without_llvm:
-        print("NOT CHECKED, as --without-llvm was given: what Mitsuba makes of exported scenes")
+        print("NOT CHECKED because of --without-llvm: renders of exported scenes by Mitsuba")
         return 0
     OUT.mkdir(parents=True, exist_ok=True)
     if options.power:

@@ -1,7 +1,7 @@
-"""Scene files that `sunstone export` writes for Mitsuba, rendered by both: both read one description.
+"""Scene files that `sunstone export` writes for Mitsuba, rendered by both programs from one description.
 
-Mitsuba renders one wavelength at a time (a spectral image of its own would be a mixture of all). Smooth interfaces,
-sharp lobes and meshes make some paths rare and strong, and pixels are compared in small squares (`BLOCK`).
+Mitsuba renders one wavelength at a time (its spectral images would mix all of them). Smooth interfaces, sharp lobes and meshes
+make some paths rare and bright, so pixels are compared in small squares (`BLOCK`).
 """
 
 import contextlib
@@ -26,8 +26,10 @@ BLOCK = 2
 
 @dataclass
 class Exported:
-    """A scene: its name, its file, whether our integrator renders all 16 elements too, bins of time if any (start and
-    width in picoseconds, number), Mitsuba's samples as a fraction of the usual.
+    """A scene to compare.
+
+    Its name, its file, whether mueller_integrator.py also renders all 16 elements, time bins if any (start and width in
+    picoseconds, number), and Mitsuba's samples as a fraction of the default.
     """
 
     name: str
@@ -50,10 +52,9 @@ SCENES = [
 
 
 def prepare(scene, folder):
-    """Writes a copy at the size for comparisons, and returns its path.
+    """Write a copy at the size for comparisons and return its path.
 
-    Of the original it keeps all but the image's size, the slices and figures; and facets mask each other as Mitsuba's
-    do.
+    It keeps the original except for the image's size, the slices and the figures. Facets mask each other as in Mitsuba.
     """
     text = scene.file.read_text()
     text = text[: text.index("[[slices]]")]
@@ -80,7 +81,7 @@ def prepare(scene, folder):
 
 
 def sky():
-    """Radiances of a slope with a broad sun, other colours each."""
+    """Return radiances of a gradient with a broad sun, each in a different colour."""
     theta, phi = np.meshgrid(np.pi * (np.arange(32) + 0.5) / 32, 2 * np.pi * (np.arange(64) + 0.5) / 64, indexing="ij")
     sun = np.exp(8 * (np.sin(theta) * np.cos(phi - 1) * np.sin(0.9) + np.cos(theta) * np.cos(0.9) - 1))
     out = np.stack([0.3 + 0.2 * np.cos(theta) + weight * sun for weight in (6, 4, 2)], axis=-1)
@@ -88,12 +89,12 @@ def sky():
 
 
 def tables(folder):
-    """Makes the tables of measured.toml, without their holes.
+    """Write the tables of measured.toml with zeros in place of NaN.
 
-    An entry with light or viewer below the horizon is NaN. Beside one, Mitsuba's value is zero; Sunstone bridges the
-    hole by the entries that are there. In 8 of 256 squares of two pixels, all at the rim or the terminator of the
-    balls, that is seen: 0.002875 against Mitsuba's 0.002656, where the material that was tabulated gives 0.002866.
-    Zeros both read alike.
+    An entry with light or viewer below the horizon is NaN. Next to such an entry, Mitsuba returns zero, while Sunstone
+    interpolates from the valid entries. This affects 8 of 256 squares of two pixels, all at the rim or the terminator of the
+    balls: 0.002875 against Mitsuba's 0.002656, while the tabulated material gives 0.002866. Both programs treat zeros in the same
+    way.
     """
     from mitsuba.python import tensor_io
 
@@ -105,7 +106,7 @@ def tables(folder):
 
 
 def export(toml, wavelength, change=lambda xml: xml):
-    """Mitsuba's scene at one wavelength; `change` edits the XML before it is read."""
+    """Return Mitsuba's scene at one wavelength; `change` edits the XML before it is loaded."""
     out = toml.with_name(f"{toml.stem}_{wavelength:g}")
     programs.sunstone("export", toml, "--mitsuba", out, "--force", "--wavelength", wavelength)
     changed = out / "changed.xml"
@@ -118,7 +119,7 @@ def wavelengths(toml):
 
 
 def run(seed, llvm, folder, full):
-    """Yields the pairs. `full`: all wavelengths in scalar variants too, and four times the samples."""
+    """Yield the pairs. `full`: all wavelengths also in scalar variants, and four times the samples."""
     more = 4 if full else 1
     for scene in SCENES:
         spp = round((128 if llvm else 32) * more * scene.share)
@@ -143,7 +144,7 @@ def run(seed, llvm, folder, full):
 
 
 def columns(scene, toml, wavelength, ours, spp, seed):
-    """All 16 elements, by mueller_integrator.py."""
+    """Return all 16 elements, rendered with mueller_integrator.py."""
     import mueller_integrator
 
     loaded = export(toml, wavelength)
@@ -158,7 +159,7 @@ def columns(scene, toml, wavelength, ours, spp, seed):
 
 
 def source(scene, wavelength):
-    """The only light of a scene file, as mueller_integrator.py takes it."""
+    """Return the only light of a scene file in the form that mueller_integrator.py accepts."""
     import mueller_integrator
 
     at = lambda value: value if isinstance(value, (int, float)) else value[scene["wavelengths_nm"].index(wavelength)]

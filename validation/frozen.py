@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""Results of the program as checksums, so that a change of the code that must not change results can show that it does not.
+"""Compare the program's results with stored checksums, to prove that a change of the code does not change results.
 
 Runs the program (or another one, `--program`) on
 
 - every shipped scene file: a block of tiles in the middle of its image;
-- every material under every integrator, on a ball that a projector, a point and a sky light;
+- every material under every integrator, on a ball lit by a projector, a point light and a sky;
 - capture, reconstruct, decompose, learn, trial, denoise, probe, layers, merge, shard, export, and figures;
 - `apply NAME --preview --seeds 1` for every application (with `--applications`, minutes each);
 - `--help` of every command;
 
-and compares SHA-256 of what it writes with `frozen.json`; `--power` checks that a change is found. `--record` writes that file
-anew: then say in the commit what changed, and why. Paths, times and versions are left out of what is hashed; chunk files, arrays, tables
-and pictures are hashed whole.
+and compares the SHA-256 of the output with `frozen.json`. `--power` checks that a change is detected. `--record` rewrites that
+file: then state in the commit what changed, and why. The hash excludes paths, times and versions; chunk files, arrays, tables and
+pictures are hashed completely.
 """
 
 import argparse
@@ -28,7 +28,7 @@ import environment
 
 SCENES = environment.ROOT / "scenes"
 TABLE = environment.HERE / "frozen.json"
-# Written with times, paths or versions in them.
+# Files that contain times, paths or versions.
 LEFT_OUT = {"zarr.json", "manifest.txt", "part.txt"}
 INTEGRATORS = ["path", "caustics", "bidirectional"]
 MATERIALS = {
@@ -96,13 +96,13 @@ camera = {{ rows = [4] }}
 
 
 class Runner:
-    """One program, in a folder of its own."""
+    """One program, in a separate folder."""
 
     def __init__(self, program, folder):
         self.program, self.folder = program, folder
 
     def __call__(self, *arguments):
-        """Standard output of the program; on failure its message stands for it, so that it is compared too."""
+        """Return the program's standard output, or on failure its error message, so that failures are compared too."""
         done = subprocess.run([self.program, *map(str, arguments)], capture_output=True, text=True, cwd=self.folder)
         return done.stdout if done.returncode == 0 else f"exit code {done.returncode}: {done.stderr}"
 
@@ -112,7 +112,7 @@ def of_text(text):
 
 
 def of_path(path):
-    """Of a file, or of all files of a folder."""
+    """Return the hash of a file, or of all files of a folder."""
     digest = hashlib.sha256()
     for file in sorted(path.rglob("*") if path.is_dir() else [path]):
         if file.is_file() and file.name not in LEFT_OUT:
@@ -121,12 +121,12 @@ def of_path(path):
 
 
 def failed(text):
-    """Message of a failed run, if it is one: nothing may be frozen that failed."""
+    """Return the message of a failed run, or None. Failed runs must not be recorded."""
     return text if text.startswith("exit code") else None
 
 
 def middle_tiles(scene):
-    """Numbers of two tiles in the middle of the image, A-B."""
+    """Return the numbers of two tiles in the middle of the image, A-B."""
     text = scene.read_text()
     w, h = map(int, re.search(r"\[camera\][^[]*?resolution = \[(\d+), (\d+)\]", text, re.S).groups())
     size = int((re.search(r"^tile = (\d+)", text, re.M) or [0, "32"])[1])
@@ -136,7 +136,7 @@ def middle_tiles(scene):
 
 
 def shipped(run, folder):
-    """Every scene file below `scenes/`."""
+    """Yield every scene file below `scenes/`."""
     for scene in sorted(s for s in SCENES.glob("*/*.toml") if "[camera]" in s.read_text()):
         name = str(scene.relative_to(SCENES))
         out = folder / (name.replace("/", "_") + ".zarr")
@@ -146,7 +146,7 @@ def shipped(run, folder):
 
 
 def materials(run, folder, more=""):
-    """Every material under every integrator."""
+    """Yield every material under every integrator."""
     for name, material in MATERIALS.items():
         for integrator in INTEGRATORS:
             scene, out = folder / f"{name}_{integrator}.toml", folder / f"{name}_{integrator}.zarr"
@@ -156,7 +156,7 @@ def materials(run, folder, more=""):
 
 
 def commands(run, folder):
-    """What other commands make of two small renders."""
+    """Yield the results of other commands on two small renders."""
     scene = folder / "small.toml"
     scene.write_text(SCENE.format(integrator="path", material=MATERIALS["plastic"]))
     (folder / "materials.toml").write_text(f"[materials]\nit.{MATERIALS['plastic']}\n")
@@ -187,7 +187,7 @@ def commands(run, folder):
 
 
 def applications(run, folder):
-    """The tables of every application."""
+    """Yield the tables of every application."""
     names = re.findall(r"^ *([a-z_]+)", run("apply", "list"), re.M)
     for name in names:
         out = folder / f"apply_{name}"
@@ -196,11 +196,11 @@ def applications(run, folder):
 
 
 def helps(run, _):
-    """The text of every command's `--help`, without the width of a terminal."""
+    """Yield the text of every command's `--help`, independent of the terminal's width."""
     todo = [[]]
     while todo:
         command = todo.pop()
-        # Its usage begins with the program's own name.
+        # The usage line begins with the program's own name.
         text = run(*command, "--help").replace(f"Usage: {Path(run.program).name} ", "Usage: sunstone ")
         yield f"help {' '.join(command) or 'of all'}", failed(text) or of_text(text)
         if "\nCommands:" in text:
@@ -209,7 +209,7 @@ def helps(run, _):
 
 
 def power(program):
-    """Plants a small change; exit code 1 if a result does not show it."""
+    """Apply a small change; exit code 1 if a result does not show it."""
     known = json.loads(TABLE.read_text())
     with tempfile.TemporaryDirectory(dir=environment.in_memory()) as temporary:
         found = dict(materials(Runner(program, Path(temporary)), Path(temporary), ".001"))
@@ -220,11 +220,11 @@ def power(program):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--program", type=Path, help="another program than that of this folder")
-    parser.add_argument("--record", action="store_true", help="write the table anew")
+    parser.add_argument("--program", type=Path, help="path of another program")
+    parser.add_argument("--record", action="store_true", help="rewrite the table")
     parser.add_argument("--power", action="store_true",
                         help="check that a lamp brighter by one part in 2000 changes the results of all materials")
-    parser.add_argument("--applications", action="store_true", help="the applications too")
+    parser.add_argument("--applications", action="store_true", help="include the applications")
     options = parser.parse_args()
     program = options.program or environment.sunstone()
     if options.power:

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Twelve scenes written for Mitsuba 3 after its documentation, imported as they are and rendered by both programs.
+"""Compare twelve scenes written for Mitsuba 3 after its documentation, imported unchanged and rendered by both programs.
 
-Each file of `scenes_gallery/` is read by `sunstone import` and by `mi.load_file`; the Stokes images of both are compared pixel
-by pixel (comparison.py). Meshes, images and the included file that they name are made here. Where Sunstone says that a model of
-Mitsuba becomes the nearest polarized one of its own (roughplastic), brightness alone is compared. Exits with 1 if a scene differs.
+`sunstone import` and `mi.load_file` read each file of `scenes_gallery/`; the Stokes images of both are compared pixel by pixel
+(comparison.py). The script generates the meshes, images and the included file that they name. If Sunstone reports that a model of
+Mitsuba becomes its nearest polarized model (roughplastic), only brightness is compared. Exits with 1 if a scene differs.
 
-`--power` plants errors in our images of the last run and checks that each is found (planted.py). Needs LLVM.
+`--power` applies errors to Sunstone's images of the last run and checks that each is detected (planted.py). Requires LLVM.
 """
 
 import argparse
@@ -28,13 +28,13 @@ HERE = environment.HERE / "scenes_gallery"
 OUT = environment.ROOT / "target/gallery"
 FLOORS = {"intensity 1%": 6, "intensity 6%": 9, "frame 0.5°": 3, "s1 flipped": 5, "s2 flipped": 5, "s3 flipped": 4}
 MONO = "llvm_ad_mono_polarized"
-# Scenes of which s0 alone is compared.
+# Scenes of which only s0 is compared.
 BRIGHTNESS = {"plastics"}
 SLICE = '\n[[slices]]\nname = "mueller"\npolarization = "mueller"\n'
 
 
 def assets(folder):
-    """Makes what the scenes name."""
+    """Generate the files that the scenes name."""
     (folder / "assets").mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(7)
     for xml in HERE.glob("*.xml"):
@@ -66,7 +66,7 @@ def assets(folder):
 
 
 def run_all(seed):
-    """Imports and renders everything with both programs, into the cache."""
+    """Import and render everything with both programs into the cache."""
     exchange.OUT = OUT
     assets(OUT)
     names = []
@@ -79,7 +79,7 @@ def run_all(seed):
         if "[[slices]]" not in text:
             toml.write_text(text + SLICE)
         mean, error = exchange.ours(toml, xml.stem, seed)
-        # Both compute with single precision: where light is seen directly there is no other error.
+        # Both programs use single precision: light that is seen directly has no other error.
         error = np.hypot(error, 2e-5 * np.abs(mean[..., :1]))
         images, angle = exchange.theirs(OUT / xml.name, seed)
         count = 1 if xml.stem in BRIGHTNESS else 4
@@ -93,13 +93,13 @@ def run_all(seed):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--power", action="store_true", help="with the last run's results: every planted error must be found")
+    parser.add_argument("--power", action="store_true", help="use the last run's results; check that planted errors are detected")
     options = parser.parse_args()
     OUT.mkdir(parents=True, exist_ok=True)
     if options.power:
         mi.set_variant("scalar_spectral_polarized")
         return 0 if planted.check(pairs.load_all(OUT), FLOORS) else 1
-    environment.need_llvm(MONO, "There is nothing to compare with.")
+    environment.need_llvm(MONO, "Nothing can be compared.")
     mi.set_log_level(mi.LogLevel.Error)
     run_all(options.seed)
     results = pairs.load_all(OUT)

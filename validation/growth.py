@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""How cost grows: processor time a sample, and memory, of renders by walks from both ends at several sizes and sample counts.
+"""Measure how cost grows: processor time per sample, and memory, of bidirectional renders at several sizes and sample counts.
 
-Every row is one render of a shipped scene with all its slices but other resolutions (a slice's rows and blocks are scaled along).
-Seconds are of both user and system, of the whole process; memory is its greatest resident size. What is asked for: the
-greatest time a sample of a scene within 1.15 of its least, and 600 MB at most.
+Every row is one render of a shipped scene with all its slices but another resolution (a slice's rows and blocks are scaled
+accordingly). Seconds are user plus system time of the whole process; memory is its largest resident size. Requirements: the
+longest time per sample of a scene is within 1.15 of its shortest, and memory is at most 600 MB.
 
     python3 validation/growth.py [--most 40] [--judge]
 
---most leaves out renders of more million samples; --judge fails if a bar is missed.
+--most skips renders of more million samples; --judge fails if a requirement is not met.
 """
 
 import argparse
@@ -32,7 +32,7 @@ MOST_RATIO, MOST_MB = 1.15, 600
 
 
 def scaled(scene, size):
-    """The scene at another resolution of its camera."""
+    """Return the scene at another resolution of its camera."""
     text = scene.read_text()
     camera = text.index("[camera]")
     old = int(re.compile(r"resolution = \[(\d+),").search(text, camera)[1])
@@ -43,7 +43,7 @@ def scaled(scene, size):
 
 
 def cost(scene, size, spp, folder):
-    """Microseconds of processor time a sample, and megabytes."""
+    """Return microseconds of processor time per sample, and megabytes."""
     file = scene.with_name(f".growth-{size}.toml")
     file.write_text(scaled(scene, size))
     try:
@@ -78,10 +78,10 @@ def main():
     missed = False
     for name, rows in found.items():
         times, most = [us for us, _ in rows], max(mb for _, mb in rows)
-        print(f"{name:14} greatest over least time a sample {max(times) / min(times):.3f}, at most {most:.0f} MB")
+        print(f"{name:14} longest over shortest time per sample {max(times) / min(times):.3f}, at most {most:.0f} MB")
         missed |= max(times) > MOST_RATIO * min(times) or most > MOST_MB
     if options.judge and missed:
-        sys.exit("a bar is missed")
+        sys.exit("a requirement is not met")
 
 
 if __name__ == "__main__":

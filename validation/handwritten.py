@@ -1,4 +1,4 @@
-"""The scenes of scenes.py, which are written by hand for both programs, rendered by both."""
+"""The scenes of scenes.py, written by hand for both programs, rendered by both."""
 
 import mitsuba as mi
 import numpy as np
@@ -14,7 +14,7 @@ BLOCK = 4
 
 
 def ours(scene, seed, folder):
-    """Mean and standard error of T, [y, x, (t,) out, in]."""
+    """Return mean and standard error of T, [y, x, (t,) out, in]."""
     toml = folder / f"{scene.name.replace(', ', '_').replace(' ', '_')}.toml"
     toml.write_text(scene.toml())
     [(mean, error)] = programs.render(toml, OUR_SPP, seed)
@@ -22,7 +22,7 @@ def ours(scene, seed, folder):
 
 
 def run(seed, llvm, folder):
-    """Yields the pairs: Stokes images, and with LLVM the gold corner's 16 elements over time."""
+    """Yield the pairs: Stokes images, and with LLVM the gold corner's 16 elements over time."""
     if llvm:
         import masking
 
@@ -39,8 +39,9 @@ def run(seed, llvm, folder):
 
 
 def corner(seed, folder):
-    """All 16 elements over time. Few samples fall into one time bin of one pixel, too few for Gaussian errors:
-    blocks."""
+    """Return all 16 elements over time, in blocks of pixels and bins. Single pixels and bins have too few samples for Gaussian
+    errors.
+    """
     import mueller_integrator
 
     scene = scenes.corner(True)

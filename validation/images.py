@@ -1,8 +1,8 @@
-"""Pictures of a comparison: ours, theirs, the difference in units of its error, the p-value of each pixel.
+"""Pictures of a comparison: Sunstone, the reference, the difference in units of its error, and the p-value of each pixel.
 
-One sheet for each pair; every Stokes or Mueller element is a row. s0 and T00 are grey, all else runs from blue
-(negative) over white to red. Light over time is shown as an x-t slice through the middle row, time upward. Differences
-and p-values are those of the squares of pixels that are compared.
+One sheet per pair; every Stokes or Mueller element is a row. s0 and T00 are grey; all others range from blue (negative) over
+white to red. Time-resolved light is shown as an x-t slice through the middle row, time upward. Differences and p-values are those
+of the compared squares of pixels.
 """
 
 import math
@@ -14,36 +14,36 @@ import comparison
 
 PANEL, GAP, LABEL, HEAD = 96, 4, 64, 34
 COLUMNS = ["Sunstone", "Mitsuba", "difference / error", "p-value"]
-# Colours end at so many standard errors, and at this p-value.
+# Colour scales end at this number of standard errors and at this p-value.
 MAX_Z, MIN_P = 4.0, 1e-4
 BLUE, WHITE, RED = np.array([33, 102, 172]), np.array([247, 247, 247]), np.array([178, 24, 43])
 
 
 def diverging(values):
-    """[-1, 1] to blue, white, red."""
+    """Map [-1, 1] to blue, white, red."""
     v = np.clip(values, -1, 1)[..., None]
     return np.where(v < 0, WHITE + (BLUE - WHITE) * -v, WHITE + (RED - WHITE) * v)
 
 
 def grey(values):
-    """[0, 1] to black and white, as the eye sees it."""
+    """Map [0, 1] to black and white, sRGB-encoded."""
     return 255 * np.sqrt(np.clip(values, 0, 1))[..., None] * np.ones(3)
 
 
 def p_colour(p):
-    """White for 1, black for MIN_P and less."""
+    """Map p to white for 1, black for MIN_P and below."""
     return 255 * (1 - np.clip(np.log10(np.maximum(p, 1e-300)) / math.log10(MIN_P), 0, 1))[..., None] * np.ones(3)
 
 
 def panel(colours):
-    """An image of PANEL pixels across, its pixels enlarged."""
+    """Return an image PANEL pixels wide, with enlarged pixels."""
     h, w = colours.shape[:2]
     image = Image.fromarray(np.uint8(np.round(colours)))
     return image.resize((PANEL, max(1, round(PANEL * h / w)) if w >= h else PANEL), Image.NEAREST)
 
 
 def sheet(pair):
-    """The picture of one pair."""
+    """Return the picture of one pair."""
     ours, ours_error, theirs, theirs_error = pair.images()
     scale = np.abs(theirs).max()
     z = comparison.z_scores(ours, ours_error, theirs, theirs_error, len(pair.theirs), scale, pair.our_batches)[0]
@@ -62,7 +62,7 @@ def sheet(pair):
 
 
 def compose(title, rows):
-    """Rows of panels with labels; more than eight rows go into two columns."""
+    """Return rows of panels with labels; more than eight rows use two columns."""
     font = ImageFont.load_default(11)
     deep = 8 if len(rows) > 8 else len(rows)
     wide = -(-len(rows) // deep)
@@ -82,6 +82,6 @@ def compose(title, rows):
 
 
 def write(pairs, folder):
-    """A PNG for each pair."""
+    """Write a PNG for each pair."""
     for pair in pairs:
         sheet(pair).save(folder / f"{pair.name}.png", optimize=True)

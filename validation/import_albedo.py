@@ -1,9 +1,9 @@
-"""Directional albedo of imported materials against the models that they come from: MTL, glTF, Mitsuba.
+"""Compare the directional albedo of imported materials with their source models: MTL, glTF, Mitsuba.
 
-A plane under uniform light 1 is seen at sixteen angles at once; what a pixel shows is the directional albedo there. Mitsuba's
-materials are rendered by Mitsuba, glTF's and MTL's are integrated here as their documents write them. A difference above 2 % at
-angles up to 60° fails unless the table below says how large it is; with --power the planted errors must be found.
-Prints the table of docs/import.md.
+A plane under uniform illumination of 1 is seen at sixteen angles; a pixel shows the directional albedo at its angle. Mitsuba
+renders its own materials; those of glTF and MTL are integrated here from their specifications. A difference above 2 % at angles
+up to 60° fails unless the table below states it. With --power the planted errors must be detected. Prints the table of
+docs/import.md.
 """
 
 import argparse
@@ -28,7 +28,7 @@ BAR = 0.02
 
 
 def sub_angles(n=32):
-    """Angles from the normal in radians, [pixel, sub-pixel]."""
+    """Return angles from the normal in radians, [pixel, sub-pixel]."""
     x = (np.arange(PIXELS * n) + 0.5) / (PIXELS * n) * 2 - 1
     return (np.radians(45) + np.arctan(x * np.tan(np.radians(HALF)))).reshape(PIXELS, n)
 
@@ -49,7 +49,7 @@ def schlick(cos, f0):
 
 
 def ggx_coat(theta, alpha, fresnel):
-    """∫ F D G2 / (4 cosθ_o) over wi, by visible normals (Heitz 2018), height-correlated masking."""
+    """Return ∫ F D G2 / (4 cosθ_o) over wi, from visible normals (Heitz 2018) with height-correlated masking."""
     u, v = grid()
     wo = np.array([np.sin(theta), 0, np.cos(theta)])
     stretched = np.array([alpha * wo[0], 0, wo[2]])
@@ -74,7 +74,7 @@ def ggx_coat(theta, alpha, fresnel):
 
 
 def gltf(base, metallic, roughness, ior=1.5):
-    """glTF 2.0, appendix B.3."""
+    """Return the albedo of glTF 2.0, appendix B.3."""
     alpha = max(roughness**2, 1e-3)
     f0 = ((ior - 1) / (ior + 1)) ** 2
 
@@ -101,7 +101,7 @@ def constant(value):
 
 PLANE = "v -2000 -2000 0\nv 2000 -2000 0\nv 2000 2000 0\nv -2000 2000 0\nvn 0 0 1\n"
 
-# MTL: text, albedo by Kd (and Ks, of mirrors).
+# MTL: text, albedo from Kd (and Ks, for mirrors).
 MTL = {
     "Kd .8, Ks .5, Ns 250": ("Kd .8 .8 .8\nKs .5 .5 .5\nNs 250", 0.8),
     "Kd .2, Ks .5, Ns 20": ("Kd .2 .2 .2\nKs .5 .5 .5\nNs 20", 0.2),
@@ -162,7 +162,7 @@ MITSUBA = {
     "principled 1, metallic 1, roughness 1": bsdf("principled", base_color=1.0, metallic=1.0, roughness=1.0),
 }
 
-# What models of ours cannot do, as a share, up to 60° from the normal; docs/import.md says why.
+# Differences that Sunstone's models cannot avoid, as a fraction, up to 60° from the normal; docs/import.md gives the reasons.
 STATED = {
     "Kd .2, Ks .5, Ns 20": 0.08,
     "base 0.2, metallic 0, roughness 0.5": 0.03,
@@ -188,7 +188,7 @@ name = "photo"
 
 
 def render(toml, spp):
-    """Radiance at each pixel, from small angles to large, and its standard error."""
+    """Return the radiance at each pixel, from small angles to large, and its standard error."""
     store = toml.with_suffix(".zarr")
     sunstone("render", toml, "-o", store, "--force", "--spp", spp, "--no-figures", "--seed", 3)
     data = xarray.open_zarr(store, group="photo", consolidated=False)
@@ -266,7 +266,7 @@ def ours_mitsuba(folder, material, spp):
     toml = folder / "imported.toml"
     sunstone("import", folder / "scene.json", "-o", toml, "--force")
     text = toml.read_text()
-    # The slice of the table.
+    # Keep only the slice for the table.
     toml.write_text(text[: text.index("[[slices]]")] + '[[slices]]\nname = "photo"\n')
     return render(toml, spp)
 
@@ -300,7 +300,7 @@ def compare(title, cases, ours, theirs, spp, planted):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--power", action="store_true", help="5 % too bright sources, which must be found")
+    parser.add_argument("--power", action="store_true", help="make sources 5 %% too bright, which must be detected")
     parser.add_argument("--spp", type=int, default=4096)
     arguments = parser.parse_args()
     mi.set_variant("scalar_rgb")
@@ -319,9 +319,9 @@ def main():
         results.append(compare("Mitsuba", MITSUBA, ours_mitsuba, theirs_mitsuba, arguments.spp, False))
     failed, found = (sum(column) for column in zip(*results))
     if arguments.power:
-        print(f"\n{found} sources that are 5 % too bright were found")
+        print(f"\n{found} sources that are 5 % too bright were detected")
         sys.exit(int(found < 15))
-    print(f"\n{failed} of {len(MTL) + len(GLTF) + len(MITSUBA)} materials differ by more than 2 % or what is stated")
+    print(f"\n{failed} of {len(MTL) + len(GLTF) + len(MITSUBA)} materials differ by more than 2 % or their stated difference")
     sys.exit(int(failed > 0))
 
 

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""What `sunstone import` makes of other people's files: counts by outcome, and brightness against Mitsuba's own.
+"""Import Mitsuba, glTF, OBJ and PLY files of other projects; count outcomes, and compare brightness with Mitsuba's renders.
 
-Walks folders for Mitsuba scene files (XML with a <scene>), glTF/GLB, OBJ and PLY files and imports each with the `sunstone`
-command (a mesh through a scene file of one object). Prints how many are imported and why the others are refused, and writes
-the same as JSON. A scene file that another one includes, or that has neither shapes nor a sensor, is a fragment: counted
-apart, since it is imported with others.
+Searches folders for Mitsuba scene files (XML with a <scene>), glTF/GLB, OBJ and PLY files and imports each with the `sunstone`
+command (a mesh through a scene file with one object). Prints how many are imported and why the others are refused, and writes the
+same as JSON. A scene file that another one includes, or that has neither shapes nor a sensor, is a fragment. Fragments are
+counted separately, because they are imported with others.
 
-With --render, every imported Mitsuba scene is rendered by both programs at a small size, and the mean of each channel is
-compared: `same` (within 1 %, or within 4 standard errors where noise is larger), `noted` (it differs, and a note of the
-import says what is different), or `silently different`. The exit code is 1 if any is silently different.
+With --render, both programs render every imported Mitsuba scene at a small size, and the mean of each channel is compared: `same`
+(within 1 %, or within 4 standard errors if noise is larger), `noted` (it differs, and a note of the import explains the
+difference), or `silently different`. The exit code is 1 if any is silently different.
 
-The files are not part of the project: fetch, for example, github.com/mitsuba-renderer/mitsuba-data.
+The files are not part of the project. Fetch, for example, github.com/mitsuba-renderer/mitsuba-data.
 """
 
 import argparse
@@ -27,10 +27,10 @@ import environment
 
 MESHES = {".obj": "obj", ".ply": "ply", ".gltf": "gltf", ".glb": "gltf"}
 WIDTH, SPP, BATCHES = 24, 64, 4
-# Notes that do not state a difference in brightness.
+# Notes that do not imply a difference in brightness.
 NEUTRAL = re.compile("pixels are means|paths without end|the scene has several|the scene has no integrator|the file is of Mitsuba 0|"
                      ".* is not used|mitransient counts|hdrfilm|.*traces paths its own way|.*polarized in sunstone")
-# Plugins that mean something else without polarization.
+# Plugins with another meaning without polarization.
 POLARIZED = re.compile(r"type=[\"'](stokes|polarizer|retarder|circular|measured_polarized|pplastic)[\"']")
 MESH_SCENE = """[camera]
 resolution = [4, 4]
@@ -49,7 +49,7 @@ name = "photo"
 
 
 def command(*arguments):
-    """Exit code and messages of the `sunstone` command."""
+    """Return exit code and messages of the `sunstone` command."""
     try:
         done = subprocess.run([environment.sunstone(), *map(str, arguments)], capture_output=True, text=True, timeout=300)
     except subprocess.TimeoutExpired:
@@ -58,7 +58,7 @@ def command(*arguments):
 
 
 def reason(text):
-    """The first error without its place, with names and numbers left out: one reason for many files."""
+    """Return the first error without its location, names and numbers, so that equal reasons of many files are grouped."""
     found = re.search(r"error: (?:.*?:\d+:\d+: )?(.*)", text)
     line = found[1] if found else (text.strip().splitlines() or ["no message"])[0]
     return re.sub(r"(/\S+|\b[\w.-]+\.(?:xml|png|jpg|exr|ply|obj|spd|vol|mtl|bin)\b)", "FILE", re.sub(r"\d+(\.\d+)?", "N", line))
@@ -74,7 +74,7 @@ def version_of(text):
 
 
 def whole_text(path, depth=0):
-    """Text of a scene file and of those that it includes."""
+    """Return the text of a scene file and of the files that it includes."""
     text = path.read_text(errors="replace")
     names = re.findall(r"<include\s+filename=[\"']([^\"']*)", text) if depth < 5 else []
     parts = [path.parent / name for name in names]
@@ -82,7 +82,7 @@ def whole_text(path, depth=0):
 
 
 def defaults(path):
-    """Samples as a parameter, where the file uses it."""
+    """Return the number of samples as a parameter, if the file uses it."""
     return {"spp": SPP} if "$spp" in whole_text(path) else {}
 
 
@@ -104,12 +104,12 @@ def import_mesh(path, toml):
 
 
 def size_like(w, h):
-    """A small size of nearly the same proportions."""
+    """Return a small size of nearly the same aspect ratio."""
     return [WIDTH, max(1, round(WIDTH * h / w))]
 
 
 def ours(toml, folder):
-    """Mean and standard error of each channel, R, G, B."""
+    """Return mean and standard error of each channel, R, G, B."""
     import xarray
 
     text = toml.read_text()
@@ -130,7 +130,7 @@ def ours(toml, folder):
 
 
 def theirs(path):
-    """The same of Mitsuba."""
+    """Return the same for Mitsuba."""
     import mitsuba as mi
     import numpy as np
 
@@ -156,7 +156,7 @@ def theirs(path):
 
 
 def compare(row, toml, folder):
-    """Adds to the row what the two renders say."""
+    """Add the result of the two renders to the row."""
     import numpy as np
 
     try:
@@ -166,7 +166,7 @@ def compare(row, toml, folder):
         row["fault"] = str(fault).strip().splitlines()[-1][:200] if str(fault).strip() else repr(fault)
         return
     if POLARIZED.search(whole_text(Path(row["file"]))):
-        # One luminance, in all of R, G and B.
+        # Luminance, in all of R, G and B.
         weights = np.array([0.212671, 0.715160, 0.072169])
         a, a_error = a @ weights * np.ones(3), np.sqrt(a_error**2 @ weights**2) * np.ones(3)
     bound = np.maximum(0.01 * np.abs(b), 4 * np.hypot(a_error, b_error)) + 1e-7
@@ -179,7 +179,7 @@ def compare(row, toml, folder):
 
 
 def table(rows):
-    """Prints counts by kind, reasons and renders."""
+    """Print counts by kind, reasons and renders."""
     for kind in sorted({row["kind"] for row in rows}):
         of_kind = [row for row in rows if row["kind"] == kind]
         good = sum(row["imported"] for row in of_kind)
@@ -199,13 +199,13 @@ def table(rows):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="+", type=Path)
-    parser.add_argument("--render", action="store_true", help="compare the brightness with Mitsuba's")
-    parser.add_argument("--only", default="", help="files whose path matches this regular expression")
+    parser.add_argument("--render", action="store_true", help="compare the brightness with Mitsuba's renders")
+    parser.add_argument("--only", default="", help="import only files whose path matches this regular expression")
     parser.add_argument("--json", type=Path, default=environment.ROOT / "target/import_statistics.json")
     options = parser.parse_args()
     files = sorted({f for folder in options.folders for f in folder.resolve().rglob("*") if f.is_file()})
     scenes = {f for f in files if f.suffix.lower() == ".xml" and "<scene" in f.read_text(errors="replace")}
-    # Without a shape or a sensor there is nothing to render: parts for others, whose names may come through parameters.
+    # A scene file without a shape or a sensor renders nothing: it is a part for others, whose names may come from parameters.
     fragments = {f for f in scenes if not re.search("<(shape|sensor|include)[ >]", f.read_text(errors="replace"))}
     for scene in scenes:
         for name in re.findall(r"<include\s+filename=[\"']([^\"']*)", scene.read_text(errors="replace")):

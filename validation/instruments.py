@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Thorlabs APT messages against the package thorlabs-apt-protocol, byte for byte, both ways.
+"""Compare Thorlabs APT messages with the package thorlabs-apt-protocol, byte for byte, in both directions.
 
-Every message that the driver sends must have the bytes that the package makes of the same values; every message that a
-controller sends (made here, after the package's own parser: info, homed, completed, stopped, status, DC status) must be read
-by us as the package reads it, and written back to the same bytes. Exits with 1 if one differs.
+Every message that the driver sends must have the bytes that the package makes from the same values. Every message that a
+controller sends (built here after the package's parser: info, homed, completed, stopped, status, DC status) must be read by
+Sunstone as the package reads it, and written back to the same bytes. Exits with 1 if a message differs.
 
-`--power` changes one byte of every message in turn, which must be noticed.
+`--power` changes one byte of every message in turn, which must be detected.
 """
 
 import argparse
@@ -27,14 +27,14 @@ CONTROLLER, HOST = 0x50, 0x01
 
 
 def ours(*hexes):
-    """Lines of our program, split at the tab."""
+    """Return lines of Sunstone's output, split at the tab."""
     command = ["cargo", "run", "--release", "--quiet", "--example", "apt_messages", "--", *hexes]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=True)
     return [line.split("\t") for line in done.stdout.splitlines()]
 
 
 def sent():
-    """What the package sends for the same values."""
+    """Return what the package sends for the same values."""
     to = {"dest": CONTROLLER, "source": HOST}
     on = to | {"chan_ident": 1}
     return {
@@ -56,7 +56,7 @@ def sent():
 
 
 def received():
-    """Messages of a controller by name."""
+    """Return messages of a controller by name."""
     def long(msgid, data):
         return struct.pack("<HHBB", msgid, len(data), HOST | 0x80, CONTROLLER) + data
 
@@ -77,7 +77,7 @@ def numbers(text):
 
 
 def check(wrong=None):
-    """Number of differences; with `wrong`, of messages whose bytes it changes."""
+    """Return the number of differences; with `wrong`, of messages whose bytes it changes."""
     differences = {}
     mine = {name: bytes.fromhex(h) for name, h in ours()}
     for name, want in sent().items():
@@ -95,7 +95,7 @@ def check(wrong=None):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--power", action="store_true", help="check that planted errors are found")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
     options = parser.parse_args()
     if not options.power:
         found = check()
@@ -108,7 +108,7 @@ def main():
 
     found = check(last_byte)
     missed = [name for name, differs in found.items() if not differs]
-    print(f"{len(found)} messages with one bit changed: {len(found) - len(missed)} noticed {missed or ''}")
+    print(f"{len(found)} messages with one bit changed: {len(found) - len(missed)} detected {missed or ''}")
     sys.exit(bool(missed))
 
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""How long `sunstone learn` takes to learn 16 captures, and how near it comes to the least error that 16 captures allow.
+"""Measure the time of `sunstone learn` for 16 captures, and the distance from the lowest error that 16 captures allow.
 
-The bound is σ²·1600/K for K captures of a sensor that does not care for polarization, summed over the 16 elements; the scheme
-learned is checked against it with the materials unseen by cross-validation. Exits with 1 if the error is more than 1 % above it.
-With --record the numbers go to results/learning.json (result_file.py). Standard library only.
+The bound is σ²·1600/K for K captures of a sensor that is insensitive to polarization, summed over the 16 elements. The learned
+scheme is compared with it on the unseen materials of the cross-validation. Exits with 1 if the error is more than 1 % above the
+bound. With --record the numbers go to results/learning.json (result_file.py). Standard library only.
 """
 
 import argparse

@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
-"""How long a mesh takes until its first ray, and how much memory: binary PLY files of 1 and 10 million triangles, in Sunstone and in Mitsuba.
+"""Measure time and memory from a mesh file to the first ray: binary PLY files of 1 and 10 million triangles, in Sunstone and
+Mitsuba.
 
-Sunstone renders 8 x 8 pixels of one sample, a whole process with its files written; Mitsuba (llvm, whose tree is Embree's) loads the same file
-into a scene and traces one ray; its seconds are those of that alone, without its import. Processor time, user's and system's of all threads, tells on a machine
-that others use too what wall time does not. Rounds are interleaved; each is a
-process of its own, whose greatest resident memory is what the system says (Mitsuba's less that of the same process with a mesh of two triangles).
+Sunstone renders 8 x 8 pixels with one sample, a whole process with its files written. Mitsuba (llvm, whose tree is Embree's)
+loads the same file into a scene and traces one ray; its seconds exclude its import. Processor time (user and system, all threads)
+is reported too, because it does not depend on other load. Rounds are interleaved. Each runs in a separate process, whose largest
+resident memory comes from the system (for Mitsuba minus that of the same process with a mesh of two triangles).
 
     python3 validation/loading.py [--rounds 5] [--record]
 
-Needs LLVM. With --record the numbers go to results/loading.json.
+Requires LLVM. With --record the numbers go to results/loading.json.
 """
 
 import argparse
@@ -55,7 +56,7 @@ material = "wall"
 name = "photo"
 """
 SHOWN = ["sunstone_", "mitsuba_", "over_mitsuba_", "sunstone_processor_", "mitsuba_processor_", "processor_over_mitsuba_"]
-# Loads a mesh, traces a ray, and says how long that took and how much memory the process had.
+# Loads a mesh, traces a ray, and prints the time and the memory of the process.
 MITSUBA = """
 import sys, time, resource
 import mitsuba as mi
@@ -70,7 +71,7 @@ print(time.perf_counter() - begun, time.process_time() - spent, resource.getrusa
 
 
 def hills(triangles):
-    """A hilly square of about so many triangles."""
+    """Return a hilly square of about `triangles` triangles."""
     n = max(1, round((triangles / 2) ** 0.5))
     u = np.linspace(0, 1, n + 1, dtype=np.float32)
     x, y = np.meshgrid(u, u, indexing="xy")
@@ -82,7 +83,7 @@ def hills(triangles):
 
 
 def ours(folder):
-    """Seconds, seconds of processor time and bytes of one render."""
+    """Return seconds, seconds of processor time and bytes of one render."""
     program = [environment.sunstone(), "render", folder / "scene.toml", "-o", folder / "out.zarr", "--force", "--no-figures"]
     begun = time.perf_counter()
     process = subprocess.Popen([*map(str, program)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -94,7 +95,7 @@ def ours(folder):
 
 
 def theirs(file):
-    """Seconds, seconds of processor time and bytes of Mitsuba."""
+    """Return seconds, seconds of processor time and bytes of Mitsuba."""
     text = subprocess.run([sys.executable, "-c", MITSUBA, str(file)], check=True, capture_output=True, text=True).stdout
     took, spent, used = text.split()
     return float(took), float(spent), int(used) * 1024

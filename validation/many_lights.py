@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
-"""Scenes with many lights: noise and time, against closed forms and Mitsuba.
+"""Check scenes with many lights, noise and time, against closed forms and Mitsuba.
 
-Each row prints a number, and the bound that it must not exceed; exit code 1 if a row is above its bound.
+Each row prints a number and its upper bound; exit code 1 if a row is above its bound.
 
-- Noise: relative variance of a pixel, of renders with different seeds, for Sunstone and for Mitsuba's `path` at the same samples per
-  pixel. Ours must be at most 1.5 times Mitsuba's, and in the first scene at most 0.005. In that scene a wall is lit
-  equally by a large lamp far away and by a small one near it, whose power is 3200 times smaller.
-- Bias: the mean of the same renders over that of a long render of Mitsuba, in standard errors (at most 5).
+- Noise: relative variance of a pixel over renders with different seeds, for Sunstone and for Mitsuba's `path` at the same samples
+  per pixel. Sunstone's must be at most 1.5 times Mitsuba's, and in the first scene at most 0.005. There a wall receives equal
+  light from a large distant lamp and a small near one, whose power is 3200 times smaller.
+- Bias: the mean of the same renders against that of a long render of Mitsuba, in standard errors (at most 5).
 - Time, only with `--time`: processor time of a render with 1000 lamps over that with one lamp of the same total power, at equal
-  samples; medians of interleaved rounds. In the Cornell box, with paths of up to five surfaces, it must be at most 1.5. On a bare wall,
-  where there is nothing to trace but lamps, it is printed alone.
+  samples; medians of interleaved rounds. In the Cornell box, with paths of up to five surfaces, it must be at most 1.5. On a bare
+  wall, where only lamps are traced, it is only printed.
 
-`--power` plants errors (values 2 % too large, variances 1.6 times Mitsuba's, twice the time allowed) and checks that each is found.
+`--power` applies errors (values 2 % too large, variances 1.6 times Mitsuba's, twice the allowed time) and checks that each is
+detected.
 """
 
 import argparse
@@ -46,17 +47,19 @@ WALL = ([-0.5, -0.5, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
 
 
 def sphere(centre, radius, radiance):
-    """A spherical lamp."""
+    """Return a spherical lamp."""
     return "sphere", centre, radius, radiance
 
 
 def two_lamps():
-    """Irradiance π L (r/d)² cosθ in the middle: both give the same, and the shadow of the small one is out of sight."""
+    """Irradiance π L (r/d)² cosθ in the centre: both lamps contribute equally, and the shadow of the small one is outside the
+    view.
+    """
     return [sphere([0.0, 0.0, 40.0], 2.0, 2.0), sphere([0.3, 0.0, 0.597], 0.05, 1.0)]
 
 
 def ceiling(number, height=1.5, side=4.0, radius=0.01):
-    """A grid of small lamps; of one lamp, its power is that of 1000."""
+    """Return a grid of small lamps. A single lamp has the power of 1000."""
     if number == 1:
         return [sphere([0.0, 0.0, height], radius, 1000.0)]
     columns = 40
@@ -66,12 +69,12 @@ def ceiling(number, height=1.5, side=4.0, radius=0.01):
 
 
 def points(number, **place):
-    """The same grid of points, each with the intensity of a lamp."""
+    """Return the same grid of point lights, each with the intensity of a lamp."""
     return [("point", centre, 0.0, radiance * np.pi * radius**2) for _, centre, radius, radiance in ceiling(number, **place)]
 
 
 def shining(lamps):
-    """Lamps as text of a scene file; the material `black` is the scene's."""
+    """Return lamps as text of a scene file; the scene defines the material `black`."""
     for kind, centre, radius, radiance in lamps:
         if kind == "sphere":
             yield (f'[[objects]]\nmaterial = "black"\nshape.sphere = {{ center = {centre}, radius = {radius} }}\n'
@@ -81,7 +84,7 @@ def shining(lamps):
 
 
 def toml(lamps, spp, depth=2, size=SIZE):
-    """The scene for Sunstone."""
+    """Return the scene for Sunstone."""
     origin, target, fov = CAMERA
     corner, u, v = WALL
     lines = ["wavelengths_nm = [550]", "[render]", 'integrator = "path"', f"spp = {spp}", f"max_depth = {depth}", "tile = 8",
@@ -93,7 +96,7 @@ def toml(lamps, spp, depth=2, size=SIZE):
 
 
 def mitsuba(lamps, depth=2):
-    """The scene for Mitsuba."""
+    """Return the scene for Mitsuba."""
     origin, target, fov = CAMERA
     scene = {
         "type": "scene",
@@ -117,12 +120,12 @@ def mitsuba(lamps, depth=2):
 
 
 def gray(albedo):
-    """Lambert's law, the same at all wavelengths."""
+    """Return a Lambertian material, equal at all wavelengths."""
     return {"type": "diffuse", "reflectance": {"type": "rgb", "value": albedo}}
 
 
 def render(folder, text, seed=0, threads=2):
-    """An image by Sunstone, and the processor time of the process, seconds."""
+    """Return an image by Sunstone, and the processor time of the process in seconds."""
     scene, store = folder / "scene.toml", folder / "image.zarr"
     scene.write_text(text)
     command = [environment.sunstone(), "render", scene, "-o", store, "--force", "--no-figures", "--seed", seed,
@@ -150,11 +153,11 @@ class Noise:
 
     @staticmethod
     def relative_variance(images):
-        """Mean over all pixels."""
+        """Return the mean over all pixels."""
         return (images.var(axis=0, ddof=1) / images.mean(axis=0) ** 2).mean()
 
     def rows(self, ours):
-        """Name, number and bound of each row."""
+        """Yield name, number and bound of each row."""
         mine, their = self.relative_variance(ours), self.relative_variance(self.theirs)
         bound = min(self.bound, VARIANCE_RATIO_BOUND * their)
         yield f"{self.name}: relative variance (Mitsuba {their:.2g})", mine, bound
@@ -164,7 +167,7 @@ class Noise:
         yield f"{self.name}: mean, standard errors", abs(ours.mean() - theirs) / error, SIGMAS
 
     def planted(self):
-        """Errors in our images, and the number of the row that must show each."""
+        """Yield errors in Sunstone's images, and the index of the row that must detect each."""
         factor = 1.6 * self.relative_variance(self.theirs) / self.relative_variance(self.ours)
         mean = self.ours.mean(axis=0)
         yield "variance of 1.6 times Mitsuba's", mean + np.sqrt(factor) * (self.ours - mean), 0
@@ -172,12 +175,12 @@ class Noise:
 
 
 def wall(lamps):
-    """The scene of noise, with more paths."""
+    """Return the scene of the noise tests, with longer paths."""
     return toml(lamps, SPP_OF_TIMES, depth=3, size=64)
 
 
 def cornell_box(lamps):
-    """The box of `speed/cornell.toml`, with lamps below its ceiling."""
+    """Return the box of `speed/cornell.toml` with lamps below its ceiling."""
     text = (environment.HERE / "speed/cornell.toml").read_text()
     text = text[: text.index("[projector]")] + text[text.index("[materials]"): text.index("# The complete matrix")]
     text = re.sub(r"albedo = \[[\d.]+, ([\d.]+), [\d.]+\]", r"albedo = \1", text.replace("[450, 550, 660]", "[550]"))
@@ -186,7 +189,7 @@ def cornell_box(lamps):
 
 
 class Times:
-    """Processor times of 1000 lamps and of one, [round, 2]."""
+    """Processor times with 1000 lamps and with one, [round, 2]."""
 
     def __init__(self, name, scene, lamps, bound):
         self.name, self.bound = name, bound
@@ -197,11 +200,11 @@ class Times:
             self.ours = np.array([[run(text) for text in texts] for _ in range(ROUNDS)])
 
     def rows(self, ours):
-        """Name, number and bound of the row."""
+        """Yield name, number and bound of the row."""
         yield f"{self.name}: time of 1000 over one", np.median(ours[:, 0] / ours[:, 1]), self.bound
 
     def planted(self):
-        """As that of noise."""
+        """Yield errors as for `Noise`."""
         if self.bound == float("inf"):
             return
         scale = 2.0 * self.bound / np.median(self.ours[:, 0] / self.ours[:, 1])
@@ -209,12 +212,12 @@ class Times:
 
 
 def cases(timed):
-    """Everything that is compared."""
+    """Yield all comparisons."""
     yield lambda: Noise("near and far lamp", two_lamps(), VARIANCE_BOUND)
     yield lambda: Noise("1000 lamps", ceiling(1000))
     yield lambda: Noise("1000 points", points(1000))
     if timed:
-        # Of the ceiling, what hangs within the box: y is up there.
+        # The part of the ceiling inside the box; there y is up.
         within = dict(height=0.95, side=1.8, radius=0.008)
         turned = lambda lamps: [(kind, [x, z, y], *rest) for kind, (x, y, z), *rest in lamps]
         yield lambda: Times("1000 lamps in a box", cornell_box, lambda n: turned(ceiling(n, **within)), TIME_BOUND)
@@ -224,7 +227,7 @@ def cases(timed):
 
 
 def check(case):
-    """Prints the rows of a case; false if one is above its bound."""
+    """Print the rows of a case; return false if one is above its bound."""
     good = True
     for name, number, bound in case.rows(case.ours):
         good &= bool(number <= bound)
@@ -233,21 +236,21 @@ def check(case):
 
 
 def power(case):
-    """Plants every error in a case; false if one is not found."""
+    """Apply every error to a case; return false if one is not detected."""
     missed = []
     for name, ours, row in case.planted():
         _, number, bound = list(case.rows(ours))[row]
         if number <= bound:
             missed.append(name)
-    print(f"{case.name:62} | {'NOT FOUND: ' + ', '.join(missed) if missed else 'all planted errors found'}", flush=True)
+    print(f"{case.name:62} | {'NOT DETECTED: ' + ', '.join(missed) if missed else 'all planted errors detected'}", flush=True)
     return not missed
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--power", action="store_true", help="check that planted errors are found")
-    parser.add_argument("--both", action="store_true", help="compare, and check that planted errors are found")
-    parser.add_argument("--time", action="store_true", help="compare processor times as well")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
+    parser.add_argument("--both", action="store_true", help="compare, and check that planted errors are detected")
+    parser.add_argument("--time", action="store_true", help="also compare processor times")
     options = parser.parse_args()
     mi.set_variant("scalar_rgb")
     print(f"Mitsuba {mi.__version__}")

@@ -1,7 +1,7 @@
-"""Height-correlated masking and shadowing for Mitsuba's rough conductor, which has the separable kind.
+"""Height-correlated masking and shadowing for Mitsuba's rough conductor, which uses the separable form.
 
-Heitz 2014, "Understanding the masking-shadowing function in microfacet-based BRDFs", equation 99:
-G2 = 1 / (1 + L(wi) + L(wo)) with L = 1 / G1 - 1, against Mitsuba's G1(wi) G1(wo).
+Heitz 2014, "Understanding the masking-shadowing function in microfacet-based BRDFs", equation 99: G2 = 1 / (1 + L(wi) + L(wo))
+with L = 1 / G1 - 1, instead of Mitsuba's G1(wi) G1(wo).
 """
 
 import drjit as dr
@@ -9,7 +9,7 @@ import mitsuba as mi
 
 
 class HeightCorrelated(mi.BSDF):
-    """The nested GGX `roughconductor`, times the ratio of the two."""
+    """The nested GGX `roughconductor`, times the ratio of both forms."""
 
     def __init__(self, props):
         mi.BSDF.__init__(self, props)

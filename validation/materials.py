@@ -1,4 +1,4 @@
-"""The materials that bsdf.py compares, each in both languages, and what is known to be different."""
+"""The materials that bsdf.py compares, each in both formats, and their known differences."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ GOLD = {"n": [1.3831, 0.4242, 0.1540], "k": [1.9155, 2.4721, 3.5893]}
 
 @dataclass
 class Case:
-    """One material in both languages."""
+    """One material in both formats."""
 
     name: str
     toml: str
@@ -23,25 +23,26 @@ class Case:
     note: str = ""
     # Range of the angle between incoming light and the normal, degrees.
     theta: tuple = (0, 89)
-    # The same of outgoing light, for BRDFs.
+    # Range of the same angle of outgoing light, for BRDFs.
     theta_out: tuple = (0, 89)
-    # Where Mitsuba's BSDF is not polarized. "facet": its M00 times the matrix of the facet by `mi.mueller`. "plate": the orders
-    # of reflection in a plate, by `mi.mueller` alone. "unpolarized plate": ours is reduced to what Mitsuba computes.
+    # Reference where Mitsuba's BSDF is not polarized. "facet": its M00 times the facet's matrix from `mi.mueller`. "plate": the
+    # orders of reflection in a plate, from `mi.mueller` alone. "unpolarized plate": Sunstone's matrices are reduced to what
+    # Mitsuba computes.
     completed: str = ""
-    # The axes (columns) of the nested BSDF, where Mitsuba hands on its matrix in the Stokes frames of those.
+    # The axes (columns) of the nested BSDF, if Mitsuba passes its matrix on in the Stokes frames of those axes.
     local: np.ndarray | None = None
-    # Other materials that `toml` names.
+    # Other materials that `toml` refers to.
     others: str = ""
-    # The elements that are compared: all 16, or what no frame changes.
+    # Compared elements: all 16, or only quantities that no change of frames affects.
     frame_free: bool = False
-    # The microfacet part of `bsdf` by itself, with its roughness: its masking is made exact (see `masking_ratio`).
+    # The microfacet part of `bsdf` alone, with its roughness: its masking is replaced by the exact one (see `masking_ratio`).
     microfacet: dict | None = None
-    # Skips pairs that meet their facet under a cosine below this.
+    # Skips pairs with a smaller cosine between direction and facet.
     least_facet_cos: float = 0.0
 
 
 def spectrum(values):
-    """A spectrum that Mitsuba interpolates to exactly these values at WAVELENGTHS."""
+    """Return a spectrum that Mitsuba interpolates to exactly these values at WAVELENGTHS."""
     if isinstance(values, (int, float)):
         return {"type": "uniform", "value": float(values)}
     pairs = list(zip(WAVELENGTHS, map(float, values)))
@@ -49,7 +50,7 @@ def spectrum(values):
 
 
 def write_table(path):
-    """A smooth table with all 16 elements, different for every sign of every angle, written by Mitsuba's own writer."""
+    """Write a smooth table with all 16 elements, different for every sign of every angle, with Mitsuba's own writer."""
     import contextlib
     import io
 
@@ -70,14 +71,14 @@ def write_table(path):
 
 
 def cases(folder):
-    """What is compared; files that both programs read go to `folder`."""
+    """Yield the comparisons; files that both programs read are written to `folder`."""
     gold = f"n = {GOLD['n']}, k = {GOLD['k']}"
     gold_mi = {"eta": spectrum(GOLD["n"]), "k": spectrum(GOLD["k"])}
     glass = {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}
     yield Case("diffuse", "diffuse.albedo = [0.2, 0.5, 0.8]", {"type": "diffuse", "reflectance": spectrum([0.2, 0.5, 0.8])})
     yield Case("conductor", f"conductor = {{ {gold} }}", {"type": "conductor", **gold_mi}, "mirror")
     glass_toml = "dielectric = { ior = 1.5 }"
-    # Nearer to the critical angle single precision of the refracted direction is all that is seen.
+    # Nearer to the critical angle, only the single precision of the refracted direction would be visible.
     into, out_of = (0, 85), (139, 180)
     yield Case("dielectric, reflection", glass_toml, glass, "mirror")
     yield Case("dielectric, reflection inside, total too", glass_toml, glass, "mirror", theta=(91, 180))
@@ -102,7 +103,7 @@ def cases(folder):
             f"pplastic, {kind}",
             f"plastic = {{ albedo = {albedo}, ior = 1.5, {rough} }}",
             {**plastic, "diffuse_reflectance": spectrum(albedo)},
-            # Mitsuba refracts the ray and back again in single precision, which costs digits at the horizon.
+            # Mitsuba refracts the ray twice in single precision, which loses digits near the horizon.
             theta=(0, 85),
             theta_out=(0, 85),
             microfacet={**plastic, "diffuse_reflectance": 0.0} if exact else None,
@@ -125,7 +126,7 @@ def cases(folder):
                 note=unpolarized + ("; " + masking if masking else ""),
                 completed="facet",
                 microfacet=rough_glass if exact else None,
-                # Near the critical angle of a facet Mitsuba's single precision is off by up to its whole value.
+                # Near a facet's critical angle, the single-precision error of Mitsuba reaches its whole value.
                 least_facet_cos=0.1 if "refraction" in what else 0.0,
             )
     table = folder / "table.pbsdf"
@@ -136,7 +137,7 @@ def cases(folder):
         {"type": "measured_polarized", "filename": str(table)},
         note="table written by mitsuba.python.tensor_io",
     )
-    # Mitsuba turns the absorbing axis by theta clockwise, we the transmitting one counter-clockwise.
+    # Mitsuba rotates the absorbing axis by theta clockwise, Sunstone the transmitting axis counter-clockwise.
     yield Case("polarizer", "polarizer = { angle_deg = 30 }", {"type": "polarizer", "theta": -30.0}, "refract")
     yield Case("polarizer, from behind", "polarizer = { angle_deg = 30 }", {"type": "polarizer", "theta": -30.0}, "refract",
                theta=(91, 180))
@@ -156,7 +157,7 @@ def cases(folder):
 
 
 def combinations(folder, gold, gold_mi):
-    """Materials made of others."""
+    """Yield materials composed of others."""
     rough = "alpha = 0.3, distribution = 'ggx', masking = 'separable'"
     rough_mi = {"alpha": 0.3, "distribution": "ggx"}
     metal = f"rough_conductor = {{ {gold}, {rough} }}", {"type": "roughconductor", **gold_mi, **rough_mi}
@@ -166,7 +167,7 @@ def combinations(folder, gold, gold_mi):
         {"type": "pplastic", "int_ior": 1.5, "ext_ior": 1.0, **rough_mi, "diffuse_reflectance": spectrum(albedo)},
     )
     both = f"[materials.metal]\n{metal[0]}\n[materials.coat]\n{coat[0]}\n"
-    # As for plastic alone: single precision at the horizon.
+    # As for plastic alone: single precision near the horizon.
     near = {"theta": (0, 85), "theta_out": (0, 85)}
     yield Case("blendbsdf", "blend = { a = 'metal', b = 'coat', weight = 0.3 }",
                {"type": "blendbsdf", "weight": 0.3, "a": metal[1], "b": coat[1]}, others=both, **near)
@@ -175,7 +176,7 @@ def combinations(folder, gold, gold_mi):
     yield Case("twosided, back", *two, others=both, theta=(95, 180), theta_out=(95, 180), local=np.diag([1.0, 1, -1]),
                note="Mitsuba mirrors directions but not Stokes frames: done here")
     image = folder / "normals.png"
-    # 20 degrees from the normal, as far as eight bits say.
+    # 20 degrees from the normal, within 8-bit precision.
     stored = np.array([160, 98, 249])
     mi.Bitmap(np.tile(np.uint8(stored), (4, 4, 1))).write(str(image))
     normal = 2 * stored / 255 - 1

@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Participating media against Mitsuba 3's `volpath` (intensity) and mitransient's `transient_prbvolpath` (over time).
+"""Compare participating media with Mitsuba 3's `volpath` (intensity) and mitransient's `transient_prbvolpath` (over time).
 
-The same clouds in both, compared pixel by pixel and bin by bin as in crosscheck.py. Exit code 0: they agree. 1: they do
-not. 3: trouble on the way. `--power` plants errors on our side in the last run's results; every one must be found (planted.py).
+Both render the same clouds, compared pixel by pixel and bin by bin as in crosscheck.py. Exit code 0: they agree. 1: they do not.
+3: the check could not run. `--power` applies errors to Sunstone's results of the last run; every error must be detected
+(planted.py).
 
-Mitsuba's phase functions are scalars: it has no polarization by scattering. So phase functions that depolarize are
-compared at any depth, and Rayleigh's after one scattering of unpolarized light, where polarization does not matter.
-Behind a boundary that refracts, light in Sunstone is polarized from interface to interface; the cloud there is so dense
-that hardly any meets two in a row. Needs LLVM: without it this fails; with --without-llvm, nothing is checked, and it says so.
+Mitsuba's phase functions are scalars: scattering does not polarize. So depolarizing phase functions are compared at any depth,
+and Rayleigh's after one scattering of unpolarized light, where polarization is irrelevant. Behind a refracting boundary,
+Sunstone's light is polarized between interfaces; the cloud there is so dense that very little light meets two interfaces in a
+row. Without LLVM the script fails; with --without-llvm it checks nothing and reports this.
 """
 
 import argparse
@@ -30,23 +31,25 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 CACHE = environment.ROOT / "target/media"
 BATCHES = 32
 BLOCK = 4
-# How many pairs at least must be able to show each planted error. (A wrong medium has half more scattering.)
+# Minimum number of pairs that must be able to detect each planted error. (A wrong medium has 50 % more scattering.)
 FLOORS = {"intensity 1%": 3, "intensity 6%": 8, "0.5 bin": 3, "1 bin": 3, "wrong medium": 4}
 LIGHT_M_PER_PS = 299_792_458e-12
 
 
 def make_scenes():
-    """Functions that make the scenes (with `times` the scattering), our samples a pixel, and their bins of time, if any:
-    start and width in picoseconds, number."""
+    """Return functions that make the scenes (with `times` the scattering), Sunstone's samples per pixel, and time bins, if any.
+
+    Time bins: start and width in picoseconds, number.
+    """
 
     class Cloudy(scenes.Scene):
-        """Adds clouds to scenes.py's two languages."""
+        """Adds clouds to the two scene formats of scenes.py."""
 
         def null(self, name):
             self._material(name, "null = {}", {"type": "null"})
 
         def cloud(self, shape, material, scattering, absorption, phase, index=1.0):
-            """A ball (center, radius) or a box (min, max) of a medium; phase: "isotropic", "rayleigh" or a number g."""
+            """Add a ball (center, radius) or a box (min, max) of a medium; phase: "isotropic", "rayleigh" or a number g."""
             keys = {"isotropic": 'phase = "isotropic"', "rayleigh": "phase.rayleigh = {}"}
             toml = keys.get(phase, f"phase.henyey_greenstein.g = {phase}")
             theirs = {"type": phase} if phase in keys else {"type": "hg", "g": phase}
@@ -117,13 +120,13 @@ def make_scenes():
         scene.environment(1.0)
         return scene
 
-    # Samples a pixel of ours, bins of time.
+    # Samples per pixel of Sunstone, time bins.
     early = (16000, 500, 24)
     return [(ball, 1024, early), (slab, 2048, early), (rayleigh, 2048, None), (glass, 512, early), (sky, 512, None)]
 
 
 def ours(scene, what, spp, seed):
-    """Mean and standard error of T00, [y, x, (t,) 1]."""
+    """Return mean and standard error of T00, [y, x, (t,) 1]."""
     toml = CACHE / f"{'_'.join(what.replace(',', '').split())}.toml"
     toml.write_text(scene.toml())
     [(mean, error)] = programs.render(toml, spp, seed)
@@ -131,7 +134,7 @@ def ours(scene, what, spp, seed):
 
 
 def theirs(scene, spp, seed):
-    """Renders of seeds of their own, [seed, y, x, (t,) 1]."""
+    """Return renders with separate seeds, [seed, y, x, (t,) 1]."""
     loaded = mi.load_dict(scene.dictionary(mi))
     renders = []
     for i in range(BATCHES):
@@ -141,8 +144,8 @@ def theirs(scene, spp, seed):
 
 
 def run_all(seed):
-    """Renders everything with both programs, into the cache."""
-    # Registers its integrators and films with the variant that is set, so not before that.
+    """Render everything with both programs into the cache."""
+    # Registers its integrators and films with the current variant, so it must follow the choice of the variant.
     import mitransient  # noqa: F401
 
     names, begun = [], time.monotonic()
@@ -170,15 +173,15 @@ def print_table(rows):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=1, help="other random numbers in both programs")
-    parser.add_argument("--cached", action="store_true", help="compare the last run's results, render nothing")
-    parser.add_argument("--power", action="store_true", help="with the last run's results: every planted error must be found")
-    parser.add_argument("--without-llvm", action="store_true", help="where there is no LLVM: check nothing, and say so")
+    parser.add_argument("--seed", type=int, default=1, help="random seed for both programs")
+    parser.add_argument("--cached", action="store_true", help="compare the last run's results without rendering")
+    parser.add_argument("--power", action="store_true", help="use the last run's results; check that planted errors are detected")
+    parser.add_argument("--without-llvm", action="store_true", help="without LLVM: check nothing, and report this")
     options = parser.parse_args()
     begun = time.monotonic()
     CACHE.mkdir(parents=True, exist_ok=True)
     if options.without_llvm:
-        print("NOT CHECKED, as --without-llvm was given: any participating medium against Mitsuba")
+        print("NOT CHECKED because of --without-llvm: all participating media against Mitsuba")
         return 0
     environment.need_llvm("llvm_ad_mono", "--without-llvm checks nothing.")
     if options.power:

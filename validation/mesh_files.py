@@ -1,7 +1,7 @@
-"""Imported geometry against Mitsuba live: glass that touches a table, and `serialized` meshes of two versions and precisions.
+"""Compare imported geometry with Mitsuba: glass that touches a table, and `serialized` meshes of two versions and precisions.
 
-Each scene is rendered by Mitsuba and, imported, by Sunstone; the mean of all pixels must agree within five standard errors of the
-difference. With --power the planted errors (a block lifted off its table, another mesh of the same file) must be found.
+Mitsuba renders each scene, and Sunstone renders its import. The means of all pixels must agree within five standard errors of the
+difference. With --power the planted errors (a block lifted off its table, another mesh of the same file) must be detected.
 """
 
 import argparse
@@ -27,7 +27,7 @@ LIMIT = 5.0
 
 
 def serialized(version, double, shapes):
-    """A file of triangle meshes (positions, faces), with the list of their places at its end."""
+    """Return a file of triangle meshes (positions, faces), with the list of their offsets at its end."""
     out, starts = b"", []
     for positions, faces in shapes:
         starts.append(len(out))
@@ -73,7 +73,7 @@ def mesh(file, index):
 
 
 def cases(folder):
-    """Names, and the scenes for Mitsuba, for Sunstone, and for Sunstone with an error."""
+    """Yield names, and the scenes for Mitsuba, for Sunstone, and for Sunstone with an error."""
     yield "touching", *(scene({"table": table(), "block": block(z)}) for z in (0.0, 0.0, 2e-3))
     yield "touching 0.3 m up", *(scene({"table": table(0.3), "block": block(z)}) for z in (0.3, 0.3, 0.302))
     for version in (3, 4):
@@ -96,7 +96,7 @@ def ours(folder, name, described, spp):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--power", action="store_true", help="plant errors, which must be found")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
     parser.add_argument("--spp", type=int, default=256)
     arguments = parser.parse_args()
     mi.set_variant("scalar_rgb")

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""SSIM and PSNR, live: scikit-image on the pictures of the tests in src/apply/metrics/ssim.rs, against the numbers that stand there.
+"""Compare SSIM and PSNR of scikit-image with the numbers in the tests of src/apply/metrics/ssim.rs, on the same images.
 
     python3 validation/metrics.py [--power]
 
---power gives scikit-image pictures that differ by 1e-9: that must be found.
+--power gives scikit-image images that differ by 1e-9, which must be detected.
 """
 
 import re
@@ -16,12 +16,12 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
     import numpy as np
     from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-# Twelve decimals stand in the tests.
+# The tests have twelve decimals.
 CLOSE = 1e-11
 
 
 def picture(seed, width, height):
-    """Waves under noise of a linear congruential generator."""
+    """Return waves with noise from a linear congruential generator."""
     state, out = seed, np.zeros((height, width))
     for y in range(height):
         for x in range(width):
@@ -31,7 +31,7 @@ def picture(seed, width, height):
 
 
 def ssim(a, b, data_range):
-    """With the parameters of Wang et al. (2004)."""
+    """Return SSIM with the parameters of Wang et al. (2004)."""
     return structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=data_range)
 
 
@@ -48,13 +48,13 @@ def main():
     test = text[text.index("fn scikit_image_gives_the_same") :]
     ours = [float(n) for n in re.findall(r"\d+\.\d{12}", test)[:4]]
     if len(ours) != len(theirs):
-        sys.exit("the test in src/apply/metrics/ssim.rs does not hold four numbers")
+        sys.exit("the test in src/apply/metrics/ssim.rs does not contain four numbers")
     off = [abs(t - o) for t, o in zip(theirs, ours)]
     for t, o in zip(theirs, ours):
         print(f"scikit-image {t:.12f}, in the tests {o:.12f}")
     if (max(off) > CLOSE) != power:
-        sys.exit("a planted difference was not found" if power else "they differ")
-    print("the planted difference is found" if power else "they agree")
+        sys.exit("the planted difference was not detected" if power else "they differ")
+    print("the planted difference is detected" if power else "they agree")
 
 
 if __name__ == "__main__":

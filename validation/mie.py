@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""Scattering by spheres against independent programs: cross sections and all matrix elements over the angle.
+"""Compare scattering by spheres with independent programs: cross sections and all matrix elements over the angle.
 
-`particles` and `polystyrene` against PyPI `miepython`, the sizes averaged here by other quadratures; and a large gold sphere
-against Mitsuba's reflection by gold, which ties every sign to the program whose conventions we keep. Prints a table and exits
-with 1 if a row is above its bound: the bounds are 1e-6 of the coefficients, 1e-6 of the mean cosine and 1e-4 of S11 at the
-same angle for the elements, 3e-4 for the largest spheres (what `sunstone phase eval` prints is the renderer's table,
+`particles` and `polystyrene` are compared with PyPI `miepython`, with sizes averaged here by other quadratures. A large gold
+sphere is compared with Mitsuba's reflection by gold, which relates every sign to the program whose conventions Sunstone follows.
+Prints a table and exits with 1 if a row is above its bound. The bounds are 1e-6 of the coefficients, 1e-6 of the mean cosine and
+1e-4 of S11 at the same angle for the elements, 3e-4 for the largest spheres (`sunstone phase eval` prints the renderer's table,
 interpolated, in single precision).
 
-`miepython` takes n - i k and fields exp(+i w t), so its amplitudes are the conjugates of ours: S34 = M23 = Im S1* S2 of
-Bohren & Huffman's amplitudes is Im S1 S2* of its. (Its own `phase_matrix` has S34 with the other sign.)
+`miepython` uses n - i k and fields exp(+i w t), so its amplitudes are the conjugates of Sunstone's: S34 = M23 = Im S1* S2 of
+Bohren & Huffman's amplitudes is Im S1 S2* of its amplitudes. (Its own `phase_matrix` has S34 with the opposite sign.)
 
-`--power` plants errors in our numbers, one at a time: each coefficient, the mean cosine and each element off by twice the
-bound, the sign of S34, all elements 1 % larger, angles off by 0.5°; and checks that every row notices each.
+`--power` applies errors to Sunstone's numbers, one at a time: each coefficient, the mean cosine and each element off by twice the
+bound, the sign of S34, all elements 1 % larger, angles off by 0.5°. Every row must detect each error.
 """
 
 import argparse
@@ -46,30 +46,30 @@ class Spheres:
 
 @dataclass
 class Case:
-    """A medium in our words, and what it is made of."""
+    """A medium in Sunstone's format, and its spheres."""
 
     name: str
     toml: str
     host: list
     kinds: list = field(default_factory=list)
     host_absorption: list = field(default_factory=lambda: [0.0] * 3)
-    # Largest relative difference of elements that is let pass.
+    # Largest allowed relative difference of elements.
     bound: float = MATRIX_BOUND
 
 
 def volume(sizes):
-    """Volume that particles fill."""
+    """Return the volume of the particles."""
     return sum(4 / 3 * np.pi * r**3 * number for r, number in sizes)
 
 
 def scaled(sizes, fraction):
-    """The sizes in such a number that they fill the fraction of the volume."""
+    """Return the sizes in the number that fills the given fraction of the volume."""
     factor = fraction / volume(sizes)
     return [(r, number * factor) for r, number in sizes]
 
 
 def log_normal(median, sigma, count=600):
-    """Gauss-Legendre in ln r: unlike ours, which is the trapezoidal rule."""
+    """Return a log-normal distribution, integrated by Gauss-Legendre in ln r (Sunstone uses the trapezoidal rule)."""
     u, w = np.polynomial.legendre.leggauss(count)
     low, high = -6 * sigma, (6 + 4 * sigma) * sigma
     t = low + (high - low) * (u + 1) / 2
@@ -78,7 +78,7 @@ def log_normal(median, sigma, count=600):
 
 
 def gamma(a, b, count=1300):
-    """Hansen's gamma distribution, by Gauss-Legendre in r."""
+    """Return Hansen's gamma distribution, integrated by Gauss-Legendre in r."""
     u, w = np.polynomial.legendre.leggauss(count)
     r = a * (1 + 10 * np.sqrt(b)) * (u + 1) / 2
     weight = w * r ** ((1 - 3 * b) / b) * np.exp(-r / (a * b))
@@ -86,7 +86,7 @@ def gamma(a, b, count=1300):
 
 
 def cases():
-    """What is compared."""
+    """Yield the comparisons."""
     vacuum, water = [1.0] * 3, [1.33961, 1.33468, 1.33142]
     beads = [1.5725 + 0.0031080 / l**2 + 0.00034779 / l**4 for l in (0.45, 0.55, 0.66)]
     absorption = [0.00922, 0.0565, 0.41]
@@ -104,7 +104,7 @@ def cases():
         ("absorbing, 2 um", 2000, [1.4, 1.5, 1.6], [0.1, 0.01, 0.001], MATRIX_BOUND),
         ("bubbles, 3 um", 3000, [1.0] * 3, [0.0] * 3, MATRIX_BOUND),
         ("drops, 12 um", 12000, [1.33961, 1.33468, 1.33142], [1e-9] * 3, MATRIX_BOUND),
-        # Dark fringes between bright ones, a third of a degree apart: directions of single precision tell on them.
+        # Dark fringes between bright ones, a third of a degree apart, show the single precision of directions.
         ("x = 500", 35810, [1.59] * 3, [0.0] * 3, 3e-4),
     ):
         host = water if "bubbles" in name else vacuum
@@ -123,7 +123,7 @@ def cases():
         water,
         [Spheres([1.47, 1.463, 1.459], [1e-5, 5e-6, 5e-6], scaled(log_normal(150e-9, 0.5), 0.03))],
     )
-    # A little absorption damps the resonances that no quadrature of a reasonable length resolves.
+    # A little absorption damps resonances that no quadrature of reasonable length resolves.
     yield Case(
         "gamma",
         "particles = { kinds = [{ index = 1.33, k = 0.01, amount.mass = { grams_per_litre = 0.001, density = 1000 },"
@@ -144,7 +144,7 @@ def cases():
 
 
 def theirs(case, lane, mu):
-    """Scattering and absorption coefficient, mean cosine, and elements [6, angle] per steradian, by miepython."""
+    """Return scattering and absorption coefficient, mean cosine, and elements [6, angle] per steradian, by miepython."""
     wave_number = 2 * np.pi * case.host[lane] / (WAVELENGTHS[lane] * 1e-9)
     scattering = absorption = cosine = 0.0
     elements = np.zeros((6, len(mu)))
@@ -161,14 +161,14 @@ def theirs(case, lane, mu):
             cosine += area * sca * g
             s1, s2 = miepython.S1_S2(m, x, mu, norm="wiscombe")
             i1, i2, cross = abs(s1) ** 2, abs(s2) ** 2, s1 * np.conj(s2)
-            # The perpendicular is our first axis: S12 is positive where S1 is the stronger.
+            # The perpendicular is Sunstone's first axis: S12 is positive where S1 is stronger.
             both = np.array([(i1 + i2) / 2, (i1 - i2) / 2, (i1 + i2) / 2, cross.real, cross.imag, cross.real])
             elements += number / wave_number**2 * both
     return scattering, absorption + case.host_absorption[lane], cosine / scattering, elements / scattering
 
 
 def sunstone(toml, angles):
-    """What `sunstone phase eval` prints: the rows of coefficients, and elements [wavelength, element, angle]."""
+    """Return the output of `sunstone phase eval`: the rows of coefficients, and elements [wavelength, element, angle]."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "medium.toml"
         path.write_text(f"wavelengths_nm = {WAVELENGTHS}\n[media.m]\n{toml}\n")
@@ -178,7 +178,7 @@ def sunstone(toml, angles):
     if run.returncode:
         sys.exit(run.stderr)
     lines = run.stdout.splitlines()
-    # The first line with # says what the others hold.
+    # The first line with # names the columns of the others.
     head = np.array([line[1:].split(",") for line in lines if line.startswith("# ")][1:], dtype=float)
     rows = np.array([line.split(",") for line in lines if line[0].isdigit()], dtype=float)
     elements = rows[:, 2:].reshape(len(WAVELENGTHS), len(angles), len(ELEMENTS))
@@ -186,13 +186,15 @@ def sunstone(toml, angles):
 
 
 def angles(case):
-    """Degrees: as many near the ends as between, never on a node by design."""
+    """Return degrees: as many near the ends as between, not on nodes of the table."""
     s = np.linspace(0, 1, 41 if any(len(k.sizes) > 100 for k in case.kinds) else 301)
     return 180 * s**2 * (3 - 2 * s)
 
 
 class Answers:
-    """Ours and theirs of a case: coefficients [wavelength, 3] (scattering, absorption, cosine), elements [wavelength, 6, angle]."""
+    """Sunstone's and the reference's results of a case: coefficients [wavelength, 3] (scattering, absorption, cosine), elements
+    [wavelength, 6, angle].
+    """
 
     def __init__(self, case):
         self.case, self.degrees = case, np.round(angles(case), 9)
@@ -203,34 +205,34 @@ class Answers:
         self.their_elements = np.array([w[3] for w in wanted])
 
     def worst(self, coefficients, elements):
-        """Largest differences: of coefficients, of the cosine, of elements."""
+        """Return the largest differences: of coefficients, of the cosine, of elements."""
         ours, wanted = coefficients.T, self.their_coefficients.T
-        # Where absorption is a difference of like numbers to them, it is compared next to what they subtract.
+        # miepython computes absorption as a difference of similar numbers: errors are relative to what it subtracts.
         scale = [wanted[0], np.maximum(wanted[1], 1e-6 * wanted[0])]
         off = max((np.abs(ours[i] - wanted[i]) / scale[i]).max() for i in range(2))
         least = (np.abs(elements - self.their_elements) / self.their_elements[:, :1]).max()
         return [off, np.abs(ours[2] - wanted[2]).max(), least]
 
     def bounds(self):
-        """What each of `worst` may be."""
+        """Return the bounds of `worst`."""
         return [COEFFICIENT_BOUND, COEFFICIENT_BOUND, self.case.bound]
 
 
 def answers_of(case, known={}):
-    """Those of a case, worked out once."""
+    """Return the results of a case, computed once."""
     if case.name not in known:
         known[case.name] = Answers(case)
     return known[case.name]
 
 
 def check(case):
-    """Prints the row of a case; false if it is not as it should be."""
+    """Print the row of a case; return false if it fails."""
     answers = answers_of(case)
     return report(case.name, answers.worst(answers.coefficients, answers.elements), answers.bounds())
 
 
 def report(name, worst, bounds):
-    """Prints a row; false if a number is above its bound."""
+    """Print a row; return false if a number is above its bound."""
     good = all(w <= b for w, b in zip(worst, bounds))
     numbers = " | ".join([f"{'':10}"] * (3 - len(worst)) + [f"{w:10.1e}" for w in worst])
     print(f"{name:24} | {numbers} | {bounds[-1]:6.0e} |{'' if good else '  FAILED'}", flush=True)
@@ -238,13 +240,13 @@ def report(name, worst, bounds):
 
 
 def planted(answers):
-    """The errors: name, coefficients and elements with it, which of `worst` must notice."""
+    """Yield the errors: name, coefficients and elements with the error, and the index in `worst` that must detect it."""
     coefficients, elements, bound = answers.coefficients, answers.elements, answers.case.bound
     wanted = answers.their_coefficients
     steps = [wanted[:, 0], np.maximum(wanted[:, 1], 1e-6 * wanted[:, 0]), np.ones(len(wanted))]
     for i, name in enumerate(("scattering", "absorption", "cosine")):
         changed = coefficients.copy()
-        # A single wavelength is wrong.
+        # The error affects a single wavelength.
         changed[1, i] += 2 * COEFFICIENT_BOUND * steps[i][1]
         yield name, changed, elements, 1 if name == "cosine" else 0
     for i, name in enumerate(ELEMENTS):
@@ -252,7 +254,7 @@ def planted(answers):
         changed[1, i] += 2 * bound * elements[1, 0]
         yield name, coefficients, changed, 2
     signs = np.array([1, 1, 1, 1, -1, 1])[:, None]
-    # That of spheres much smaller than the wavelength is nothing.
+    # S34 vanishes for spheres much smaller than the wavelength.
     if (np.abs(answers.their_elements[:, 4]) / answers.their_elements[:, 0]).max() > bound:
         yield "sign of S34", coefficients, elements * signs, 2
     yield "1 % larger", coefficients, 1.01 * elements, 2
@@ -261,7 +263,7 @@ def planted(answers):
 
 
 def power(case):
-    """Plants every error in a case; false if one is not noticed. All rows can show all, but one a sign."""
+    """Apply every error to a case; return false if one is not detected. One row cannot detect the sign of S34."""
     answers = answers_of(case)
     missed, tried, signs = [], 0, False
     for name, coefficients, elements, i in planted(answers):
@@ -270,18 +272,20 @@ def power(case):
         if answers.worst(coefficients, elements)[i] <= answers.bounds()[i]:
             missed.append(name)
     if not signs and case.name != "polystyrene, 20 nm":
-        missed.append("sign of S34, which it must be able to show")
-    print(f"{case.name:24} | {tried} errors | {'NOT NOTICED: ' + ', '.join(missed) if missed else 'all noticed'}", flush=True)
+        missed.append("sign of S34, which this row must be able to detect")
+    print(f"{case.name:24} | {tried} errors | {'NOT DETECTED: ' + ', '.join(missed) if missed else 'all detected'}", flush=True)
     return not missed and tried > 0
 
 
 def gold(power):
-    """A sphere so large that away from the forward direction it is a mirror all over: what it scatters by an angle t is
-    what Mitsuba says gold reflects at an angle of incidence of (180 - t)/2 degrees."""
+    """Compare a sphere that is so large that, away from the forward direction, it is a mirror everywhere.
+
+    Its scattering by an angle t equals Mitsuba's reflection by gold at an angle of incidence of (180 - t)/2 degrees.
+    """
     mi.set_variant("scalar_spectral_polarized")
     # x = 2950 at the longest wavelength.
     toml = "particles.kinds = [{ index = 0.4242, k = 2.4721, sizes.single = { radius_nm = 2.1e5 }, amount.per_m3 = 1 }]"
-    # What is left is the curvature of the sphere, of order x^(-2/3).
+    # The remaining difference is due to the curvature of the sphere, of order x^(-2/3).
     degrees, bound = np.linspace(60, 170, 23), 3e-3
     mine = sunstone(toml, degrees)[1][0]
 
@@ -305,16 +309,16 @@ def gold(power):
             changed[i] += change
             if worst(changed) <= bound:
                 missed.append(f"{name} of {ELEMENTS[i]}")
-    print(f"{'large gold (Mitsuba)':24} | 8 errors | {'NOT NOTICED: ' + ', '.join(missed) if missed else 'all noticed'}; "
-          "1 % larger cannot be shown, as only ratios are compared")
+    print(f"{'large gold (Mitsuba)':24} | 8 errors | {'NOT DETECTED: ' + ', '.join(missed) if missed else 'all detected'}; "
+          "1 % larger cannot be detected, because only ratios are compared")
     return not missed
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", help="rows whose name contains this")
-    parser.add_argument("--power", action="store_true", help="check that a planted error is found in every row")
-    parser.add_argument("--both", action="store_true", help="compare, and check that planted errors are found")
+    parser.add_argument("--only", help="check only rows whose name contains this text")
+    parser.add_argument("--power", action="store_true", help="check that every row detects the planted errors")
+    parser.add_argument("--both", action="store_true", help="compare, and check that planted errors are detected")
     options = parser.parse_args()
     print(f"miepython {miepython.__version__}, Mitsuba {mi.__version__}")
     wanted = [case for case in cases() if not options.only or options.only in case.name]

@@ -1,10 +1,8 @@
-"""All 16 elements of T over travel time, on top of Mitsuba 3 (which itself renders only the first column, without
-time).
+"""All 16 elements of T over travel time, on top of Mitsuba 3 (which itself renders only the first column, without time).
 
-A path tracer from the camera with connections to one point light or projector, vectorized with Dr.Jit: it needs an
-llvm variant. Sunstone's frames are used throughout: camera right, and the light's horizontal axis, projected
-perpendicular to rays. A light is its position, its radiant intensity (a number, or a function of the direction to it),
-its horizontal axis.
+A path tracer from the camera with connections to one point light or projector, vectorized with Dr.Jit: it needs an llvm variant.
+It uses Sunstone's frames: camera right, and the light's horizontal axis, projected perpendicular to rays. A light consists of its
+position, its radiant intensity (a number, or a function of the direction to it), and its horizontal axis.
 """
 
 import drjit as dr
@@ -17,17 +15,17 @@ LIGHT_M_PER_PS = 299_792_458e-12
 
 
 def project(axis, d):
-    """Unit vector along `axis`, made perpendicular to `d`."""
+    """Return the unit vector along `axis`, made perpendicular to `d`."""
     return dr.normalize(axis - d * dr.dot(axis, d))
 
 
 def strength(intensity, d):
-    """Radiant intensity toward a point that sees the light in direction `d`."""
+    """Return the radiant intensity toward a point that sees the light in direction `d`."""
     return intensity(d) if callable(intensity) else intensity
 
 
 def projector(irradiance, fov_x_deg, aspect, forward, right, down):
-    """Radiant intensity of a projector by direction: the irradiance holds on the plane 1 m in front."""
+    """Return the radiant intensity of a projector by direction; the irradiance holds on the plane 1 m in front."""
     slope = np.tan(np.radians(fov_x_deg) / 2)
 
     def intensity(d):
@@ -75,8 +73,9 @@ def trace(scene, sampler, ray, length, beta, pixel, film, time, max_depth, light
 
 
 def render(scene, light, max_depth, spp, seed, time=None):
-    """Mean T of one seed, [y, x, t, out, in]; `time` is start, width and number of bins in picoseconds, or None for
-    all."""
+    """Return the mean T of one seed, [y, x, t, out, in]; `time` is start, width and number of bins in picoseconds, or None for
+    all light.
+    """
     start, width, bins = time or (0, 1e12, 1)
     position, intensity, horizontal = light
     sensor = scene.sensors()[0]
@@ -95,7 +94,7 @@ def render(scene, light, max_depth, spp, seed, time=None):
     to_camera = mi.mueller.rotate_stokes_basis(-ray.d, mi.mueller.stokes_basis(-ray.d), project(right, -ray.d))
     film = dr.zeros(mi.Float, w * h * bins * 16)
     light = mi.Point3f(*position), intensity if callable(intensity) else mi.Float(intensity), mi.Vector3f(*horizontal)
-    # Mitsuba's rays start on the near clipping plane; the way there counts (1 mm, or 3.3 ps, shows in the comparison).
+    # Mitsuba's rays start on the near clipping plane; the distance to it counts (1 mm, or 3.3 ps, is visible in the comparison).
     length = dr.norm(ray.o - mi.Point3f(*origin.tolist()))
     trace(scene, sampler, ray, length, mi.Spectrum(to_camera), pixel, film, (start, width, bins), max_depth, light)
     return np.array(film).reshape(h, w, bins, 4, 4) / spp

@@ -1,14 +1,15 @@
-"""Stores below s3:// against the same stores in folders, on a server of this machine (moto, which speaks as Amazon S3 does).
+"""Compare stores at s3:// addresses with the same stores in folders, on a local server (moto, which implements the API of Amazon
+S3).
 
-Renders a scene, uploads the store, and reads it through a proxy that counts requests and bytes, and that fails a fifth of them
-where it is told to: half with 503, half by cutting the connection in the middle of the body, or of what changes something, once it is
-done. Everything that is read must be, byte for byte, what the folder gives. Then renders and merges to addresses, kills, resumes and
-doubles them: what is written must be, byte for byte, what a folder gets.
+Renders a scene, uploads the store, and reads it through a proxy that counts requests and bytes. On request the proxy fails a
+fifth of them: half with 503, half by closing the connection in the middle of the body, or, for requests that change something,
+after the change. All reads must return the same bytes as the folder. Then renders and merges to addresses, with kills, resumes
+and duplicate runs: the written stores must be byte-identical to those in a folder.
 
     python validation/object_store.py            # checks
-    python validation/object_store.py --power    # plants damage: each must be found
+    python validation/object_store.py --power    # applies damage: all must be detected
 
-Needs moto[server] (validation/requirements.txt), and the program built with `cargo build --release --features object-stores`.
+Requires moto[server] (validation/requirements.txt), and the program built with `cargo build --release --features object-stores`.
 """
 
 import argparse
@@ -34,9 +35,9 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 PROGRAM = ROOT / "target/release/sunstone"
 SCENE = ROOT / "scenes/mirror_room/scene.toml"
 BUCKET = "renders"
-# Share of requests that the proxy fails where it does.
+# Fraction of requests that the proxy fails in tests with failures.
 SHARE = 0.2
-# How long a lock is believed that is not renewed.
+# Time after which a lock that is not renewed expires.
 LEASE_S = 1.5
 
 failures = []
@@ -58,19 +59,19 @@ def free_port():
 
 
 class Proxy(http.server.ThreadingHTTPServer):
-    """Passes requests on, counts them, and fails a share of them."""
+    """Forwards requests, counts them, and fails a fraction of them."""
 
     daemon_threads = True
 
     def __init__(self, behind):
         super().__init__(("127.0.0.1", 0), Handler)
         self.behind, self.lock = behind, threading.Lock()
-        # Whether conditions of puts do not reach the server.
+        # Whether conditions of PUT requests are removed.
         self.deaf = False
         self.reset()
 
     def handle_error(self, request, client_address):
-        """Clients that are killed cut connections."""
+        """Clients that are killed close connections."""
 
     def reset(self, share=0.0, seed=0):
         with self.lock:
@@ -78,7 +79,7 @@ class Proxy(http.server.ThreadingHTTPServer):
             self.requests, self.bytes, self.sent, self.failed, self.ranges = [], 0, 0, 0, 0
 
     def kinds(self):
-        """Requests by what they are for."""
+        """Return the numbers of requests by purpose."""
         count = collections.Counter()
         for method, path in self.requests:
             name = path.partition("?")[0].rpartition("/")[2]
@@ -240,7 +241,7 @@ def ask(server, question, store):
 
 
 def reads(server, work):
-    """What is read, how many requests that takes, and what failures do to it."""
+    """Check what is read, how many requests this takes, and the effect of failures."""
     folder, address = work / "a.zarr", f"s3://{BUCKET}/stores/a.zarr"
     files_there = files(folder)
     total = sum(map(len, files_there.values()))
@@ -277,7 +278,7 @@ def reads(server, work):
 
 
 def refusals(server):
-    """What cannot be read is told in one line, with the fix."""
+    """Stores that cannot be read give a message of one line, with the fix."""
     for address, changed, words in (
         (f"s3://{BUCKET}/stores/nothing.zarr", {}, ["does not exist"]),
         ("s3://no-such-bucket/a.zarr", {}, ["no such bucket", "AWS_ENDPOINT"]),
@@ -295,14 +296,14 @@ def refusals(server):
 
 
 def same_render(what, here, there):
-    """The same bytes, but for the time that a render took: in the root's description and its line of the manifest."""
+    """Check for the same bytes, except for the render time in the root's metadata and its line of the manifest."""
     names = [n for n in here if n.endswith(".txt")]
     timed = ("zarr.json", *names)
     differ = [name for name in here if name not in timed and here[name] != there.get(name)]
     root = [json.loads(files["zarr.json"]) for files in (here, there) if "zarr.json" in files]
     for description in root:
         description["attributes"].pop("wall_time_s")
-        # Inputs are named by their places.
+        # Inputs are named by their addresses.
         description["attributes"].pop("merged_from", None)
     lines = [
         sorted(line for n in names for line in files[n].decode().splitlines()[1:-1] if not line.endswith(" zarr.json"))
@@ -329,18 +330,18 @@ def timed(server, share, work, seed=3):
 
 
 def killed(server, process, address, at):
-    """Kills a process that writes a store, which is then not finished; whether it still ran."""
+    """Kill a process that writes a store, which is then unfinished; return whether the process was running."""
     ran = process.poll() is None
     if ran:
         process.send_signal(signal.SIGKILL)
     process.wait()
     done = sunstone(server, "verify", address)
-    check(f"killed at {at}, it is not finished", done.returncode == 2, done.stderr.decode().strip())
+    check(f"killed at {at}: the store is not finished", done.returncode == 2, done.stderr.decode().strip())
     return ran
 
 
 def beside(server, *arguments):
-    """Starts the program beside this one."""
+    """Start the program in parallel."""
     return subprocess.Popen(
         [PROGRAM, *map(str, arguments)],
         env={**os.environ, **server.environment},
@@ -351,13 +352,13 @@ def beside(server, *arguments):
 
 
 def wait_for_tiles(server, prefix, process, tiles):
-    """Waits until so many tiles are noted."""
+    """Wait until the given number of tiles is recorded."""
     while process.poll() is None and len(server.keys(f"{prefix}/.sunstone-progress")) < tiles:
         time.sleep(0.02)
 
 
 def writes(server, work):
-    """Renders and merges to an address."""
+    """Render and merge to an address."""
     expected, root = files(work / "a.zarr"), f"s3://{BUCKET}"
     for share in (0.0, SHARE):
         name = f"written{int(100 * share)}"
@@ -367,18 +368,18 @@ def writes(server, work):
         same_render(f"a render, {share:.0%} of requests failed", expected, server.files(f"{name}/a.zarr"))
     server.proxy.reset()
     done = sunstone(server, "verify", address)
-    check("and verify says so", done.returncode == 0, done.stderr.decode())
+    check("verify accepts it", done.returncode == 0, done.stderr.decode())
     again = sunstone(server, *rendering("-o", address))
-    check("what is there stays", again.returncode == 2 and b"--force" in again.stderr, again.stderr.decode().strip())
+    check("an existing store stays", again.returncode == 2 and b"--force" in again.stderr, again.stderr.decode().strip())
     done, text = timed(server, 0.0, lambda: sunstone(server, *rendering("-o", address, "--resume")))
-    check("what is complete is not made again", b"complete already" in done.stdout, text)
+    check("a complete store is not rendered again", b"complete already" in done.stdout, text)
     done, text = timed(server, SHARE, lambda: sunstone(server, *rendering("-o", address, "--force", slices="xt")))
     kept = {name.partition("/")[0] for name in server.keys("written20/a.zarr")}
     check("--force replaces it", done.returncode == 0 and kept == {"zarr.json", "manifest.txt", "samples", "xt"}, text)
     server.put("mine/a.zarr/thesis.tex", b"text")
     other = sunstone(server, *rendering("-o", f"{root}/mine/a.zarr", "--force"))
     held = other.returncode == 2 and b"not a Sunstone store" in other.stderr
-    check("--force replaces stores alone", held and server.keys("mine/a.zarr") == ["thesis.tex"], other.stderr.decode().strip())
+    check("--force replaces only stores", held and server.keys("mine/a.zarr") == ["thesis.tex"], other.stderr.decode().strip())
     done = sunstone(server, *rendering("-o", f"http://127.0.0.1:{server.proxy.behind}/{BUCKET}/web/a.zarr"))
     check("a web server is read only", done.returncode == 2 and b"read only" in done.stderr, done.stderr.decode().strip())
     merges(server, work, root)
@@ -386,33 +387,33 @@ def writes(server, work):
 
 
 def merges(server, work, root):
-    """Parts that machines without a common folder render, and seeds."""
+    """Merge parts from machines without a shared folder, and merge seeds."""
     parts = [f"{root}/parts/{k}.zarr" for k in (1, 2)]
     for k, part in enumerate(parts, 1):
         done, text = timed(server, SHARE, lambda: sunstone(server, *rendering("--part", f"{k}/2", "-o", part)), seed=4)
         check(f"part {k} of 2, with failures", done.returncode == 0, text)
     server.proxy.reset()
     done = sunstone(server, "probe", parts[0], "xt", "-k", "x=33", "--csv", "-")
-    check("a part is not read as the whole", done.returncode == 2 and b"part 1 of 2" in done.stderr, done.stderr.decode().strip())
+    check("a part is not read as a store", done.returncode == 2 and b"part 1 of 2" in done.stderr, done.stderr.decode().strip())
     done = sunstone(server, "verify", parts[0])
-    check("verify takes a part", done.returncode == 0, (done.stdout + done.stderr).decode().strip())
+    check("verify accepts a part", done.returncode == 0, (done.stdout + done.stderr).decode().strip())
     done, text = timed(server, SHARE, lambda: sunstone(server, "merge", *parts, "-o", f"{root}/joined/a.zarr"), seed=5)
     check("parts are joined, with failures", done.returncode == 0, text)
     same_render("parts joined", files(work / "a.zarr"), server.files("joined/a.zarr"))
     here = [work / f"{n}.zarr" for n in "ab"]
     done = sunstone(server, "merge", *here, "-o", work / "pooled.zarr")
-    check("seeds are pooled here", done.returncode == 0, done.stderr.decode().strip())
+    check("seeds are pooled in a folder", done.returncode == 0, done.stderr.decode().strip())
     stores = [f"{root}/stores/{n}.zarr" for n in "ab"]
     done, text = timed(server, SHARE, lambda: sunstone(server, "merge", *stores, "-o", f"{root}/pooled/a.zarr"), seed=6)
     check("seeds are pooled, with failures", done.returncode == 0, text)
     same_render("seeds pooled", files(work / "pooled.zarr"), server.files("pooled/a.zarr"))
     server.proxy.reset()
     done = sunstone(server, "merge", *stores, "-o", f"{root}/pooled/a.zarr")
-    check("a merge leaves what is there", done.returncode == 2 and b"--force" in done.stderr, done.stderr.decode().strip())
+    check("a merge keeps an existing store", done.returncode == 2 and b"--force" in done.stderr, done.stderr.decode().strip())
 
 
 def kills(server, expected, root):
-    """Renders that are killed, doubled, and held up for longer than their lease."""
+    """Check renders that are killed, run twice, and paused for longer than their lease."""
     prefix = "killed/a.zarr"
     address = f"{root}/{prefix}"
     kills = 0
@@ -431,12 +432,12 @@ def kills(server, expected, root):
     wait_for_tiles(server, prefix, holder, 30)
     holder.send_signal(signal.SIGSTOP)
     done, text = timed(server, SHARE, lambda: sunstone(server, *rendering("-o", address, "--resume")), seed=7)
-    check("who does not renew the lock loses it; killed three times, the render is resumed, with failures", done.returncode == 0, text)
+    check("a lock without renewal is lost; the render resumes after three kills, with failures", done.returncode == 0, text)
     server.proxy.reset()
     holder.send_signal(signal.SIGCONT)
     _, errors = holder.communicate(timeout=300)
-    check("and writes no more", holder.returncode != 0 and b"lock" in errors, errors.decode().strip()[-300:])
-    same_render("killed three times and doubled", expected, server.files(prefix))
+    check("a process without the lock stops", holder.returncode != 0 and b"lock" in errors, errors.decode().strip()[-300:])
+    same_render("killed three times and run twice", expected, server.files(prefix))
 
     first = beside(server, *rendering("-o", f"{root}/two/a.zarr", "--threads", "1", spp=16))
     wait_for_tiles(server, "two/a.zarr", first, 1)
@@ -448,7 +449,7 @@ def kills(server, expected, root):
 
 
 def power(server, work):
-    """Damage must be found, by reading and by verify."""
+    """Reading and verify must detect damage."""
     address, prefix = f"s3://{BUCKET}/stores/a.zarr", "stores/a.zarr"
     question = QUESTIONS[0][1]
     server.proxy.reset()
@@ -467,11 +468,11 @@ def power(server, work):
     def found(what):
         code, _, text = ask(server, question, address)
         done = sunstone(server, "verify", address)
-        check(f"{what} is found by reading", code == 2 and "error" in text, text.strip()[:200])
-        check(f"{what} is found by verify", done.returncode in (1, 2), done.stderr.decode().strip()[:200])
+        check(f"reading detects {what}", code == 2 and "error" in text, text.strip()[:200])
+        check(f"verify detects {what}", done.returncode in (1, 2), done.stderr.decode().strip()[:200])
 
     server.put(chunk, bytes(spoilt))
-    found("a spoilt chunk")
+    found("a damaged chunk")
     server.delete(chunk)
     found("a lost chunk")
     server.put(chunk, sound)
@@ -480,7 +481,7 @@ def power(server, work):
     server.delete(f"{prefix}/manifest.txt")
     found("a lost manifest")
     server.put(f"{prefix}/manifest.txt", manifest)
-    check("fixed, it reads as before", ask(server, question, address)[:2] == before[:2])
+    check("after the repair, it reads as before", ask(server, question, address)[:2] == before[:2])
     server.proxy.reset(1.0)
     code, _, text = ask(server, question, address)
     check("a server that always fails is an error", code == 2 and text.count("\n") == 1, text.strip()[:200])
@@ -489,7 +490,7 @@ def power(server, work):
     server.proxy.deaf = True
     done = sunstone(server, *rendering("-o", f"s3://{BUCKET}/deaf/a.zarr"))
     held = done.returncode == 2 and b"If-None-Match" in done.stderr and not server.keys("deaf/a.zarr")
-    check("a server that heeds no conditions is found", held, done.stderr.decode().strip())
+    check("a server that ignores conditions is detected", held, done.stderr.decode().strip())
     server.proxy.deaf = False
     prefix = "robbed/a.zarr"
     process = beside(server, *rendering("-o", f"s3://{BUCKET}/{prefix}", "--threads", "1", spp=64))
@@ -497,8 +498,8 @@ def power(server, work):
     server.delete(f"{prefix}/.sunstone-lock")
     _, errors = process.communicate(timeout=300)
     held = process.returncode != 0 and b"lock" in errors and "manifest.txt" not in server.keys(prefix)
-    check("a lock that is taken away is noticed", held, errors.decode().strip()[-300:])
-    # Of what was there when a render was resumed, the checksums are those that it ends with.
+    check("a lock that is removed is detected", held, errors.decode().strip()[-300:])
+    # A resumed render reuses the checksums of existing chunks, so that later checks detect damage.
     process = beside(server, *rendering("-o", f"s3://{BUCKET}/spoilt/a.zarr"))
     wait_for_tiles(server, "spoilt/a.zarr", process, 20)
     process.kill()
@@ -510,7 +511,7 @@ def power(server, work):
     done = sunstone(server, *rendering("-o", f"s3://{BUCKET}/spoilt/a.zarr", "--resume"))
     found_there = sunstone(server, "verify", f"s3://{BUCKET}/spoilt/a.zarr")
     held = done.returncode != 0 or found_there.returncode != 0
-    check("a chunk spoilt before its render was resumed is found", held, (done.stderr + found_there.stderr).decode().strip()[:300])
+    check("a chunk damaged before a resumed render is detected", held, (done.stderr + found_there.stderr).decode().strip()[:300])
 
 
 def main():
@@ -533,7 +534,7 @@ def main():
     finally:
         server.close()
         shutil.rmtree(work)
-    print(f"{len(failures)} failures" if failures else "all as it should be")
+    print(f"{len(failures)} failures" if failures else "all checks passed")
     sys.exit(bool(failures))
 
 

@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
-"""Cameras and projectors with OpenCV's lenses against cv2.projectPoints and cv2.fisheye.projectPoints.
+"""Compare cameras and projectors with OpenCV's lenses with cv2.projectPoints and cv2.fisheye.projectPoints.
 
-For each model of distortion a scene is written whose camera and projector have random coefficients of their own, as OpenCV
-lists them: the camera as `opencv_matrix`, `opencv` (or `fisheye`) and R, t; the projector with fx, fy, cx, cy half a pixel on and
-rvec, tvec. `sunstone project` then gives the pixels of 1,000 random points each sees, which may be 1e-3 pixels from OpenCV's. The
-camera is also written by cv2.FileStorage, read by `sunstone import`, and must see the same. Last, small disks are
-rendered with the strongest lenses: the centroid of each in the image, and of the projector's pixels that light it (its first
-moments over s'), may be 0.15 pixels from where OpenCV puts its centre. Exits with 1 if a row is above its bound.
+For each distortion model, a scene is written whose camera and projector have separate random coefficients in OpenCV's order: the
+camera as `opencv_matrix`, `opencv` (or `fisheye`) and R, t; the projector with fx, fy, cx, cy shifted by half a pixel and rvec,
+tvec. `sunstone project` then gives the pixels of 1,000 random visible points each, which must be within 1e-3 pixels of OpenCV's.
+The camera is also written by cv2.FileStorage, read by `sunstone import`, and must give the same pixels. Last, small disks are
+rendered with the strongest lenses: the centroid of each in the image, and of the projector pixels that illuminate it (its first
+moments over s'), must be within 0.15 pixels of OpenCV's position of its centre. Exits with 1 if a row is above its bound.
 
-`--power` plants errors in what we are given, one at a time (cx off by half a pixel, p1 and p2 exchanged, k3 in third place, R
-transposed, a reflection of y), and checks that every row that has them notices.
+`--power` applies errors to Sunstone's input, one at a time (cx off by half a pixel, p1 and p2 exchanged, k3 in third place, R
+transposed, a reflection of y), and checks that every row affected detects them.
 """
 
 import argparse
@@ -38,7 +38,7 @@ MODELS = {"Brown-Conrady": 5, "rational": 8, "thin prism": 12, "tilt": 14, "fish
 
 
 class Device:
-    """A calibrated device, as OpenCV has it."""
+    """A calibrated device with OpenCV's parameters."""
 
     def __init__(self, model, name, size, rng):
         self.fisheye, self.size, count = model == "fisheye", size, MODELS[model]
@@ -49,7 +49,7 @@ class Device:
         self.matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
         spread = [0.02, 0.01, 0.004, 0.002] if self.fisheye else SPREAD[:count]
         self.lens = rng.normal(size=count) * spread
-        # The camera at the origin's front, the projector to its right; both look along about -z.
+        # The camera in front of the origin, the projector to its right; both look approximately along -z.
         self.rvec = np.array([np.pi, 0, 0]) + rng.normal(size=3) * 0.05
         self.rotation = cv2.Rodrigues(self.rvec)[0]
         self.rvec = cv2.Rodrigues(self.rotation)[0].ravel()
@@ -57,7 +57,7 @@ class Device:
         self.tvec = -self.rotation @ at
 
     def project(self, points):
-        """OpenCV's pixels of world points."""
+        """Return OpenCV's pixels of world points."""
         if self.fisheye:
             pixels, _ = cv2.fisheye.projectPoints(points[:, None, :], self.rvec, self.tvec, self.matrix, self.lens)
         else:
@@ -65,7 +65,9 @@ class Device:
         return pixels[:, 0, :]
 
     def sees(self, points):
-        """OpenCV's pixels, and which points are well inside the image, before the device, where the lens is not far off."""
+        """Return OpenCV's pixels, and which points are well inside the image, in front of the device, and where distortion is
+        moderate.
+        """
         local = points @ self.rotation.T + self.tvec
         pixels = self.project(points)
         w, h = self.size
@@ -74,20 +76,20 @@ class Device:
         return pixels, inside & (slope < (8 if self.fisheye else 1.0))
 
     def as_camera(self):
-        """TOML in OpenCV's own terms."""
+        """Return TOML with OpenCV's parameters."""
         key = "fisheye" if self.fisheye else "opencv"
         return (f"opencv_matrix = {listed(self.matrix)}\n{key} = {listed(self.lens)}\n"
                 f"pose.extrinsics = {{ R = {listed(self.rotation)}, t = {listed(self.tvec)} }}\n")
 
     def as_projector(self):
-        """TOML with focal length, our principal point and a rotation vector."""
+        """Return TOML with focal length, Sunstone's principal point and a rotation vector."""
         key, m = "fisheye" if self.fisheye else "opencv", self.matrix
         return (f"fx = {m[0, 0]!r}\nfy = {m[1, 1]!r}\ncx = {m[0, 2] + 0.5!r}\ncy = {m[1, 2] + 0.5!r}\n".replace("np.float64", "")
                 .replace("(", "").replace(")", "") + f"{key} = {listed(self.lens)}\n"
                 f"pose.extrinsics = {{ rvec = {listed(self.rvec)}, tvec = {listed(self.tvec)} }}\n")
 
     def calibration(self, path):
-        """Writes what OpenCV's calibration programs do."""
+        """Write a file like OpenCV's calibration programs."""
         file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
         for name, value in zip(("image_width", "image_height"), self.size):
             file.write(name, value)
@@ -101,12 +103,12 @@ class Device:
 
 
 def listed(values):
-    """An array as TOML and JSON."""
+    """Format an array as TOML and JSON."""
     return json.dumps(np.asarray(values).tolist())
 
 
 def scene(cameras, more=""):
-    """A scene of two devices as TOML."""
+    """Return a scene of two devices as TOML."""
     out = "wavelengths_nm = [550]\n"
     for name, text in cameras.items():
         out += f"[{name}]\nresolution = {list(SIZE[name])}\n{text}"
@@ -114,7 +116,7 @@ def scene(cameras, more=""):
 
 
 def run(*arguments, folder):
-    """The program's output."""
+    """Return the program's output."""
     done = subprocess.run([environment.sunstone(), *arguments], cwd=folder, capture_output=True, text=True)
     if done.returncode != 0:
         sys.exit(f"sunstone {' '.join(map(str, arguments))}: {done.stderr}")
@@ -122,7 +124,7 @@ def run(*arguments, folder):
 
 
 def projected(text, points, folder):
-    """Pixels that our program gives, by device, in OpenCV's count; NaN where it sees none."""
+    """Return Sunstone's pixels by device, in OpenCV's pixel coordinates; NaN for invisible points."""
     (folder / "scene.toml").write_text(text)
     with open(folder / "points.csv", "w") as file:
         csv.writer(file).writerows(points.tolist())
@@ -132,7 +134,7 @@ def projected(text, points, folder):
 
 
 def visible(device, rng):
-    """Random points that a device sees."""
+    """Return random points that a device sees."""
     found, w = [], 4.0 if device.fisheye else 0.7
     while sum(map(len, found)) < COUNT:
         z = rng.uniform(0.3, 4, 4 * COUNT)
@@ -144,12 +146,12 @@ def visible(device, rng):
 
 
 def worst(got, want):
-    """The largest distance in pixels; infinite where a point is not seen."""
+    """Return the largest distance in pixels; infinite if a point is not seen."""
     return np.nan_to_num(np.linalg.norm(got - want, axis=1), nan=np.inf).max()
 
 
 def imported(device, folder, kind):
-    """The camera of a scene as `sunstone import` makes it of OpenCV's own file."""
+    """Return the scene text of the camera that `sunstone import` makes from OpenCV's own file."""
     device.calibration(folder / f"calibration.{kind}")
     text = run("import", f"calibration.{kind}", "-o", "camera.toml", "--force", folder=folder)
     assert "camera.toml" in text, text
@@ -157,7 +159,7 @@ def imported(device, folder, kind):
 
 
 def compare(model, seed, folder):
-    """Rows of one model: name, largest distance."""
+    """Return rows of one model: name, largest distance."""
     rng = np.random.default_rng(seed)
     devices = {name: Device(model, name, size, rng) for name, size in SIZE.items()}
     text = scene({"camera": devices["camera"].as_camera(), "projector": devices["projector"].as_projector()})
@@ -171,7 +173,7 @@ def compare(model, seed, folder):
                 yield f"{model}, camera of cv2's .{kind}", worst(pixels, device.project(points))
 
 
-# How errors change a device, on our side alone.
+# Effects of errors on a device, only in Sunstone.
 def half_a_pixel(device):
     device.matrix[0, 2] += 0.5
 
@@ -199,7 +201,7 @@ ERRORS = {"cx off by half a pixel": half_a_pixel, "p1 and p2 exchanged": exchang
 
 
 def power(seed, folder):
-    """Plants every error in every model; true if one is not noticed."""
+    """Apply every error to every model; return true if one is not detected."""
     failed = False
     for model in MODELS:
         for error, change in ERRORS.items():
@@ -218,7 +220,7 @@ def power(seed, folder):
                 points = visible(device, rng)
                 found = worst(projected(text, points, folder)[name], device.project(points)) > BOUND
                 failed |= not found
-                print(f"{error:24} {model + ', ' + name:24} {'noticed' if found else 'NOT NOTICED'}")
+                print(f"{error:24} {model + ', ' + name:24} {'detected' if found else 'NOT DETECTED'}")
     return failed
 
 
@@ -226,7 +228,9 @@ DISKS = 8
 
 
 def rendered(model, seed, folder, change=None):
-    """The largest distance of rendered centroids of small disks from OpenCV's pixels of their centres: camera, projector."""
+    """Return the largest distance of rendered centroids of small disks from OpenCV's positions of their centres: camera,
+    projector.
+    """
     rng = np.random.default_rng(seed)
     devices = {name: Device(model, name, size, rng) for name, size in SIZE.items()}
     given = {"camera": devices["camera"].as_camera(), "projector": devices["projector"].as_projector()}
@@ -250,7 +254,7 @@ def rendered(model, seed, folder, change=None):
             chosen.append(i)
         if len(chosen) == DISKS:
             break
-    assert len(chosen) == DISKS, "too few points that both devices see"
+    assert len(chosen) == DISKS, "too few points are visible to both devices"
     more = "[materials]\nwhite.diffuse.albedo = 0.8\n[render]\nspp = 64\nmax_depth = 2\n"
     eye = -devices["camera"].rotation.T @ devices["camera"].tvec
     for i in chosen:
@@ -282,8 +286,8 @@ def rendered(model, seed, folder, change=None):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
-    parser.add_argument("--seed", type=int, default=1, help="of coefficients, poses and points")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
+    parser.add_argument("--seed", type=int, default=1, help="seed of coefficients, poses and points")
     a = parser.parse_args()
     failed = False
     with tempfile.TemporaryDirectory() as folder:
@@ -293,7 +297,7 @@ def main():
             for name, distance in zip(("image", "s'"), rendered("tilt", a.seed, folder, half_a_pixel)):
                 failed |= not distance > RENDERED_BOUND
                 print(f"{'cx off by half a pixel':24} {'rendered ' + name:24} "
-                      f"{'noticed' if distance > RENDERED_BOUND else 'NOT NOTICED'} ({distance:.2f} px)")
+                      f"{'detected' if distance > RENDERED_BOUND else 'NOT DETECTED'} ({distance:.2f} px)")
             sys.exit(1 if failed else 0)
         print(f"{'1,000 points':36} {'largest distance, pixels':>26} {'bound':>7}")
         for model in MODELS:

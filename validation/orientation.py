@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Shapes that a mirror or `flip_normals` turns inside out: what `sunstone import` makes of them, against Mitsuba itself.
+"""Check the import of shapes that a mirroring scale or `flip_normals` turns inside out, against Mitsuba.
 
-Every shape of Mitsuba that Sunstone has, and meshes with normals, without and with `face_normals`, each under no scale, x = -1,
-z = -1 and all three -1, with and without `flip_normals`: one scene shows it as a one-sided diffuse surface, as glass and as an
-area light, side by side under a uniform sky. The mean of each third of the image must agree within 3 % (Mitsuba's noise is
-below 1 %). Exits with 1 if one does not.
+Covers every Mitsuba shape that Sunstone supports, and meshes with normals, without and with `face_normals`; each with no scale, x
+= -1, z = -1 and all three -1, with and without `flip_normals`. One scene shows the shape as a one-sided diffuse surface, as glass
+and as an area light, next to each other under a uniform sky. The mean of each third of the image must agree within 3 % (Mitsuba's
+noise is below 1 %). Exits with 1 if one does not.
 """
 
 import argparse
@@ -36,7 +36,7 @@ SCENE = """<scene version="3.0.0">
 
 
 def octahedron(path, normals):
-    """A subdivided octahedron as OBJ, with or without vertex normals."""
+    """Write a subdivided octahedron as OBJ, with or without vertex normals."""
     corners = [np.array(p, float) for p in [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)]]
     faces = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)]
     for _ in range(2):
@@ -61,7 +61,7 @@ def octahedron(path, normals):
 
 
 def shapes():
-    """Name, plugin, and what is inside of the element."""
+    """Yield name, plugin, and content of the element."""
     octahedron(OUT / "bare.obj", False)
     octahedron(OUT / "normals.obj", True)
     file = lambda name: f'<string name="filename" value="{name}.obj"/>'
@@ -73,7 +73,7 @@ def shapes():
 
 
 def scene(kind, inside, scale, flip):
-    """The XML of one shape in each material."""
+    """Return the XML of one shape in each material."""
     if flip:
         inside += '<boolean name="flip_normals" value="true"/>'
     parts = [f'<shape type="{kind}">{inside}<transform name="to_world"><scale {scale}/><rotate x="1" angle="15"/>'
@@ -83,7 +83,7 @@ def scene(kind, inside, scale, flip):
 
 
 def thirds(image):
-    """Means of the left, middle and right third."""
+    """Return the means of the left, middle and right third."""
     return image.reshape(SIZE, 3, SIZE).mean((0, 2))
 
 
@@ -92,7 +92,7 @@ def main():
     OUT.mkdir(parents=True, exist_ok=True)
     mi.set_variant("scalar_rgb")
     good = True
-    print(f"{'shape':18} {'scale':22} {'flipped':8} ours / Mitsuba: diffuse, glass, area light")
+    print(f"{'shape':18} {'scale':22} {'flipped':8} Sunstone / Mitsuba: diffuse, glass, area light")
     for name, kind, inside in shapes():
         for scale in SCALES:
             for flip in (False, True):

@@ -1,4 +1,4 @@
-"""What both programs made of one scene: images beside each other, as they are compared and stored; errors are planted in them by planted.py."""
+"""Images of one scene by both programs, as they are compared and stored; planted.py applies errors to them."""
 
 import json
 from dataclasses import dataclass, field
@@ -14,11 +14,11 @@ from frames import rotate
 class Pair:
     """Images [y, x, (t,) element] of one scene.
 
-    `ours` and `ours_error` are Sunstone's mean and standard error. `theirs` has Mitsuba's renders of independent seeds
-    first. `angle` [y, x] turns their Stokes frames into ours (None: the frames are the same). `block`: squares of so
-    many pixels are averaged before comparing, because errors are not Gaussian where few strong paths reach a pixel.
-    `wrong` holds mistaken versions of `ours` for the power check, by the name of the mistake. `our_batches`: seeds
-    that our error was estimated from, if not from all single samples.
+    `ours` and `ours_error` are Sunstone's mean and standard error. The first axis of `theirs` holds Mitsuba's renders with
+    independent seeds. `angle` [y, x] rotates their Stokes frames into Sunstone's (None: the frames are equal). `block`: squares
+    of block × block pixels are averaged before comparing, because errors are not Gaussian where few bright paths reach a pixel.
+    `wrong` holds wrong versions of `ours` for the power check, by the name of the error. `our_batches`: number of seeds that
+    Sunstone's error was estimated from, if not from single samples.
     """
 
     scene: str
@@ -42,7 +42,7 @@ class Pair:
 
     @property
     def timed(self):
-        """Whether there is an axis of time."""
+        """Whether there is a time axis."""
         return self.ours.ndim == 4
 
     def save(self, folder):
@@ -64,29 +64,29 @@ class Pair:
     # The images to compare -------------------------------------------------------------------------------------------
 
     def turned(self):
-        """Their images in our frames."""
+        """Return Mitsuba's images in Sunstone's frames."""
         if self.angle is None:
             return self.theirs
         return rotate(self.theirs, self.angle[..., None] if self.timed else self.angle)
 
     def images(self):
-        """Ours, our error, theirs, their error: means over blocks."""
+        """Return Sunstone's image and error, Mitsuba's image and error: means over blocks."""
         theirs, theirs_error = comparison.mean_and_error(self.seeds())
         return self.blocks(self.ours), np.sqrt(self.blocks(self.ours_error**2)) / self.block, theirs, theirs_error
 
     def seeds(self):
-        """Their renders, each as it is compared."""
+        """Return Mitsuba's renders, each in the form that is compared."""
         return self.blocks(self.turned())
 
     def blocks(self, images):
-        """Means over squares of pixels of [..., y, x, (t,) element]."""
+        """Return means over squares of pixels of [..., y, x, (t,) element]."""
         tail = images.shape[-2:] if self.timed else images.shape[-1:]
         *seeds, h, w = images.shape[: -len(tail)]
         n = self.block
         return images.reshape(*seeds, h // n, n, w // n, n, *tail).mean(axis=(-3 - len(tail), -1 - len(tail)))
 
     def compare(self, planted=None):
-        """Rows: scene, quantity, outcome; of our image with an error planted, if one is: what it adds to blocks."""
+        """Return rows: scene, quantity, outcome. `planted` is added to the blocks of Sunstone's image."""
         ours, *others = self.images()
         if planted is not None:
             ours = ours + planted
@@ -100,17 +100,17 @@ class Pair:
 
 
 def load_all(folder: Path):
-    """The last run's results, in the order of that run."""
+    """Return the last run's results, in the order of that run."""
     listing = folder / "pairs.txt"
     return [Pair.load(folder / f"{name}.npz") for name in listing.read_text().split()] if listing.exists() else []
 
 
 def compare_all(results):
-    """Rows of the table: scene, quantity, outcome."""
+    """Return the rows of the table: scene, quantity, outcome."""
     return [row for pair in results for row in pair.compare()]
 
 
 def verdicts(rows, total=None):
-    """Whether each row passes, at SIGNIFICANCE over all rows (or `total`) together."""
+    """Return whether each row passes, at SIGNIFICANCE over all rows (or `total`) together."""
     limit = comparison.SIGNIFICANCE / (total or len(rows))
     return [row.p >= limit for *_, row in rows]

@@ -1,18 +1,20 @@
-"""Errors that a comparison of images must find, how small they may be, and which comparison can show them.
+"""Planted errors that a comparison of images must detect, their smallest sizes, and which comparison can detect them.
 
-Every error is a linear change of our image: x becomes x + D. How much of it there is, is fitted to the whole pair, all
-elements together: with P = D of the noise-free image (estimated by the inverse-variance mean of both sides, whose noise is
-uncorrelated with that of their difference d),
+Every error is a linear change of Sunstone's image: x becomes x + D. Its amount is fitted to the whole pair, all elements
+together: with P = D of the noise-free image (estimated by the inverse-variance mean of both sides, whose noise is uncorrelated
+with that of their difference d),
 
     amount = sum(w P d) / S,   S = sum(w P^2) - the noise's share of it,   error = sqrt(Var sum(w P d)) / S,
 
-1 being the error as planted. The weights w = 1/(v + v's mean over the image) of d's variance v keep single noisy pixels from
-ruling; without the mean, pixels whose variance came out too small by chance would. The variance comes from their seeds, so that noise which pixels and elements have in common
-counts; ours has no seeds, and is taken to be alike. So a pair says by itself what it can show: an error is found in all but
-a thousandth of runs if it is by `MARGIN` standard errors larger than what significance demands. Where it is, it must be
-found; and `check` wants at least so many such pairs as its floor says, so that a comparison that is weakened fails too.
+where 1 is the error as planted. With d's variance v, the weights w = 1/(v + v's mean over the image) limit the influence of
+single noisy pixels; without the mean, pixels whose variance is underestimated at random would dominate. The variance comes from
+Mitsuba's seeds, so that noise common to pixels and elements counts; Sunstone's noise has no seeds and is assumed to be similar.
+So each pair determines what it can detect: an error is detected in all but a thousandth of runs if it exceeds the limit of
+significance by `MARGIN` standard errors. Then it must be detected. `check` also requires the number of such pairs that its floor
+gives, so that a weakened comparison fails too.
 
-The fits of `FITTED` also judge the comparison itself: a frame that is off by so little that no pixel tells shows there.
+The fits of `FITTED` also judge the comparison itself: they reveal a rotation of a frame that is too small to affect any single
+pixel.
 """
 
 import functools
@@ -23,18 +25,18 @@ import numpy as np
 import comparison
 from frames import rotate
 
-# Smallest errors that are planted.
+# Smallest planted errors.
 INTENSITY, FRAME_DEG, BINS = 0.01, 0.5, 0.5
-# What even a few rare paths must show.
+# Error that even a few rare paths must reveal.
 STRONG = 0.06
-# A planted error must stand out by so many standard errors beyond the limit of significance.
+# Number of standard errors by which a detectable error exceeds the limit of significance.
 MARGIN = 3.1
 FRAME = np.radians(FRAME_DEG)
 
 
 @dataclass
 class Fit:
-    """How much of an error there is, 1 being as planted; the probability of as much by chance."""
+    """Amount of an error, 1 being as planted, and the probability of such an amount by noise."""
 
     error: str
     amount: float
@@ -43,12 +45,12 @@ class Fit:
 
 
 def matrices(pair, image):
-    """Images of 16 elements as matrices; None for those of fewer."""
+    """Return images of 16 elements as matrices; None for fewer elements."""
     return image.reshape(*image.shape[:-1], 4, 4) if len(pair.elements) == 16 else None
 
 
 def turned_out(pair, image):
-    """The frame at the camera turned."""
+    """Rotate the frame at the camera."""
     if len(pair.elements) == 4:
         return rotate(image, FRAME)
     m = matrices(pair, image)
@@ -56,13 +58,13 @@ def turned_out(pair, image):
 
 
 def turned_in(pair, image):
-    """The frame at the light turned."""
+    """Rotate the frame at the light."""
     m = matrices(pair, image)
     return None if m is None else rotate(m, FRAME).reshape(image.shape)
 
 
 def later(pair, image, bins):
-    """All light later by bins of time, those beyond an integer number shared between neighbours."""
+    """Delay all light by `bins` time bins; fractions are divided between neighbouring bins."""
     if not pair.timed:
         return None
     moved = np.concatenate([np.zeros_like(image[..., :1, :]), image[..., :-1, :]], axis=-2)
@@ -70,13 +72,13 @@ def later(pair, image, bins):
 
 
 def rows_flipped(pair, image, i):
-    """The sign of a Stokes element, or of a row of the matrix."""
+    """Flip the sign of a Stokes element, or of a row of the matrix."""
     n = len(pair.elements)
     return None if n < 4 else image * np.where(np.arange(n) * 4 // n == i, -1.0, 1.0)
 
 
 def last_column_flipped(pair, image):
-    """The sign of the matrix's last column."""
+    """Flip the sign of the matrix's last column."""
     return image * np.where(np.arange(16) % 4 == 3, -1.0, 1.0) if len(pair.elements) == 16 else None
 
 
@@ -87,7 +89,8 @@ FITTED = {
     f"frame of light {FRAME_DEG}°": turned_in,
     f"{BINS} bin": lambda pair, x: later(pair, x, BINS),
 }
-# Planted alone. What is none of our image's own (another wavelength, medium, state of the lamp) comes with the pair.
+# Only planted. Errors that cannot be computed from Sunstone's image (another wavelength, medium, state of the lamp) come with the
+# pair.
 PLANTED = FITTED | {
     f"intensity {STRONG:.0%}": lambda pair, x: (1 + STRONG) * x,
     "1 bin": lambda pair, x: later(pair, x, 1),
@@ -99,7 +102,7 @@ PLANTED = FITTED | {
 
 
 def changes(pair):
-    """The errors that have room in a pair, as functions of its compared images."""
+    """Return the errors that apply to a pair, as functions of its compared images."""
     image = pair.images()[0]
     known = {name: lambda x, change=change: change(pair, x) for name, change in PLANTED.items()}
     for name, wrong in pair.wrong.items():
@@ -109,13 +112,13 @@ def changes(pair):
 
 
 def noise_of(name, change, a, b, weight):
-    """The noise's share of sum(w P^2), and what it strays by; of images of variances a and b."""
+    """Return the noise's share of sum(w P^2) and its standard deviation, for images of variances a and b."""
     if name.startswith("wrong "):
-        # Both images of the step are ours.
+        # Both images of the step are Sunstone's.
         variance = 2 * a
     else:
         best = share(a, b) ** 2 * a + (1 - share(a, b)) ** 2 * b
-        # What a linear change makes of independent noise, by random signs.
+        # Effect of a linear change on independent noise, estimated with random signs.
         random, rounds, variance = np.random.default_rng(1), 4, 0.0
         for _ in range(rounds):
             noise = random.choice([-1.0, 1.0], best.shape) * np.sqrt(best)
@@ -126,19 +129,19 @@ def noise_of(name, change, a, b, weight):
 
 @functools.cache
 def least_t(seeds, limit):
-    """Student's t from which on p is below a limit."""
+    """Return Student's t above which p is below a limit."""
     t = np.linspace(0, 100, 2001)
     p = np.vectorize(comparison.two_sided)(comparison.gaussian_from_t(t, seeds - 1))
     return float(t[np.argmax(p < limit)])
 
 
 def share(a, b):
-    """The weight of the first of two values of variances a and b in their best mean."""
+    """Return the weight of the first of two values of variances a and b in their inverse-variance mean."""
     return np.where(a + b > 0, b / np.maximum(a + b, 1e-300), 0.5)
 
 
 class Detector:
-    """What a pair can tell of one error."""
+    """Ability of a pair to detect one error."""
 
     def __init__(self, pair, name, change):
         self.name, self.change = name, change
@@ -162,7 +165,7 @@ class Detector:
         self.difference = ours - theirs
 
     def fit(self, planted=None):
-        """The fit to the difference as it is, or with an error planted: what it adds to our image."""
+        """Fit the difference, or the difference plus `planted`, the change of Sunstone's image by an error."""
         difference = self.difference if planted is None else self.difference + planted
         t = (self.pattern * difference).sum() / max(self.deviation, 1e-300)
         p = comparison.two_sided(float(comparison.gaussian_from_t(t, self.seeds - 1)))
@@ -170,25 +173,25 @@ class Detector:
         return Fit(self.name, t * sigma if sigma < np.inf else 0.0, sigma, p)
 
     def detectable(self, limit):
-        """The amount that is found in all but a thousandth of runs, where p must be below the limit. Infinite: none."""
+        """Return the amount that is detected in all but a thousandth of runs, where p must be below the limit. Infinite: none."""
         if self.signal <= 0:
             return np.inf
         return (least_t(self.seeds, limit) + MARGIN) * self.deviation / self.signal
 
 
 def fits(pair):
-    """The fits of FITTED that have room in a pair."""
+    """Return the fits of FITTED that apply to a pair."""
     return [Detector(pair, name, change).fit() for name, change in changes(pair).items() if name in FITTED]
 
 
 def limit(results):
-    """Below which p counts, over all rows and fits together."""
+    """Return the limit of significance of p, over all rows and fits together."""
     rows = sum(len(pair.elements) for pair in results)
     return comparison.SIGNIFICANCE / (rows + sum(len(fits(pair)) for pair in results))
 
 
 def judge(results):
-    """Prints the fits; true if there is none of any error."""
+    """Print the fits; return true if no error is significant."""
     least, good = limit(results), True
     print(f"\n{'scene':32} {'error':20} {'amount (1: as planted)':>24} {'p-value':>8}  verdict")
     for pair in results:
@@ -200,13 +203,13 @@ def judge(results):
 
 
 def check(results, floors):
-    """Plants every error in every pair; true if all is well.
+    """Apply every error to every pair; return true if all checks pass.
 
-    An error must be found in each pair that can show it, so many pairs must be able to as its floor says, and every pair must
-    notice some. Prints what is found, and of what cannot show an error, from which size on it could.
+    An error must be detected in each pair that can detect it, at least as many pairs as its floor must be able to, and every pair
+    must detect some error. Prints the detected errors, and for pairs that cannot detect an error, the size from which they could.
     """
     if not results:
-        print("no results to plant errors in: run the comparison first")
+        print("no results to apply errors to: run the comparison first")
         return False
     least, tried, good = limit(results), 0, True
     table, blind = {name: [] for name in floors}, []
@@ -232,15 +235,15 @@ def check(results, floors):
         few = len(able) < floor
         good &= not missed and not few
         worst = max((size for *_, size in able), default=np.inf)
-        print(f"{name:20} found in {len(able) - len(missed)} of {len(able)} pairs that can show it (floor {floor}); the "
-              f"least of them shows {worst:.2f} of it{'; TOO FEW CAN' if few else ''}")
+        print(f"{name:20} detected in {len(able) - len(missed)} of {len(able)} pairs that can detect it (floor {floor}); the "
+              f"least sensitive detects {worst:.2f} of it{'; TOO FEW CAN' if few else ''}")
         for title in missed:
-            print(f"{'':20} NOT FOUND in {title}")
-        from_on = lambda size: "no signal" if size == np.inf else f"from {size:.1f} of it on"
+            print(f"{'':20} NOT DETECTED in {title}")
+        from_on = lambda size: "no signal" if size == np.inf else f"from {size:.1f} times its size"
         unable = [f"{title} ({from_on(size)})" for title, ok, _, size in entries if not ok]
         if unable:
-            print(f"{'':20} cannot show it: {', '.join(unable)}")
+            print(f"{'':20} cannot detect it: {', '.join(unable)}")
     if blind:
-        print(f"notice nothing: {', '.join(blind)}")
-    print(f"{tried} errors planted in {len(results)} pairs: {'all is found' if good and not blind else 'FAILED'}")
+        print(f"detect nothing: {', '.join(blind)}")
+    print(f"{tried} errors planted in {len(results)} pairs: {'all detected' if good and not blind else 'FAILED'}")
     return good and not blind and tried > 0

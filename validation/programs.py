@@ -1,4 +1,4 @@
-"""Running both programs: Sunstone as a command, Mitsuba as a library."""
+"""Functions that run both programs: Sunstone as a command, Mitsuba as a library."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ LUMINANCE = [0.212671, 0.715160, 0.072169]
 
 
 def sunstone(*arguments):
-    """Runs Sunstone; stops on failure."""
+    """Run Sunstone; stop on failure."""
     done = subprocess.run([environment.sunstone(), *map(str, arguments)], capture_output=True, text=True)
     if done.returncode:
         print(f"sunstone {' '.join(map(str, arguments))}\n{done.stderr}", file=sys.stderr)
@@ -23,7 +23,7 @@ def sunstone(*arguments):
 
 
 def render(toml, spp, seed, slices=("mueller",)):
-    """Means and standard errors of slices of a scene file, each [wavelength, y, x, (t,) out, in]."""
+    """Return means and standard errors of slices of a scene file, each [wavelength, y, x, (t,) out, in]."""
     store = toml.with_suffix(".zarr")
     sunstone("render", toml, "-o", store, "--force", "--seed", seed, "--spp", spp, "--no-figures",
              "--integrator", "path")
@@ -36,24 +36,24 @@ def render(toml, spp, seed, slices=("mueller",)):
 
 
 def stokes(scene, spp, seed, batches):
-    """Stokes images of seeds of their own, in Mitsuba's frames, [seed, y, x, 4]; for single-wavelength scenes."""
+    """Return Stokes images with separate seeds, in Mitsuba's frames, [seed, y, x, 4]; for single-wavelength scenes."""
     images = [np.array(mi.render(scene, spp=spp, seed=seed * batches + i)) for i in range(batches)]
     return luminance(np.stack(images)) / white(seed)
 
 
 def luminance(images):
-    """The values of Stokes images as Mitsuba stores them."""
-    # Channels: colour of the nested integrator (with alpha, if any), then S0, S1, S2, S3 in R, G, B. All spectra are
-    # constant, so that luminance is their value. (Scalar Mitsuba samples wavelengths, and R, G, B are those of equal
-    # energy, which is not white.)
+    """Return the values of Stokes images from Mitsuba's channels."""
+    # Channels: colour of the nested integrator (with alpha, if any), then S0, S1, S2, S3 in R, G, B. All spectra are constant, so
+    # that luminance is their value. (Scalar Mitsuba samples wavelengths, and its R, G, B are those of an equal-energy spectrum,
+    # which is not white.)
     return images[..., -12:].reshape(*images.shape[:-1], 4, 3) @ LUMINANCE
 
 
 def white(seed):
-    """What Mitsuba shows for a radiance of 1.
+    """Return Mitsuba's pixel value for a radiance of 1.
 
-    Exactly 1 in the mono variant, but 1.00094 ± 0.00005 in the scalar one (from its conversion of spectra to colours,
-    by all appearance), and that is no matter of light transport.
+    It is exactly 1 in the mono variant, but 1.00094 ± 0.00005 in the scalar one (apparently from its conversion of spectra to
+    colours), which is unrelated to light transport.
     """
     film = {"type": "hdrfilm", "width": 24, "height": 24, "rfilter": {"type": "box"}}
     empty = mi.load_dict({

@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
-"""Photon files (.ptu) against ptufile: what each writes, the other reads.
+"""Compare photon files (.ptu) with ptufile: each program reads what the other writes.
 
-For each of the twelve types of records:
-- words: random records, put behind a header by ptufile's own `encode_tag`, taken apart by `sunstone ptu records` and by ptufile;
-- written: random photons, syncs and markers across many turns of the clock, written by `sunstone ptu write`, read by ptufile;
-- histogram: of that file by `sunstone ptu histogram` and by ptufile's `decode_histogram` (T3), or by NumPy from ptufile's records (T2).
-Then scans that ptufile's `imwrite` writes, of both types of records that it has, by pixel, channel and bin; sweeps: images whose lines run
-back and forth (`ImgHdr_BiDirect`), sinusoidally (`ImgHdr_SinCorrection`), or both, of several frames of which the first may lack its
-beginning; and tags of every type that `encode_tag` knows. All must be equal, every record and every count. Exits with 1 if a row is not.
+For each of the twelve record types:
+- words: random records with a header from ptufile's own `encode_tag`, decoded by `sunstone ptu records` and by ptufile;
+- written: random photons, syncs and markers over many clock overflows, written by `sunstone ptu write`, read by ptufile;
+- histogram: of that file by `sunstone ptu histogram` and by ptufile's `decode_histogram` (T3), or by NumPy from ptufile's records
+  (T2).
+Then scans that ptufile's `imwrite` writes, in both record types that it supports, by pixel, channel and bin. Then sweeps: images
+whose lines are scanned back and forth (`ImgHdr_BiDirect`), sinusoidally (`ImgHdr_SinCorrection`), or both, with several frames of
+which the first may lack its beginning. Then tags of every type that `encode_tag` supports. All records and counts must be equal.
+Exits with 1 if a row fails.
 
-`--power` plants errors in the files that we are given, one at a time (each bit of one record, an overflow left out, the type of
-a tag, a torn record's bytes, a photon's bin), and checks that each is noticed.
+`--power` applies errors to the input files, one at a time (each bit of one record, a missing overflow, the type of a tag, a torn
+record's bytes, a photon's bin), and checks that each is detected.
 """
 
 import argparse
@@ -43,7 +45,7 @@ SPECIAL = 1 << 31
 
 
 def run(*arguments):
-    """What the program prints; None if it refuses."""
+    """Return the program's output; None if it refuses."""
     done = subprocess.run([environment.sunstone(), "ptu", *map(str, arguments)], capture_output=True, text=True)
     if done.returncode not in (0, 2):
         sys.exit(f"sunstone ptu {' '.join(map(str, arguments))}: {done.stderr}")
@@ -51,20 +53,22 @@ def run(*arguments):
 
 
 def ours(path):
-    """Records as we read them: kind, time, dtime, channel, markers; what a record has not is -1, markers 0. None if refused."""
+    """Return records as Sunstone reads them: kind, time, dtime, channel, markers. Missing fields are -1, missing markers 0. None
+    if refused.
+    """
     text = run("records", path)
     if text is None:
         return None
     rows = []
     for kind, *numbers in list(csv.reader(io.StringIO(text)))[1:]:
         time, dtime, channel, markers = (int(n) if n else -1 for n in numbers)
-        # ptufile gives times of overflows that are of no use, and calls sync pulses channel 0.
+        # ptufile gives meaningless times for overflows, and uses channel 0 for sync pulses.
         rows.append((-1 if kind in ("overflow", "unknown") else time, dtime, 0 if kind == "sync" else channel, max(markers, 0)))
     return np.array(rows, np.int64).reshape(-1, 4)
 
 
 def theirs(path):
-    """Records as ptufile reads them, alike."""
+    """Return records as ptufile reads them, in the same format."""
     with ptufile.PtuFile(path) as file:
         records, t3 = file.decode_records(), file.is_t3
     over = (records["channel"] < 0) & (records["marker"] == 0)
@@ -74,7 +78,7 @@ def theirs(path):
 
 
 def different(a, b, t3):
-    """Number of records that differ; those of T2 have no dtime."""
+    """Return the number of records that differ; those of T2 have no dtime."""
     if a is None or len(a) != len(b):
         return max(len(b), 1)
     columns = [0, 1, 2, 3] if t3 else [0, 2, 3]
@@ -82,7 +86,7 @@ def different(a, b, t3):
 
 
 def words(code, rng, count=COUNT):
-    """Random records of a type, of all kinds that mean something."""
+    """Return random records of a type, of all meaningful kinds."""
     t3, pico = code >> 8 & 3 == 3, code & 0xFF == 3
     kind = rng.integers(0, 10, count)
     bits = rng.integers(1, 16, count)
@@ -106,7 +110,7 @@ def words(code, rng, count=COUNT):
 
 
 def whole(code, records, **more):
-    """A file: ptufile's tags, these records."""
+    """Return a file with ptufile's tags and these records."""
     tags = {"Measurement_Mode": 3 if code >> 8 & 3 == 3 else 2, "Measurement_SubMode": 0, "MeasDesc_GlobalResolution": 1e-7,
             "MeasDesc_Resolution": 25e-12, "TTResult_SyncRate": 10_000_000, "TTResult_NumberOfRecords": len(records),
             "TTResultFormat_TTTRRecType": code, "TTResultFormat_BitsPerRecord": 32, **more}
@@ -117,7 +121,7 @@ def whole(code, records, **more):
 
 
 def events(code, rng, count=COUNT):
-    """Random events of a type, in the order of time, as rows of ours()."""
+    """Return random events of a type, in the order of time, as rows of ours()."""
     t3, pico = code >> 8 & 3 == 3, code & 0xFF == 3
     kind = rng.integers(0, 20, count)
     gaps = np.where(rng.integers(0, 100, count) == 0, rng.integers(0, 400_000_000 if not t3 else 3_000_000, count), rng.integers(0, 50, count))
@@ -128,7 +132,7 @@ def events(code, rng, count=COUNT):
     bits = rng.integers(1, 16, count)
     marker, sync = kind == 0, (kind == 1) & (not t3)
     if pico and not t3:
-        # Their markers stand in the last bits of the time.
+        # Markers of these records occupy the last bits of the time.
         time = time + np.where(marker, bits, 15 * (np.cumsum(marker) * 0 + 1))
         time[~marker] = time[~marker] // 16 * 16 + 15
     rows = np.stack([time, np.where(marker | sync, -1, dtime), np.where(marker, -1, np.where(sync, 0, channel)), np.where(marker, bits, 0)], axis=1)
@@ -140,19 +144,19 @@ def events(code, rng, count=COUNT):
 
 
 def histogram(path, folder, *more):
-    """Our histogram."""
+    """Return Sunstone's histogram."""
     out = folder / "h.npy"
     out.unlink(missing_ok=True)
     return np.load(out) if run("histogram", path, "-o", out, *more) is not None else None
 
 
 def unequal(a, b):
-    """Counts that differ."""
+    """Return the number of counts that differ."""
     return max(b.size, 1) if a is None or a.shape != b.shape else int((a.astype(np.int64) != b.astype(np.int64)).sum())
 
 
 def wanted(path, rows, bins, bin_width):
-    """ptufile's histogram by channel; of T2 by NumPy, times being those since the last sync pulse."""
+    """Return ptufile's histogram by channel; for T2 it is computed with NumPy from the times since the last sync pulse."""
     with ptufile.PtuFile(path, trimdims="") as file:
         if file.is_t3:
             counts = file.decode_histogram(dtime=32768 * 2).astype(np.int64)
@@ -182,7 +186,7 @@ def ptufile_code(path):
 
 
 def compare(name, code, rng, folder):
-    """Rows of a type: what, how many, how many differ."""
+    """Yield rows of a type: what, how many, how many differ."""
     t3, path = code >> 8 & 3 == 3, folder / "f.ptu"
     path.write_bytes(whole(code, words(code, rng)))
     yield "words", COUNT, different(ours(path), theirs(path), t3)
@@ -203,12 +207,12 @@ def compare(name, code, rng, folder):
     counts = wanted(path, read, bins, width)
     used = np.flatnonzero(counts.sum(axis=1))
     found = histogram(path, folder, "--channel", ",".join(map(str, used)), "--bins", bins, "--bin-ps", width * (25 if t3 else 1))
-    assert counts.sum() > COUNT / 100, "a histogram of nothing"
+    assert counts.sum() > COUNT / 100, "an empty histogram"
     yield "histogram", counts[used].size, unequal(found, counts[used])
 
 
 def scans(rng, folder):
-    """Scans that ptufile writes."""
+    """Yield scans that ptufile writes."""
     path = folder / "scan.ptu"
     for shape in ((3, 16, 24, 2, 500), (1, 32, 8, 5, 2000)):
         image = rng.poisson(0.05, shape).astype(np.uint32)
@@ -221,7 +225,7 @@ def scans(rng, folder):
 
 
 def encoded(events):
-    """Records of TimeHarp 260 P T3 for events (time, dtime) and markers (time, -bits), in the order of time."""
+    """Return records of TimeHarp 260 P T3 for events (time, dtime) and markers (time, -bits), in the order of time."""
     records, over = [], 0
     for time, dtime in events:
         turns = time // 1024 - over
@@ -233,12 +237,14 @@ def encoded(events):
 
 
 def sweep(rng, width, height, pixel_time, back, percent, torn):
-    """Events of three frames of lines: photons anywhere, `torn` lines of the first frame are not in the file."""
+    """Return events of three frames of lines. Photons are at random places; `torn` lines of the first frame are missing from the
+    file.
+    """
     line = width * pixel_time
     ticks = np.arange(line)
     if percent:
         edges = 0.5 * line * (1 + np.arcsin(percent / 100 * (2 * np.arange(width + 1) / width - 1)) / np.arcsin(percent / 100))
-        # A pixel that begins on a whole count begins there or one later by rounding.
+        # A pixel that begins on a whole count begins there or, by rounding, one count later.
         exact = np.abs(edges - edges.round()) < 1e-6
         ticks = np.setdiff1d(ticks, edges[exact].round().astype(int))
     events, time = [], 2000
@@ -257,7 +263,7 @@ def sweep(rng, width, height, pixel_time, back, percent, torn):
 
 
 def sweeps(rng, folder):
-    """Images by lines, against ptufile's: what, how many counts, how many differ."""
+    """Yield images by lines, compared with ptufile's: what, how many counts, how many differ."""
     path = folder / "sweep.ptu"
     width, height, pixel_time, bins = 12, 9, 101, 50
     for back in (False, True):
@@ -271,13 +277,13 @@ def sweeps(rng, folder):
                     read = file.decode_image(frame=-1, channel=0, dtime=bins)
                 found = histogram(path, folder, "--pixels", f"{width},{height}", "--bins", bins)
                 read = read.reshape(height, width, 1, bins)
-                assert read.sum() > 40 * height, "an image of nothing"
+                assert read.sum() > 40 * height, "an empty image"
                 name = f"sweep{' back' * back}{f', sine {percent} %' * bool(percent)}, {torn} lines torn"
                 yield name, read.size, unequal(found, read)
 
 
 def tags(folder):
-    """Tags of all types, by what `ptu info` prints."""
+    """Yield tags of all types, as `ptu info` prints them."""
     import datetime
 
     path = folder / "tags.ptu"
@@ -292,12 +298,12 @@ def tags(folder):
 
 
 def power(rng, folder):
-    """Whether planted errors are noticed: what, planted, noticed."""
+    """Yield planted errors: what, number planted, number detected."""
     good, bad = folder / "good.ptu", folder / "bad.ptu"
     for name, code in TYPES.items():
         t3 = code >> 8 & 3 == 3
         records = words(code, rng, 200)
-        # A photon within.
+        # The record of a photon in the middle.
         good.write_bytes(whole(code, records))
         truth = theirs(good)
         at = np.flatnonzero((truth[:, 2] >= 0) & (truth[:, 3] == 0))[50]
@@ -313,7 +319,7 @@ def power(rng, folder):
         read = ours(bad)
         read = None if read is None else read[read[:, 0] >= 0]
         yield f"{name}: an overflow lost", 1, int(different(read, truth[truth[:, 0] >= 0], t3) > 0)
-    # The tag that says what records are, with another type; its value alone with another code; bits that a record has not.
+    # The tag that defines the record type, with another type; its value with another code; bits that a record does not have.
     data = whole(0x00010305, words(0x00010305, rng, 200))
     good.write_bytes(data)
     truth = theirs(good)
@@ -321,7 +327,7 @@ def power(rng, folder):
     for what, where, value in (("type", 39, 0x20), ("type unknown", 39, 0x33), ("value", 40, 0x04), ("value of T2", 41, 0x02)):
         planted = bytearray(data)
         planted[at + where] = value
-        # The first version of the HydraHarp counts overflows alone: the next byte is that of the TimeHarp's last.
+        # The first version of the HydraHarp only counts overflows: the next byte is that of the TimeHarp's last one.
         bad.write_bytes(planted)
         yield f"a tag's {what}", 1, int(different(ours(bad), truth, True) > 0)
     bad.write_bytes(data[:-2])
@@ -336,7 +342,7 @@ def power(rng, folder):
     yield "a bin of a scan", 1, int(unequal(found, image.sum(axis=0)) > 0)
 
 
-    # Tags of a sweep, each given another value than the file was read with.
+    # Tags of a sweep, each with a value that differs from the file's.
     width, height, pixel_time = 12, 9, 101
     own = {"Measurement_SubMode": 3, "ImgHdr_Dimensions": 3, "ImgHdr_LineStart": 1, "ImgHdr_LineStop": 2, "ImgHdr_Frame": 3,
            "ImgHdr_TimePerPixel": pixel_time * 1e-4, "ImgHdr_PixX": width, "ImgHdr_PixY": height, "ImgHdr_BiDirect": True,
@@ -354,8 +360,8 @@ def power(rng, folder):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--power", action="store_true", help="plant errors and see that they are noticed")
-    parser.add_argument("--seed", type=int, default=1, help="of records, events and scans")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
+    parser.add_argument("--seed", type=int, default=1, help="seed of records, events and scans")
     a = parser.parse_args()
     failed = False
     rng = np.random.default_rng(a.seed)
@@ -364,7 +370,7 @@ def main():
         if a.power:
             for what, planted, noticed in power(rng, folder):
                 failed |= noticed < planted
-                print(f"{what:44} {noticed:3} of {planted:3} {'noticed' if noticed == planted else 'NOT ALL NOTICED'}", flush=True)
+                print(f"{what:44} {noticed:3} of {planted:3} {'detected' if noticed == planted else 'NOT ALL DETECTED'}", flush=True)
             sys.exit(1 if failed else 0)
         print(f"{'':44} {'compared':>9} {'different':>9}")
         for name, code in TYPES.items():

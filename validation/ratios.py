@@ -1,24 +1,24 @@
 #!/usr/bin/env python3
-"""Speed against other programs, at a small size: is Sunstone still as many times as fast as was written down?
+"""Check the speed relative to other programs, at a small size, against recorded ratios.
 
-Every round times both programs one after the other on the same task, and its ratio is their time over ours, so that what
-slows the machine slows both (but the number of cores matters: Sunstone takes all of them, some of the others one). What
-counts is the median over the rounds. A ratio fails if it is more than 20 % below that of results/ratios.json. One that would
-fail is measured again with more rounds before it does.
+Every round times both programs one after the other on the same task. Its ratio is their time over Sunstone's, so that a slow
+machine affects both (but the number of cores matters: Sunstone uses all, some of the others one). The median over the rounds
+counts. A ratio fails if it is more than 20 % below that of results/ratios.json. Before that it is measured again with more
+rounds.
 
-Ratios are of a processor: Mitsuba's compiler makes use of AVX-512 where there is any, Sunstone does not, and memory is faster here and
-slower there. The file has those of each processor that they were written on; on another one the least of them count.
+Ratios depend on the processor: Mitsuba's compiler uses AVX-512 if available, Sunstone does not, and memory speeds differ. The
+file has the ratios of each processor on which they were recorded; on any other processor the smallest of them count.
 
-- "Mitsuba, full-Mueller": the Cornell box of speed.py by the integrator of mueller_integrator.py, 16 elements over 256 bins of
-  time; Sunstone's time is that of the whole command with its files, which lie in memory: they are flushed one by one, and a disk that
-  others use too takes 0.2 s for a store in one minute and nothing in the next, of a command of 0.2 s;
-- "mitransient": the same scene by its `transient_path`, Stokes vectors over 256 bins; Sunstone as above (16 elements for 4);
-- "polanalyser": Mueller images from 36 captures, computing alone;
-- "muellerkit": Lu-Chipman decomposition, computing alone;
+- "Mitsuba, full-Mueller": the Cornell box of speed.py with the integrator of mueller_integrator.py, 16 elements over 256 time
+  bins. Sunstone's time is that of the whole command with its files, which are in memory: they are flushed one by one, and a
+  shared disk adds between 0 and 0.2 s to a command of 0.2 s;
+- "mitransient": the same scene with its `transient_path`, Stokes vectors over 256 bins; Sunstone as above (16 elements for 4);
+- "polanalyser": Mueller images from 36 captures, computation only;
+- "muellerkit": Lu-Chipman decomposition, computation only;
 - "Embree, primary" and "Embree, bounce": nearest hits of rays.py's rays on 708,000 triangles, one thread.
 
-`--write` measures with more rounds and writes those of the processor at hand. `--power` counts our times 1.5-fold in every second round and
-checks that each ratio fails against that of the other rounds, whose noise it therefore has.
+`--write` measures with more rounds and records those of this processor. `--power` multiplies Sunstone's times by 1.5 in every
+second round and checks that each ratio fails against that of the other rounds, which have the same noise.
 """
 
 import argparse
@@ -40,21 +40,21 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 
 RESULTS = environment.HERE / "results/ratios.json"
 CACHE = environment.ROOT / "target/ratios"
-# Rounds in CI, when a ratio would fail, when the file is written; the least share of a ratio; the slowdown that is planted.
+# Rounds in CI, rounds if a ratio would fail, rounds for recording.
 ROUNDS, MORE_ROUNDS, WRITTEN_ROUNDS = 6, 12, 15
-# The slowdown is as much beyond the floor as the noise of a dozen rounds can hide.
+# Lowest allowed fraction of a recorded ratio, and the planted slowdown. It exceeds the floor by the noise of a dozen rounds.
 FLOOR, SLOWDOWN = 0.8, 1.5
 
 
 def timed(action):
-    """Seconds that something takes."""
+    """Return the seconds of an action."""
     begun = time.perf_counter()
     action()
     return time.perf_counter() - begun
 
 
 def ours(*arguments):
-    """What Sunstone says, from what it takes being started to its end."""
+    """Return Sunstone's output and the seconds from its start to its end."""
     done = subprocess.run([environment.sunstone(), *map(str, arguments)], capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"{' '.join(map(str, done.args))}:\n{done.stderr}")
@@ -62,12 +62,12 @@ def ours(*arguments):
 
 
 def seconds_said(pattern, text):
-    """The seconds that Sunstone reports."""
+    """Return the seconds that Sunstone reports."""
     return float(re.search(pattern, text).group(1))
 
 
 class Cornell:
-    """The Cornell box of speed.py at fewer pixels, at one wavelength for Mitsuba."""
+    """The Cornell box of speed.py with fewer pixels, at one wavelength for Mitsuba."""
 
     RESOLUTION, SPP, BINS = 96, 64, (10000.0, 117.2, 256)
 
@@ -99,11 +99,11 @@ class Cornell:
 
 
 class Mitransient(Cornell):
-    """Light over time by mitransient."""
+    """Time-resolved light by mitransient."""
 
     def __init__(self, folder):
         super().__init__(folder)
-        # Registers its integrators and films with the variant that is set.
+        # Registers its integrators and films with the current variant.
         import mitransient  # noqa: F401
 
         import transient
@@ -117,12 +117,12 @@ class Mitransient(Cornell):
 
 
 class Polanalyser:
-    """36 captures of a megapixel; ours in files, theirs in memory, computing alone of both, the best of three, because they are short."""
+    """36 captures of a megapixel; Sunstone from files, polanalyser in memory; computation only, the best of three short runs."""
 
     def __init__(self, folder):
         import importlib.util
 
-        # Only this module: the package as a whole also imports OpenCV, which Mueller matrices do without.
+        # Only this module: the whole package also imports OpenCV, which is not needed for Mueller matrices.
         package = importlib.util.find_spec("polanalyser").submodule_search_locations[0]
         spec = importlib.util.spec_from_file_location("polanalyser_mueller", Path(package) / "mueller.py")
         self.polanalyser = importlib.util.module_from_spec(spec)
@@ -132,7 +132,7 @@ class Polanalyser:
         np.save(folder / "i.npy", self.image)
         ours("scheme", "drr", "-k", "36", "-o", folder / "s.toml")
         ours("scheme", "matrix", folder / "s.toml", "-o", folder / "a.npy")
-        # Any generators and analyzers of the same design matrix do: its rank-one parts.
+        # Any generators and analyzers with the same design matrix are valid: its rank-one parts.
         design = np.load(folder / "a.npy").reshape(-1, 4, 4)
         self.analyzers, self.generators = np.zeros_like(design), np.zeros_like(design)
         for k, part in enumerate(design):
@@ -149,14 +149,14 @@ class Polanalyser:
 
 
 class Muellerkit:
-    """Ours of 300,000 matrices, theirs of a tenth of them, counted tenfold; computing alone of both."""
+    """300,000 matrices for Sunstone, a tenth of them, counted tenfold, for muellerkit; computation only."""
 
     def __init__(self, folder):
         import decompose
         import muellerkit
 
         self.muellerkit, self.folder = muellerkit, folder
-        # It takes NumPy only as a program of its own.
+        # decompose.py imports NumPy only when it runs as a script.
         decompose.np = np
         self.few = decompose.mixtures(30_000, np.random.default_rng(1))
         np.save(folder / "m.npy", np.tile(self.few, (10, 1, 1)))
@@ -180,7 +180,7 @@ class Rays:
         # Both kinds are rays on the same mesh.
         folder = CACHE / "rays"
         folder.mkdir(exist_ok=True)
-        # It takes NumPy only as a program of its own.
+        # rays.py imports NumPy only when it runs as a script.
         rays.np, rays.OUT = np, folder
         if not Rays.made:
             vertices, triangles = rays.mesh()
@@ -210,31 +210,31 @@ PEERS = {
 
 
 class Peer:
-    """A task for both programs, and the times that they took."""
+    """A task for both programs, and their times."""
 
     def __init__(self, name, folder):
         self.name, self.rounds = name, []
         self.task = PEERS[name](folder)
-        # The first round warms up.
+        # The first round is a warm-up.
         self.measure(1)
         self.rounds.clear()
 
     def measure(self, rounds):
-        """Takes more rounds, the two programs in turn."""
+        """Measure more rounds, alternating the two programs."""
         for _ in range(rounds):
             seed = len(self.rounds)
             pair = [self.task.ours, self.task.theirs]
-            # Who comes first changes, so that what one leaves behind does not always meet the other.
+            # The order alternates, so that after-effects of one program do not always affect the other.
             taken = {f: f(seed) for f in (pair if seed % 2 else pair[::-1])}
             self.rounds.append((taken[pair[0]], taken[pair[1]]))
 
     def ratios(self, slowdown=1.0):
-        """Their time over ours, of each round."""
+        """Return their time over Sunstone's, for each round."""
         return [other / (own * slowdown) for own, other in self.rounds]
 
 
 def processor():
-    """The processor at hand, and whether it has AVX-512."""
+    """Return the name of this processor, and whether it has AVX-512."""
     from result_file import machine
 
     flags = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
@@ -242,17 +242,17 @@ def processor():
 
 
 def written():
-    """The ratios that count here, by name: those of this processor, or the least of all; and whose they are."""
+    """Return the ratios that count here, by name, and their origin: those of this processor, or the smallest of all."""
     every = json.loads(RESULTS.read_text())
     if processor() in every:
         return every[processor()]["ratios"], processor()
     names = {name for entry in every.values() for name in entry["ratios"]}
     least = lambda name: min((e["ratios"][name] for e in every.values() if name in e["ratios"]), key=lambda r: r["ratio_median"])
-    return {name: least(name) for name in names}, f"the least of all processors, {processor()} not being among them"
+    return {name: least(name) for name in names}, f"the smallest of all processors, because {processor()} is not among them"
 
 
 def judge(name, peer, committed):
-    """Prints a ratio against its floor; true if it is not below."""
+    """Print a ratio against its floor; return true if it is not below."""
     ratio, floor = statistics.median(peer.ratios()), FLOOR * committed["ratio_median"]
     if ratio < floor:
         peer.measure(MORE_ROUNDS)
@@ -264,10 +264,10 @@ def judge(name, peer, committed):
 
 
 def found(name, peer):
-    """Whether a slowdown, planted in every second round, would fail; measures more where noise hides it."""
+    """Return whether a slowdown, planted in every second round, fails; measure more rounds if noise hides it."""
     for extra in (0, ROUNDS, MORE_ROUNDS):
         peer.measure(extra)
-        # Who came first alternates too, so rounds are taken by twos.
+        # The order of the programs also alternates, so rounds are taken in pairs.
         split = [[r for i, r in enumerate(peer.ratios(s)) if i // 2 % 2 == k] for k, s in ((0, 1.0), (1, SLOWDOWN))]
         plain, slowed = map(statistics.median, split)
         if slowed < FLOOR * plain:
@@ -278,7 +278,7 @@ def found(name, peer):
 
 
 def origin():
-    """What a result was measured with: commit, machine, date."""
+    """Return what a result was measured with: commit, machine, date."""
     from result_file import machine
 
     git = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=environment.ROOT, capture_output=True, text=True)
@@ -286,7 +286,7 @@ def origin():
 
 
 def write(peers):
-    """What is written down of this processor."""
+    """Return the record of this processor."""
     from importlib import metadata
 
     packages = ["mitsuba", "mitransient", "polanalyser", "muellerkit", "embreex"]
@@ -306,13 +306,13 @@ def write(peers):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="measure with more rounds and write results/ratios.json")
-    parser.add_argument("--power", action="store_true", help="check that a planted slowdown is found in every ratio")
-    parser.add_argument("--rounds", type=int, help=f"rounds to begin with ({ROUNDS}; to write, {WRITTEN_ROUNDS})")
-    parser.add_argument("--only", help="ratios whose name contains this")
+    parser.add_argument("--power", action="store_true", help="check that every ratio detects a planted slowdown")
+    parser.add_argument("--rounds", type=int, help=f"initial number of rounds ({ROUNDS}; with --write {WRITTEN_ROUNDS})")
+    parser.add_argument("--only", help="check only ratios whose name contains this text")
     options = parser.parse_args()
     names = [name for name in PEERS if not options.only or options.only in name]
     if not names or (options.write and options.only):
-        sys.exit("no ratio to check" if not names else "all ratios are written together")
+        sys.exit("no ratio to check" if not names else "--write records all ratios together")
     committed, whose = written() if not (options.write or options.power) else ({}, "")
     good, peers = True, {}
     CACHE.mkdir(parents=True, exist_ok=True)
@@ -322,7 +322,7 @@ def main():
     for name in names:
         with tempfile.TemporaryDirectory(dir=CACHE) as folder:
             peers[name] = peer = Peer(name, Path(folder))
-            # The planted slowdown takes half of them, by twos.
+            # The planted slowdown uses half of the rounds, in pairs.
             peer.measure(options.rounds or (WRITTEN_ROUNDS if options.write else ROUNDS + 2 * options.power))
             if options.power:
                 good &= found(name, peer)

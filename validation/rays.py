@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Rays per second on a mesh of 708,000 triangles: Sunstone's tree against Embree's, the same rays, nearest hits.
+"""Measure rays per second on a mesh of 708,000 triangles: Sunstone's tree against Embree's, with the same rays, nearest hits.
 
-The mesh is a wavy sphere in a torus knot in a wavy sphere, made here, the same every time; rays end inside of it. Primary rays are those of a pinhole camera of
-1024 x 1024 pixels, row by row. Bounce rays leave the primary hits in directions distributed by the cosine, one a hit, in
-the order of the hits. Every program answers distance, primitive and barycentric coordinates of every ray:
+The mesh is a wavy sphere in a torus knot in a wavy sphere, generated deterministically; the rays start inside. Primary rays are
+those of a pinhole camera of 1024 x 1024 pixels, row by row. Bounce rays leave the primary hits in cosine-distributed directions,
+one per hit, in the order of the hits. Every program returns distance, primitive and barycentric coordinates of every ray:
 
 - Sunstone: benches/rays.rs, `Geometry::intersect`, one ray at a time;
-- Embree: `rtcIntersect1` by way of embreex, one ray at a time, one thread;
+- Embree: `rtcIntersect1` through embreex, one ray at a time, one thread;
 - Mitsuba (llvm): `ray_intersect_preliminary`, which calls Embree on packets of rays.
 
-Rounds are interleaved, because machines drift; the first warms up. Distances must agree with Embree's. With --record the
-numbers go to results/rays.json (result_file.py).
+Rounds are interleaved because the machine's speed drifts; the first is a warm-up. Distances must agree with Embree's. With
+--record the numbers go to results/rays.json (result_file.py).
 """
 
 import argparse
@@ -34,7 +34,7 @@ EYE = (0.4, -3.4, 2.2)
 
 
 def grid(rows, columns, position, closed):
-    """A surface that closes on itself in the second direction, and in the first if it is `closed`: vertices, triangles."""
+    """Return a surface that is closed in the second direction, and in the first if `closed`: vertices, triangles."""
     s, t = np.meshgrid(np.arange(rows) / (rows if closed else rows - 1), np.arange(columns) / columns, indexing="ij")
     vertices = np.stack(position(s, t), -1).reshape(-1, 3)
     i, j = np.meshgrid(np.arange(rows if closed else rows - 1), np.arange(columns), indexing="ij")
@@ -44,7 +44,7 @@ def grid(rows, columns, position, closed):
 
 
 def ball(radius):
-    """Sphere with waves, a pinprick open at the poles."""
+    """A wavy sphere with a small hole at each pole."""
 
     def position(s, t):
         theta, phi = 1e-3 + (np.pi - 2e-3) * s, 2 * np.pi * t
@@ -56,7 +56,7 @@ def ball(radius):
 
 
 def knot(s, t):
-    """Tube about the (2, 3) torus knot."""
+    """A tube around the (2, 3) torus knot."""
     a = 2 * np.pi * s
     path = lambda a: np.stack([(2 + np.cos(3 * a)) * np.cos(2 * a), (2 + np.cos(3 * a)) * np.sin(2 * a), np.sin(3 * a)], -1)
     along = path(a + 1e-4) - path(a - 1e-4)
@@ -69,7 +69,7 @@ def knot(s, t):
 
 
 def mesh():
-    """Vertices (f32) and triangles (u32)."""
+    """Return vertices (f32) and triangles (u32)."""
     parts = [grid(301, 400, ball(0.7), False), grid(2000, 72, knot, True), grid(301, 300, ball(6.0), False)]
     first, vertices, triangles = 0, [], []
     for v, f in parts:
@@ -94,7 +94,7 @@ def unit(v):
 
 
 def primary():
-    """Origins and directions of the camera's rays."""
+    """Return origins and directions of the camera's rays."""
     eye = np.array(EYE)
     forward = unit(-eye)
     right = unit(np.cross(forward, [0, 0, 1]))
@@ -106,7 +106,7 @@ def primary():
 
 
 def bounce(origins, directions, hits):
-    """Rays from the hits, distributed by the cosine about the side that was hit."""
+    """Return rays from the hits, cosine-distributed about the normal on the hit side."""
     met = np.isfinite(hits["t"])
     o, d, t = (a[met].astype(float) for a in (origins, directions, hits["t"]))
     n = unit(hits["normal"][met].astype(float))
@@ -117,7 +117,7 @@ def bounce(origins, directions, hits):
 
 
 class Embree:
-    """embreex, one ray at a time."""
+    """Embree through embreex, one ray at a time."""
 
     def __init__(self, vertices, triangles):
         from embreex.mesh_construction import TriangleMesh
@@ -137,7 +137,7 @@ class Embree:
 
 
 class Mitsuba:
-    """Packets of rays."""
+    """Mitsuba, packets of rays."""
 
     def __init__(self, path):
         import drjit as dr
@@ -164,7 +164,7 @@ class Mitsuba:
 
 
 class Sunstone:
-    """benches/rays.rs in a process of its own."""
+    """benches/rays.rs in a separate process."""
 
     def __init__(self, program, ply, name):
         self.rays, self.out = OUT / f"{name}.f32", OUT / f"{name}_hits.f32"
@@ -188,7 +188,7 @@ class Sunstone:
 
 
 def bench_program():
-    """benches/rays.rs, built."""
+    """Build benches/rays.rs and return its path."""
     command = ["cargo", "bench", "-p", "sunstone-benches", "--bench", "rays", "--no-run", "--message-format=json"]
     out = subprocess.run(command, cwd=environment.ROOT, check=True, capture_output=True, text=True).stdout
     built = [json.loads(line) for line in out.splitlines() if line.startswith("{")]
@@ -196,7 +196,7 @@ def bench_program():
 
 
 def agreement(ours, theirs):
-    """Share of rays that both miss, or hit at the same distance to 1e-5."""
+    """Return the fraction of rays that miss in both programs, or hit at the same distance to 1e-5."""
     both = np.isfinite(ours) & np.isfinite(theirs)
     near = np.zeros(len(ours), bool)
     near[both] = np.abs(ours[both] - theirs[both]) <= 1e-5 * np.maximum(1.0, theirs[both])
@@ -233,7 +233,7 @@ def main():
                     seconds.setdefault((label, threads), []).append(side.trace(*rays, threads))
         programs["Sunstone"].end()
         count = len(rays[0])
-        # The first round warms up.
+        # The first round is a warm-up.
         speed = {key: count / min(s[1:]) / 1e6 for key, s in seconds.items()}
         agree = agreement(programs["Sunstone"].hits["t"], embree.hits["t"])
         for (label, threads), s in speed.items():
@@ -249,7 +249,7 @@ def main():
                 numbers[f"{name}_over_{label.lower()}"] = paired
         numbers[f"{name}_agree"] = result_file.once(agree, "share of rays", "a count")
         if agree < 0.9999:
-            sys.exit("the programs disagree")
+            sys.exit("the distances of the programs disagree")
         if name == "primary":
             rays = bounce(*rays, embree.hits)
     print(f"one thread, worse of both kinds: {worst:.2f} of Embree's; bar {BAR}: {'met' if worst >= BAR else 'MISSED'}")

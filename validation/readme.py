@@ -1,24 +1,24 @@
 #!/usr/bin/env python3
-"""Holds README.md and docs/ to validation/results: every number there is one that a script measured, or is said to be none.
+"""Check README.md and docs/ against validation/results: every number must be measured by a script or marked as given.
 
-    python3 validation/readme.py --check       fails where pages and results differ (CI)
+    python3 validation/readme.py --check       fails if pages and results differ (CI)
     python3 validation/readme.py --write       writes the numbers of the results into the pages
-    python3 validation/readme.py --self-test   plants mistakes in a small project of its own, each of which must be found (CI)
+    python3 validation/readme.py --self-test   plants errors in a small generated project, each of which must be detected (CI)
 
-A claim is a comment right before its number, which no reader sees:
+A claim is a comment directly before its number, which is invisible to readers:
 
     traces <!-- speed:complete_64.median .2f -->1.44 million samples a second
 
-with the result file (results/speed.json), the number in it, median | best | least | greatest | error, Python's format, and if need
-be a factor (`*100`, `/60`). `,` parts thousands, `e` prints 5.7·10⁻³. result_file.py says what files hold. `<!-- given -->1024`
-says that a number is a setting or a definition. --check fails if
+It has the result file (results/speed.json), the name of the number, median | best | least | greatest | error, Python's format,
+and optionally a factor (`*100`, `/60`). `,` separates thousands, `e` prints 5.7·10⁻³. result_file.py describes the files. `<!--
+given -->1024` marks a setting or a definition. --check fails if
 
-- a printed number is not the result's, rounded as printed; a result, or a number in it, is missing, or has no value;
-- README's prose has a number that is neither claimed, given, nor of a kind in ALLOWED; or docs/ one with a unit in MEASURED;
+- a printed number differs from the result, rounded as printed; or a result, or a number in it, is missing or has no value;
+- README's prose has a number that is neither claimed, given, nor of a kind in ALLOWED; or docs/ has one with a unit in MEASURED;
 - the page does not name the script that wrote the result;
 - a result was measured on a changed tree, or more than AGE commits ago, counting commits that touch what it measures;
-- a claim begins a line, from where on Markdown would read HTML;
-- a relative link leads nowhere; README does not open with the two commands, or takes longer to read than MINUTES.
+- a claim begins a line, where Markdown would parse it as HTML;
+- a relative link is broken; README does not start with the two commands, or takes longer to read than MINUTES.
 
 Standard library only.
 """
@@ -34,11 +34,11 @@ from pathlib import Path
 
 import result_file
 
-# Commits that may touch what a result measures before it must be measured anew.
+# Number of commits that may touch what a result measures before it must be measured again.
 AGE = 60
-# Files of results that no page quotes: what other scripts compare with, in layouts of their own.
+# Result files that no page quotes: other scripts use them, with separate formats.
 UNQUOTED = {"bsdf_coverage", "ratios"}
-# Time to read README in, at so many words a minute.
+# Longest time to read README, and the reading speed in words per minute.
 MINUTES, WORDS_A_MINUTE = 3, 250
 COMMANDS = ["cargo run --release -- render scenes/mirror_room/scene.toml", "cargo test --release"]
 
@@ -48,10 +48,10 @@ CLAIM = re.compile(
     rf"(?:\s+(?P<factor>[*/][\d.]+))?\s*-->(?P<number>{NUMBER}|\?)"
 )
 GIVEN = re.compile(rf"<!--\s*given\s*-->{NUMBER}")
-# What looks like a claim and is none.
+# Comments that look like claims but are invalid.
 BROKEN = re.compile(r"<!--\s*(?:\w+:\w+\.|given)[^>]*-->")
 WORD = r"(?:two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|twenty|a hundred) "
-# Numbers in README's prose that nobody measures.
+# Numbers in README's prose that are not measured.
 ALLOWED = [
     r"\b(?:19|20)\d\d\b",  # years
     r"\d+ ?[×x] ?\d+",  # sizes
@@ -61,7 +61,7 @@ ALLOWED = [
     r"#\d+",  # issues
     r"\b\d+D\b",
 ]
-# Units of what is measured, in docs/.
+# Units of measured numbers in docs/.
 UNITS = r"(?:million|thousand|times as|min\b|minutes|hours|s\b|ms\b|seconds|M/s|M[iB]B?\b|GB\b|% of)"
 MEASURED = rf"\b(?:{WORD}|\d[\d.,]*(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)? ?){UNITS}"
 PAGES = ["README.md", "CHANGELOG.md", "CONVENTIONS.md", "scenes/README.md", "pbrdf/README.md"]
@@ -70,7 +70,7 @@ CLAIMING = ["README.md", "scenes/README.md"]
 
 @dataclass
 class Project:
-    """A project at a folder, and what is wrong with it."""
+    """A project in a folder, and its errors."""
 
     root: Path
     wrong: list = field(default_factory=list)
@@ -88,7 +88,7 @@ class Project:
         return page.relative_to(self.root).as_posix()
 
     def result(self, name):
-        """A result file, or None."""
+        """Return a result file, or None."""
         if name not in self.loaded:
             path = self.root / f"validation/results/{name}.json"
             try:
@@ -105,7 +105,7 @@ class Project:
 
 
 def printed(value, style, factor):
-    """A number as a page shows it."""
+    """Return a number as a page shows it."""
     if factor:
         value = value * float(factor[1:]) if factor[0] == "*" else value / float(factor[1:])
     text = format(round(value) if style.endswith("d") else value, style)
@@ -116,7 +116,7 @@ def printed(value, style, factor):
 
 
 def claimed(project, claim, place):
-    """What a claim must print, or None if that is not known, which is said."""
+    """Return what a claim must print, or None if that is unknown, which is reported."""
     result = project.result(claim["file"])
     if result is None:
         return project.say(place, f"there is no result validation/results/{claim['file']}.json")
@@ -133,27 +133,27 @@ def claimed(project, claim, place):
 
 
 def check_claims(project, page):
-    """Numbers are those of the results, whose scripts the page names."""
+    """Check that numbers equal those of the results, whose scripts the page must name."""
     text = page.read_text()
     # A claim in code is an example.
     bare = re.sub(r"`[^`\n]*`", "", re.sub(r"(?ms)^ *```.*?^ *```$", lambda block: "\n" * block[0].count("\n"), text))
     for number, line in enumerate(bare.split("\n"), 1):
         place = f"{project.name(page)}:{number}"
         if re.match(r" {0,3}<!--", line) and BROKEN.search(line):
-            project.say(place, "a claim begins the line, which makes HTML of it")
+            project.say(place, "a claim begins the line, so that Markdown parses it as HTML")
         for claim in CLAIM.finditer(line):
             want = claimed(project, claim, place)
             if want is not None and want != claim["number"].replace("-", "−"):
                 project.say(place, f"says {claim['number']}, {claim['file']}.json's {claim['name']} is {want}")
         if left := BROKEN.search(GIVEN.sub("", CLAIM.sub("", line))):
-            project.say(place, f"no claim that can be read: {left[0]}")
+            project.say(place, f"invalid claim: {left[0]}")
     for name in sorted({claim["file"] for claim in CLAIM.finditer(text)}):
         if (result := project.result(name)) and result.get("script", "?") not in text:
             project.say(project.name(page), f"does not name {result.get('script')}, which wrote {name}.json")
 
 
 def write_claims(project, page):
-    """Puts the results' numbers in; true if the page changed."""
+    """Write the results' numbers into the page; return true if the page changed."""
     text = page.read_text()
 
     def put(claim):
@@ -170,7 +170,7 @@ def write_claims(project, page):
 
 
 def prose(text):
-    """The lines of a page without code, links' targets, and numbers that are accounted for; as many as the page has."""
+    """Return the lines of a page without code, link targets and numbers with a claim; the number of lines is unchanged."""
     blank = lambda match: "\n" * match[0].count("\n")
     text = re.sub(r"(?ms)^ *```.*?^ *```$", blank, text)
     text = GIVEN.sub("", CLAIM.sub("", text))
@@ -182,7 +182,7 @@ def prose(text):
 
 
 def check_prose(project, page):
-    """Numbers that nothing accounts for."""
+    """Report numbers without a claim."""
     strict = page.name == "README.md" and page.parent == project.root
     for number, line in enumerate(prose(page.read_text()), 1):
         for allowed in ALLOWED:
@@ -193,29 +193,29 @@ def check_prose(project, page):
 
 
 def check_front(project):
-    """README opens with the two commands and is short."""
+    """Check that README starts with the two commands and is short."""
     text = (project.root / "README.md").read_text()
     block = re.search(r"(?ms)^```\w*\n(.*?)^```$", text)
     first = [line.split("#")[0].strip() for line in block[1].splitlines()] if block else []
     if first[: len(COMMANDS)] != COMMANDS:
-        project.say("README.md", f"does not open with the commands {COMMANDS}")
+        project.say("README.md", f"does not start with the commands {COMMANDS}")
     words = sum(len(re.findall(r"\w[\w'’.-]*", line)) for line in prose(text))
     if words > MINUTES * WORDS_A_MINUTE:
-        project.say("README.md", f"has {words} words, more than are read in {MINUTES} minutes ({MINUTES * WORDS_A_MINUTE})")
+        project.say("README.md", f"has {words} words, more than can be read in {MINUTES} minutes ({MINUTES * WORDS_A_MINUTE})")
 
 
 # Links ----------------------------------------------------------------------------------------------------------------
 
 
 def anchors(page):
-    """Where a page's headings can be linked to."""
+    """Return the anchors of a page's headings."""
     text = re.sub(r"(?ms)^```.*?^```$", "", page.read_text())
     plain = (re.sub(r"[^\w\- ]", "", title.lower()) for title in re.findall(r"(?m)^#+ +(.*?) *$", text))
     return {title.strip().replace(" ", "-") for title in plain}
 
 
 def check_links(project):
-    """Relative links lead to files, and to headings in them."""
+    """Check that relative links lead to existing files and headings."""
     pages = [project.root / name for name in PAGES] + sorted((project.root / "docs").glob("**/*.md"))
     for page in filter(Path.exists, pages):
         text = re.sub(r"(?ms)^ *```.*?^ *```$", "", page.read_text())
@@ -225,19 +225,19 @@ def check_links(project):
             path, _, anchor = target.partition("#")
             to = (page.parent / path).resolve() if path else page
             if not to.exists():
-                project.say(project.name(page), f"links to {target}, which is not there")
+                project.say(project.name(page), f"links to {target}, which does not exist")
             elif anchor and to.suffix == ".md" and anchor not in anchors(to):
-                project.say(project.name(page), f"links to {target}, a heading that is not there")
+                project.say(project.name(page), f"links to {target}, a heading that does not exist")
 
 
 # Age ------------------------------------------------------------------------------------------------------------------
 
 
 def check_age(project):
-    """Results are of commits that are known and near."""
+    """Check that results come from known and recent commits."""
     git = lambda *arguments: result_file.git(*arguments, root=project.root)
     if git("rev-parse", "HEAD") is None:
-        return project.say("validation/results", "how old they are is not known: this is no git repository")
+        return project.say("validation/results", "their age is unknown: this is not a git repository")
     shallow = git("rev-parse", "--is-shallow-repository") == "true"
     for path in sorted((project.root / "validation/results").glob("*.json")):
         place, result = project.name(path), project.result(path.stem)
@@ -249,18 +249,18 @@ def check_age(project):
             continue
         script, commit, measures = result["script"], result["commit"], result["measures"]
         if not (project.root / script).exists():
-            project.say(place, f"was written by {script}, which is not there")
+            project.say(place, f"was written by {script}, which does not exist")
         if result["dirty"]:
             project.say(place, f"was measured on a changed tree: commit, then run {script} --record")
         known = commit and git("cat-file", "-e", f"{commit}^{{commit}}") is not None
         if not known and shallow:
-            project.say(place, f"how old it is is not known: this clone is shallow and lacks {commit}; fetch the whole history")
+            project.say(place, f"its age is unknown: this clone is shallow and lacks {commit}; fetch the whole history")
         elif not known:
             project.say(place, f"was measured at {commit}, which this repository does not know: run {script} --record")
         elif git("merge-base", "--is-ancestor", commit, "HEAD") is None:
             project.say(place, f"was measured at {commit[:10]}, which is not in the history of HEAD: run {script} --record")
         elif not any((project.root / m).exists() for m in measures):
-            project.say(place, f"measures {measures}, none of which is there")
+            project.say(place, f"measures {measures}, none of which exists")
         else:
             count = int(git("rev-list", "--count", f"{commit}..HEAD", "--", *measures))
             if count > AGE:
@@ -269,7 +269,7 @@ def check_age(project):
 
 
 def check(root):
-    """What is wrong."""
+    """Return all errors."""
     project = Project(root)
     for page in project.claiming():
         check_claims(project, page)
@@ -284,7 +284,7 @@ def check(root):
 
 
 class Sample:
-    """A small project in a folder, right in all points until something is planted."""
+    """A small project in a folder, correct until an error is planted."""
 
     def __init__(self, root):
         self.root = root
@@ -344,7 +344,7 @@ PLANTED = {
     "a missing result": (lambda p: (p.root / "validation/results/speed.json").unlink(), "there is no result"),
     "a missing number": (lambda p: p.page(old="speed:t.median", new="speed:u.median"), "has no number u"),
     "a number without a value": (lambda p: p.page(old="shift.median", new="shift.best"), "has no best"),
-    "a claim that cannot be read": (lambda p: p.page(old="t.median .2f", new="t.middle .2f"), "no claim that can be read"),
+    "a claim that cannot be read": (lambda p: p.page(old="t.median .2f", new="t.middle .2f"), "invalid claim"),
     "a number without a claim": (lambda p: p.page(old="<!-- speed:t.median .2f -->1.23", new="1.23"), "'1.23' has no claim"),
     "a number in words": (lambda p: p.page(old="77 rooms", new="77 rooms and two million pixels"), "'two million' has no claim"),
     "a time in docs": (lambda p: (p.root / "docs/a.md").write_text("# One more page\n\nIt takes 46 minutes.\n"), "'46 minutes'"),
@@ -353,19 +353,19 @@ PLANTED = {
     "an unknown commit": (lambda p: p.result(commit="0123456789" * 4), "does not know"),
     "a commit of no history": (lambda p: p.result(commit=None), "does not know"),
     "a changed tree": (lambda p: p.result(dirty=True), "measured on a changed tree"),
-    "a script that is gone": (lambda p: (p.root / "validation/speed.py").unlink(), "which is not there"),
+    "a script that is gone": (lambda p: (p.root / "validation/speed.py").unlink(), "which does not exist"),
     "an old format": (lambda p: p.result(format=0), "is not of format"),
-    "rooms that are gone": (lambda p: p.result(measures=["source"]), "none of which is there"),
+    "rooms that are gone": (lambda p: p.result(measures=["source"]), "none of which exists"),
     "a broken link": (lambda p: p.page(old="docs/a.md#", new="docs/b.md#"), "links to docs/b.md"),
-    "a broken anchor": (lambda p: p.page(old="#one-more-page", new="#no-page"), "a heading that is not there"),
-    "another opening": (lambda p: p.page(old=COMMANDS[0], new="make"), "does not open with"),
+    "a broken anchor": (lambda p: p.page(old="#one-more-page", new="#no-page"), "a heading that does not exist"),
+    "another opening": (lambda p: p.page(old=COMMANDS[0], new="make"), "does not start with"),
     "a claim at a line's start": (lambda p: p.page(old="it takes ", new="it takes\n"), "begins the line"),
     "a long README": (lambda p: p.page(old="See ", new="and on " * 800 + "See "), "words, more than"),
 }
 
 
 def self_test():
-    """Every planted mistake must be found, by its own message, and nothing where there is none."""
+    """Check that every planted error is detected with its own message, and that a correct project has no errors."""
     bad = []
 
     def run(what, plant, expected):
@@ -379,13 +379,13 @@ def self_test():
             bad.append(f"{what}: expected {expected!r} in {wrong}")
 
     run("nothing wrong", lambda p: None, None)
-    run("as many commits as may be", lambda p: p.touch(AGE), None)
+    run("the largest allowed number of commits", lambda p: p.touch(AGE), None)
     run("commits elsewhere", lambda p: p.touch(AGE + 5, "other.txt"), None)
     for what, (plant, expected) in PLANTED.items():
         run(what, plant, expected)
 
     def shallow(sample):
-        """A clone without history, of a project that went on since the result."""
+        """Make a shallow clone of a project with commits after the result."""
         sample.touch(2)
         (sample.root / "validation/results/speed.json").touch()
         subprocess.run(["git", "clone", "-q", "--depth", "1", f"file://{sample.root}", sample.root / "clone"], check=True)
@@ -394,13 +394,13 @@ def self_test():
     run("a shallow clone", shallow, "this clone is shallow")
 
     def written(sample):
-        """Numbers that --write has put right again."""
+        """Plant numbers that --write corrects."""
         for old, new in (("1.23 s", "? s"), ("2,500", "9"), ("−0.3", "8.1")):
             sample.page(old=old, new=new)
         project = Project(sample.root)
         assert write_claims(project, sample.root / "README.md") and not project.wrong
 
-    run("numbers that --write put right", written, None)
+    run("numbers that --write corrected", written, None)
     for line in bad:
         print(line, file=sys.stderr)
     return 1 if bad else 0
@@ -409,9 +409,9 @@ def self_test():
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--check", action="store_true", help="fail where pages and results differ")
+    what.add_argument("--check", action="store_true", help="fail if pages and results differ")
     what.add_argument("--write", action="store_true", help="write the results' numbers into the pages, then check")
-    what.add_argument("--self-test", action="store_true", help="plant mistakes, each of which must be found")
+    what.add_argument("--self-test", action="store_true", help="check that planted errors are detected")
     options = parser.parse_args()
     if options.self_test:
         return self_test()
@@ -423,7 +423,7 @@ def main():
     wrong = check(result_file.ROOT)
     for line in wrong:
         print(line, file=sys.stderr)
-    print(f"{len(wrong)} things wrong" if wrong else "README.md and docs/ say what the results say")
+    print(f"{len(wrong)} errors" if wrong else "README.md and docs/ agree with the results")
     return 1 if wrong else 0
 
 

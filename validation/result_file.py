@@ -1,26 +1,25 @@
-"""Result files: what was measured, of which commit, on which machine, when, and how far the rounds lie apart.
+"""Result files: what was measured, at which commit, on which machine, when, and with which spread over rounds.
 
-Every script of this folder that measures something writes one such file to results/ (JSON), and readme.py holds README.md and
-docs/ to them. A file holds
+Every script of this folder that measures something writes one such JSON file to results/, and readme.py checks README.md and
+docs/ against them. A file contains
 
     format     1
-    script     which wrote it, from the project's root
-    measures   rooms and files whose change makes the numbers old, from the project's root
-    commit     of the tree that was measured; dirty: whether one of `measures` differed from it
+    script     that wrote it, relative to the project's root
+    measures   folders and files whose change makes the numbers outdated, relative to the project's root
+    commit     of the measured tree; dirty: whether one of `measures` differed from it
     date       UTC
     machine    processor, cores, memory_gb, system
-    note       what else must be known, if anything (the variable SUNSTONE_RESULT_NOTE says it)
+    note       optional remarks (from the variable SUNSTONE_RESULT_NOTE)
     versions   of the other programs
     numbers    name: number
-    rows       tables as the script prints them, if it has any
+    rows       tables as the script prints them, if any
 
-and a number `unit`, `spread` (in words what lies between least and greatest), `median`, `best` (the least, or the greatest where
-`better` is "higher"), `least`, `greatest` and `rounds`, the values themselves. A number without rounds has one value as median and
-best, null as least and greatest, and `spread` says why: one run, or an estimate with its `error`. Of ratios, `best` is that of
-the best of both. Null is a number that was not
-reached (an integrator that never finds all light).
+A number has `unit`, `spread` (what varies between least and greatest), `median`, `best` (the least, or the greatest if `better`
+is "higher"), `least`, `greatest` and `rounds`, the values themselves. A number without rounds has one value as median and best,
+and null as least and greatest; `spread` gives the reason: one run, or an estimate with its `error`. For ratios, `best` is the
+ratio of both best values. Null is a number that was not reached (an integrator that never finds all light).
 
-Standard library only: readme.py runs where nothing is installed.
+Standard library only: readme.py runs without installed packages.
 """
 
 import json
@@ -36,14 +35,14 @@ ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "validation/results"
 FORMAT = 1
 
-# What the whole program is made of where light is traced, stored and read from scene files. What reads other programs' files is not
-# in it: of 80 commits that made convergence.json old, 22 had touched that alone.
+# Parts of the program that trace light, store it and read scene files. Importers of other formats are excluded: of 80 commits
+# that made convergence.json outdated, 22 had touched only those.
 TRACER = ["src/optics", "src/tensor", "src/store", "src/transport", "src/scene/build", "src/sunstone/render.rs"]
 POLARIMETRY = ["src/optics", "src/polarimetry"]
 
 
 def rounds(values, unit, better="lower", spread=None):
-    """A number that was measured in several rounds, which were interleaved with those of what it is compared with."""
+    """Return a number measured in several rounds, interleaved with those of the quantities it is compared with."""
     values = [significant(v) for v in values]
     best = min(values) if better == "lower" else max(values)
     return {
@@ -59,31 +58,33 @@ def rounds(values, unit, better="lower", spread=None):
 
 
 def ratio(over, under, better="higher"):
-    """The ratio of two lists of rounds in seconds, round by round, since rounds of one number share what the machine did
-    meanwhile; `best` is that of the least of both.
+    """Return the ratio of two lists of rounds in seconds, round by round, because both values of a round share the state of the
+    machine.
+
+    `best` is the ratio of the smallest values of both.
     """
     number = rounds([a / b for a, b in zip(over, under, strict=True)], "", better, f"{len(over)} ratios of paired rounds")
     return number | {"best": significant(min(over) / min(under))}
 
 
 def once(value, unit, spread="one run"):
-    """A number of one run; None if it was not reached."""
+    """Return a number of one run; None if it was not reached."""
     value = None if value is None or not math.isfinite(value) else significant(value)
     return {"unit": unit, "spread": spread, "median": value, "best": value, "least": None, "greatest": None}
 
 
 def estimate(value, error, unit):
-    """A number with its standard error."""
+    """Return a number with its standard error."""
     return once(value, unit, "standard error") | {"error": significant(error)}
 
 
 def significant(value, digits=6):
-    """Rounded to significant digits; whole numbers stay whole."""
+    """Round to significant digits; whole numbers stay whole."""
     return value if isinstance(value, int) else float(f"{float(value):.{digits}g}")
 
 
 def machine():
-    """What this runs on."""
+    """Describe this machine."""
     processor, memory = platform.processor(), None
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -95,17 +96,17 @@ def machine():
 
 
 def git(*arguments, root=ROOT):
-    """What git says, or None if it fails."""
+    """Return the output of git, or None if it fails."""
     done = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True)
     return done.stdout.strip() if done.returncode == 0 else None
 
 
 def write(name, script, measures, numbers, versions=None, rows=None, note=None):
-    """Writes results/<name>.json; `script` is the calling script's __file__."""
+    """Write results/<name>.json; `script` is the calling script's __file__."""
     script = Path(script).resolve().relative_to(ROOT).as_posix()
     own = [m for m in [*measures, "Cargo.toml", "Cargo.lock"] if (ROOT / m).exists()]
     wrong = [m for m in measures if not (ROOT / m).exists()]
-    assert not wrong, f"{script} measures what is not there: {wrong}"
+    assert not wrong, f"{script} measures paths that do not exist: {wrong}"
     head = {
         "format": FORMAT,
         "script": script,
@@ -121,7 +122,7 @@ def write(name, script, measures, numbers, versions=None, rows=None, note=None):
 
 
 def save(name, head, numbers, rows=None):
-    """The file, one number a line, so that differences can be read."""
+    """Write the file with one number per line, for readable differences."""
     line = lambda value: json.dumps(value, ensure_ascii=False, allow_nan=False)
     text = json.dumps(head, indent=1, ensure_ascii=False)[:-2] + ',\n "numbers": {\n  '
     text += ",\n  ".join(f"{line(key)}: {line(value)}" for key, value in numbers.items()) + "\n }"
@@ -129,12 +130,12 @@ def save(name, head, numbers, rows=None):
         text += ',\n "rows": [\n  ' + ",\n  ".join(map(line, rows)) + "\n ]"
     RESULTS.mkdir(parents=True, exist_ok=True)
     path = RESULTS / f"{name}.json"
-    # Whole or not at all.
+    # The file appears complete or not at all.
     (part := path.with_suffix(".part")).write_text(text + "\n}\n")
     part.replace(path)
     print(f"wrote {path.relative_to(ROOT)}")
 
 
 def read(name):
-    """A result file; raises FileNotFoundError if there is none."""
+    """Return a result file; raise FileNotFoundError if it does not exist."""
     return json.loads((RESULTS / f"{name}.json").read_text())

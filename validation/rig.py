@@ -1,17 +1,16 @@
 #!/usr/bin/env python3
-"""The spatio-polarimetric rig end to end, from the shell: plan, run, calibrate, reconstruct, error against the tensor.
+"""Check the spatio-polarimetric rig end to end from the shell: plan, run, calibrate, reconstruct, error against the tensor.
 
-For each scheme the shipped rig (elements off by up to 2 degrees, backlash, noise, 12 bits) takes the mirror room, air, a mirror
-and a polarizer; the elements are calibrated from the three samples alone; and the room's Mueller images are reconstructed with
-the scheme as planned and as calibrated. The same night with perfect elements says what noise alone costs. Errors are root mean
-squares of all 16 elements over the mean T00 of the tensor that the bench played. The room hardly polarizes; so air, captured
-once more in another night, is reconstructed too, and its biases are those of the mean over all pixels, in which noise is less
-by the root of their number. Exits with 1 where the calibrated error is above 1.2 times that of perfect
-elements, where the calibrated bias is above 8 times the noise of such a mean, where an imperfection is off by more than 5
-sigma, or where a rerun differs.
+For each scheme the shipped rig (elements off by up to 2 degrees, backlash, noise, 12 bits) captures the mirror room, air, a
+mirror and a polarizer. The elements are calibrated from the three samples alone, and the room's Mueller images are reconstructed
+with the scheme as planned and as calibrated. The same session with perfect elements gives the error of noise alone. Errors are
+root mean squares of all 16 elements over the mean T00 of the tensor that the bench played. The room barely polarizes. So air,
+captured again in another session, is also reconstructed. Its biases are those of the mean over all pixels, where noise is smaller
+by the square root of their number. Exits with 1 if the calibrated error is above 1.2 times that of perfect elements, if the
+calibrated bias is above 8 times the noise of such a mean, if an imperfection is off by more than 5 sigma, or if a rerun differs.
 
-`--power` plants errors in the calibrated schemes (a quarter of a degree, half a degree of retardance, two stages exchanged) that
-must break the bound of the bias; `--ci` takes the learned schemes alone, and plants errors in the first of them.
+`--power` applies errors to the calibrated schemes (a quarter of a degree, half a degree of retardance, two stages exchanged) that
+must exceed the bound of the bias; `--ci` checks only the learned schemes and applies errors to the first of them.
 """
 
 import argparse
@@ -32,15 +31,16 @@ if __name__ == "__main__" and not {"-h", "--help"} & set(sys.argv):
 ROOT = Path(__file__).resolve().parent.parent
 RIG = ROOT / "rigs/spatio_polarimetric"
 BOUND = 1.2
-# Of biases, over the perfect elements' error by the root of the pixels. (Five sigma, and what photographs of 12 bits and mosaics add.)
+# Bound of biases, relative to the perfect elements' error over the square root of the pixels. (Five sigma, and the effects of
+# 12-bit frames and mosaics.)
 BIAS = 8
-# Brightness of samples, of the rig file.
+# Brightness of samples, from the rig file.
 AIR = 0.4
 SCHEMES = [("DRR 36", "drr", 36, False), ("DRR 25", "drr", 25, False), ("L-QRPR 16", "learn", 16, False), ("L-QRPR-P 8", "learn", 8, True)]
 
 
 def sunstone(*arguments, fails=False):
-    """Runs Sunstone at the root of the project; stops on failure."""
+    """Run Sunstone at the root of the project; stop on failure."""
     done = subprocess.run([environment.sunstone(), *map(str, arguments)], capture_output=True, text=True, cwd=ROOT)
     if done.returncode and not fails:
         sys.exit(f"sunstone {' '.join(map(str, arguments))}\n{done.stderr}")
@@ -48,7 +48,7 @@ def sunstone(*arguments, fails=False):
 
 
 def rigs(folder, array):
-    """The shipped rig beside a copy without imperfections; the elements of an array's rig have no fourth."""
+    """Write the shipped rig and a copy without imperfections; the rig with a polarizer array has no fourth element."""
     text = (RIG / "rig.toml").read_text().replace("../../scenes", str(ROOT / "scenes"))
     optics = (RIG / "optics.toml").read_text()
     if array:
@@ -65,7 +65,7 @@ def rigs(folder, array):
 
 
 def plan(folder, kind, captures, array):
-    """A plan of full illumination with the dark subtracted."""
+    """Return a plan with full illumination and dark subtraction."""
     scheme = folder / "scheme.toml"
     if kind == "learn":
         sunstone("learn", "-k", captures, *(["--sensor", "polarizer-array"] if array else []), "-o", scheme)
@@ -82,7 +82,7 @@ def matrices(store, group):
 
 
 def truth():
-    """Sum over s' of what the bench played, at 550 nm."""
+    """Return the sum over s' of the tensor that the bench played, at 550 nm."""
     stores = sorted((ROOT / "out/bench").glob("mirror_room-*.zarr"), key=lambda p: p.stat().st_mtime)
     spatial = np.array(zarr.open(str(stores[-1]))["spatial"]["mean"])[..., 1]
     return spatial.sum((2, 3))
@@ -110,7 +110,7 @@ def reconstruct(folder, run, out, *rest):
 
 
 def check_scheme(folder, name, kind, captures, array):
-    """One row of the table; whether it holds."""
+    """Print one row of the table; return whether it passes."""
     rigs(folder, array)
     plan(folder, kind, captures, array)
     said = night(folder, "night.zarr", "rig.toml")
@@ -140,8 +140,10 @@ def check_scheme(folder, name, kind, captures, array):
 
 
 def check_coaxial(folder):
-    """The coaxial temporal rig's preview: histograms of 16 x 16 points. Compared are sums over all bins of time, which jitter
-    does not change. Whether it holds."""
+    """Check the preview of the coaxial temporal rig: histograms of 16 x 16 points. Return whether it passes.
+
+    Sums over all time bins are compared, because jitter does not change them.
+    """
     scan = ROOT / "rigs/coaxial_temporal"
     folder.mkdir()
     for name in ("plan", "scheme", "optics"):
@@ -159,7 +161,7 @@ def check_coaxial(folder):
     sunstone("rig", "calibrate", *(folder / f"{s}.zarr" for s in samples), "-o", folder / "calibrated.toml")
     night(folder, "perfect.zarr", "perfect.toml")
     night(folder, "check.zarr", "check.toml", "--sample", "air")
-    # Beside it there may be that of the whole night.
+    # The folder may also hold the tensor of the full session.
     stores = sorted((ROOT / "out/bench").glob("coaxial_temporal-*.zarr"), key=lambda p: p.stat().st_mtime)
     played = [s for s in (matrices(store, "spatial") for store in stores) if s.shape[:2] == (16, 16)]
     true = played[-1].sum(2)
@@ -168,7 +170,7 @@ def check_coaxial(folder):
         reconstruct(folder, run, out, *scheme)
         found = matrices(folder / out, "scan").sum(2)
         if want is None:
-            # Of a sample's light, all at time 0, jitter puts a part before the first bin: only its matrix counts.
+            # All light of a sample is at time 0, and jitter moves a part before the first bin: only its normalized matrix counts.
             found /= np.nanmean(found[..., 0, 0])
             want = np.broadcast_to(np.eye(4), found.shape)
         difference = (found - want) / want[..., 0, 0].mean()
@@ -194,7 +196,7 @@ def check_coaxial(folder):
 
 
 def truths(array):
-    """What the shipped optics are, backlash's half included, by the names of the table."""
+    """Return the true errors of the shipped optics, including half of the backlash, by the names of the table."""
     values = {
         "polarizer_1 axis offset": 0.42 - 0.03,
         "retarder_2 axis offset": -0.65 - 0.04,
@@ -211,7 +213,7 @@ def truths(array):
 
 
 def sigmas(table, array):
-    """Errors of the calibration in sigma."""
+    """Return errors of the calibration in sigma."""
     out = {}
     for name, want in truths(array).items():
         m = re.search(rf"^{re.escape(name)}\s+(-?[\d.]+)°? ± ([\d.]+)$", table, re.M)
@@ -223,9 +225,9 @@ def sigmas(table, array):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--power", action="store_true", help="check that planted errors are found")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
     parser.add_argument("--keep", type=Path, help="folder to keep all stores in")
-    parser.add_argument("--ci", action="store_true", help="the learned schemes alone, and planted errors in the first of them")
+    parser.add_argument("--ci", action="store_true", help="only the learned schemes, and planted errors in the first of them")
     options = parser.parse_args()
     folder = options.keep or Path(tempfile.mkdtemp())
     folder.mkdir(parents=True, exist_ok=True)
@@ -256,7 +258,7 @@ def main():
 
 
 def power(folder, floor, air):
-    """Planted errors in the calibrated scheme must break the bound."""
+    """Check that planted errors in the calibrated scheme exceed the bound."""
     text = (folder / "calibrated.toml").read_text()
 
     def change(pattern, by, which=0):
@@ -276,7 +278,7 @@ def power(folder, floor, air):
         (folder / "wrong.toml").write_text(changed)
         _, found, _ = error(reconstruct(folder, "check.zarr", "wrong.zarr", "--scheme", folder / "wrong.toml"), air)
         above = found > BIAS * floor
-        print(f"{what:36} bias {found / floor:6.1f} of its noise, the bound is {BIAS}: {'found' if above else 'NOT FOUND'}")
+        print(f"{what:36} bias {found / floor:6.1f} of its noise, the bound is {BIAS}: {'detected' if above else 'NOT DETECTED'}")
         good &= above
     return good
 

@@ -1,8 +1,8 @@
 """Scenes for both programs, built from the same numbers.
 
-Every method of `Scene` writes one thing twice: as TOML text for Sunstone and as an entry of Mitsuba's scene dictionary.
-Lengths in metres; one wavelength; reflectances and indices are plain numbers, passed explicitly to both sides
-(Mitsuba's own metal tables and its default exterior index, air, differ from ours).
+Every method of `Scene` writes one item twice: as TOML text for Sunstone and as an entry of Mitsuba's scene dictionary. Lengths
+are in metres; there is one wavelength. Reflectances and indices are plain numbers, passed explicitly to both sides (Mitsuba's own
+metal tables and its default exterior index, air, differ from Sunstone's).
 """
 
 import math
@@ -17,7 +17,7 @@ SILVER = (0.0596, 3.5974)
 
 
 class Scene:
-    """One scene in both languages. The camera stands at `origin`, looks at `target`, with +y up."""
+    """One scene in both formats. The camera is at `origin`, looks at `target`, with +y up."""
 
     def __init__(self, name, llvm, origin, target, max_depth, time=None):
         self.name, self.llvm, self.max_depth, self.time = name, llvm, max_depth, time
@@ -58,10 +58,11 @@ time = {bins or '"sum"'}
         self._material(name, f"conductor = {{ n = {n}, k = {k} }}", {"type": "twosided", "bsdf": bsdf})
 
     def rough_conductor(self, name, index):
-        """GGX, where the programs differ by intent: Mitsuba masks with the separable G1(wi) G1(wo), Sunstone with the
-        height-correlated G2 (Heitz 2014), some 0.5 % brighter in these scenes at alpha = 0.3. With LLVM, masking.py gives
-        Mitsuba the same G2. Without, that would be too slow; the difference, which goes as alpha^4, is then made
-        negligible instead.
+        """Add a GGX conductor, for which the programs differ by design.
+
+        Mitsuba masks with the separable G1(wi) G1(wo), Sunstone with the height-correlated G2 (Heitz 2014), which is about 0.5 %
+        brighter in these scenes at alpha = 0.3. With LLVM, masking.py gives Mitsuba the same G2. Without LLVM that would be too
+        slow; then a smaller alpha makes the difference, which scales as alpha^4, negligible.
         """
         (n, k) = index
         alpha = 0.3 if self.llvm else 0.1
@@ -114,13 +115,14 @@ time = {bins or '"sum"'}
             "fov": fov_x_deg, "fov_axis": "x", "to_world": (origin, target),
         }
 
-    # The two languages
+    # The two formats
 
     def toml(self):
         return self._head + self._toml
 
     def dictionary(self, mi):
-        """For `mi.load_dict`; the Stokes integrator of Mitsuba renders the first column of our Mueller images."""
+        """Return the scene for `mi.load_dict`. Mitsuba's Stokes integrator renders the first column of Sunstone's Mueller images.
+        """
         look_at = lambda a, b: mi.ScalarTransform4f().look_at(origin=list(a), target=list(b), up=[0, 1, 0])
         parts = {}
         for key, part in self._parts.items():
@@ -142,7 +144,7 @@ time = {bins or '"sum"'}
         }
 
     def camera_axes(self):
-        """Image right, image up and forward, world coordinates."""
+        """Return image right, image up and forward in world coordinates."""
         forward = self.target - self.origin
         forward /= np.linalg.norm(forward)
         right = np.cross(forward, [0, 1, 0])
@@ -151,12 +153,12 @@ time = {bins or '"sum"'}
 
 
 def uniform(value):
-    """A spectrum of one value."""
+    """Return a constant spectrum."""
     return {"type": "uniform", "value": value}
 
 
 def box(scene, left, right, floor, back):
-    """Four walls of the cube [-1, 1]^3; ceiling and front are open."""
+    """Add four walls of the cube [-1, 1]^3; ceiling and front are open."""
     scene.rectangle((-1, -1, 1), (0, 0, -2), (0, 2, 0), left)
     scene.rectangle((1, -1, -1), (0, 0, 2), (0, 2, 0), right)
     scene.rectangle((-1, -1, 1), (2, 0, 0), (0, 0, -2), floor)
@@ -164,7 +166,7 @@ def box(scene, left, right, floor, back):
 
 
 def gold_box(name, llvm):
-    """Lambert and rough gold, whose reflections of each other polarize both linearly and circularly."""
+    """Return a scene of Lambertian surfaces and rough gold, whose interreflections are polarized linearly and circularly."""
     scene = Scene(name, llvm, origin=(0.2, 0.9, 4), target=(0, -0.2, 0), max_depth=4)
     scene.diffuse("grey", 0.5)
     scene.rough_conductor("gold", GOLD)
@@ -186,7 +188,9 @@ def projector_light(llvm=True):
 
 
 def mirror_and_glass(llvm=True):
-    """Smooth interfaces: a mirror, total reflection and refraction in a glass sphere, seen against lit walls."""
+    """Return a scene of smooth interfaces: a mirror, total internal reflection and refraction in a glass sphere, seen against lit
+    walls.
+    """
     scene = Scene("mirror and glass", llvm, origin=(0.2, 0.9, 4), target=(0, -0.2, 0), max_depth=6)
     scene.diffuse("grey", 0.6)
     scene.conductor("silver", SILVER)
@@ -210,7 +214,7 @@ def environment(llvm=True):
 
 
 def corner(llvm=True):
-    """Two walls and a floor of rough gold: two or three reflections fill all 16 elements, and differ in travel time."""
+    """Return two walls and a floor of rough gold: two or three reflections fill all 16 elements and differ in travel time."""
     scene = Scene("gold corner", llvm, origin=(0.3, 0.8, 3), target=(0, -0.4, -0.4), max_depth=4, time=(14000, 1500, 10))
     scene.rough_conductor("gold", GOLD)
     box(scene, "gold", "gold", "gold", "gold")

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""SCPI against PyVISA, over TCP, both ways.
+"""Compare SCPI with PyVISA, over TCP, in both directions.
 
-1. PyVISA (its backend PyVISA-py) asks our emulated laser: identity, numbers, errors, a block of bytes.
-2. Our driver tells a laser that PyVISA-sim plays, whose commands stand below in PyVISA-sim's own words. PyVISA-sim has no
-   socket; a few lines here carry lines between one and it.
+1. PyVISA (its backend PyVISA-py) queries Sunstone's emulated laser: identity, numbers, errors, a block of bytes.
+2. Sunstone's driver controls a laser simulated by PyVISA-sim, whose commands are defined below in PyVISA-sim's format. PyVISA-sim
+   has no socket; a few lines here transfer data between a socket and PyVISA-sim.
 
-Exits with 1 if something differs. `--power` plants errors on the way in both directions, which must be noticed.
+Exits with 1 if something differs. `--power` applies errors in both directions, which must be detected.
 """
 
 import argparse
@@ -96,7 +96,7 @@ WANTED = {
 
 
 def carried(listener, session, change):
-    """Lines of one connection to PyVISA-sim and back."""
+    """Transfer lines of one connection to PyVISA-sim and back."""
     stream, _ = listener.accept()
     with stream, stream.makefile("rb") as lines:
         for line in lines:
@@ -107,7 +107,7 @@ def carried(listener, session, change):
 
 
 def driven(change=lambda command, answer: answer):
-    """Differences of what our driver finds at PyVISA-sim's laser."""
+    """Return the differences between what Sunstone's driver reads from PyVISA-sim's laser and the expected values."""
     with tempfile.TemporaryDirectory() as folder:
         played = Path(folder) / "laser.yaml"
         played.write_text(DEVICE)
@@ -129,7 +129,9 @@ def holds(step, want, found):
 
 
 def asked(wrong=False):
-    """Differences of what PyVISA finds at our emulator; with `wrong`, another answer is expected than was set."""
+    """Return the differences between what PyVISA reads from Sunstone's emulator and the expected values; with `wrong`, expect
+    other values.
+    """
     with subprocess.Popen([*RUN, "scpi-emulator"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as ours:
         host, port = ours.stdout.readline().strip().rsplit(":", 1)
         laser = pyvisa.ResourceManager("@py").open_resource(
@@ -161,7 +163,7 @@ def asked(wrong=False):
     return {f"emulator, {k}": found[k] for k in wanted if found[k] != wanted[k]}, len(wanted)
 
 
-# One error each, and the step that must notice it.
+# One error each, and the step that must detect it.
 PLANTED = {
     "another identity": ("driver, identify", lambda c, a: a.replace("77", "78") if c == "*IDN?" else a),
     "three fields of identity": ("driver, identify", lambda c, a: "Peer,Played,77" if c == "*IDN?" else a),
@@ -179,7 +181,7 @@ PLANTED = {
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--power", action="store_true", help="check that planted errors are found")
+    parser.add_argument("--power", action="store_true", help="check that planted errors are detected")
     options = parser.parse_args()
     if not options.power:
         differences, count = asked()
@@ -192,8 +194,8 @@ def main():
 
     missed = [name for name, (step, change) in PLANTED.items() if step not in driven(change)]
     differences, count = asked(wrong=True)
-    print(f"{len(PLANTED)} planted errors: {len(PLANTED) - len(missed)} noticed {missed or ''}; "
-          f"{count} wrong expectations: {len(differences)} noticed")
+    print(f"{len(PLANTED)} planted errors: {len(PLANTED) - len(missed)} detected {missed or ''}; "
+          f"{count} wrong expectations: {len(differences)} detected")
     sys.exit(bool(missed) or len(differences) < count)
 
 

@@ -1,13 +1,13 @@
-"""Stores in shards against the same stores in chunks, in folders and below s3://, on a server of this machine (moto).
+"""Compare stores in shards with the same stores in chunks, in folders and at s3:// addresses, on a local server (moto).
 
-Renders a scene, copies it into shards there, and asks both the same questions through a proxy that counts requests and bytes, and that
-fails a fifth of them where it is told to. Answers must be the same to the byte, of the program and of xarray; a copy that is killed and
-made again must be that of a folder; damage must be found and named. Prints what each question takes.
+Renders a scene, copies it into shards at an address, and queries both through a proxy that counts requests and bytes, and fails a
+fifth of them on request. Answers of the program and of xarray must be byte-identical. A copy that is killed and repeated must
+equal that in a folder. Damage must be detected, with its location. Prints the requests of each query.
 
     python validation/shards.py            # checks
-    python validation/shards.py --power    # plants damage: each must be found
+    python validation/shards.py --power    # applies damage: all must be detected
 
-Needs what object_store.py needs, and s3fs for what xarray reads.
+Has the requirements of object_store.py, and s3fs for xarray.
 """
 
 import argparse
@@ -38,13 +38,13 @@ def size(folder):
 
 
 def shape(store, array):
-    """Lengths of a shard and of a chunk in it."""
+    """Return the lengths of a shard and of a chunk in it."""
     text = json.loads((store / array / "zarr.json").read_text())
     return text["chunk_grid"]["configuration"]["chunk_shape"], text["codecs"][0]["configuration"]["chunk_shape"]
 
 
 def makes(server, work):
-    """A copy here and one there, their sizes and times."""
+    """Make a copy in a folder and one at an address; print their sizes and times."""
     plain, sharded = work / "plain.zarr", work / "sharded.zarr"
     done = sunstone(server, *rendering("-o", plain, slices="xt,ss,flight", spp=8))
     assert done.returncode == 0, done.stderr.decode()
@@ -63,7 +63,7 @@ def makes(server, work):
     for array in ("flight/mean", "xt/mean", "ss/mean"):
         print(f"  {array}: shards and chunks of {shape(sharded, array)}")
     done = sunstone(server, "verify", sharded)
-    check("verify takes it", done.returncode == 0, (done.stdout + done.stderr).decode().strip())
+    check("verify accepts it", done.returncode == 0, (done.stdout + done.stderr).decode().strip())
     for store in (plain, sharded):
         server.upload(store, f"stores/{store.name}")
     same = lambda where: files(sharded) == where
@@ -75,20 +75,20 @@ def makes(server, work):
         proxy = server.proxy
         told = f"{len(proxy.requests)} requests {dict(proxy.kinds())}, {proxy.sent / 1e3:.0f} kB there, {proxy.bytes / 1e3:.0f} kB back"
         told += f", {proxy.failed} failed, {time.monotonic() - begun:.1f} s"
-        check(f"there to there, {share:.0%} of requests failed", done.returncode == 0, told + done.stderr.decode())
+        check(f"from address to address, {share:.0%} of requests failed", done.returncode == 0, told + done.stderr.decode())
         check("the same bytes as in a folder", same(server.files(name)))
     server.proxy.reset()
 
 
 def reads(server, work):
-    """The same answers, and what they take."""
+    """Check that answers are equal, and print their requests."""
     for share in (0.0, SHARE):
         for name, question in QUESTIONS:
             answers = []
             for store in ("plain", "sharded"):
                 address = f"s3://{BUCKET}/stores/{store}.zarr"
                 server.proxy.reset(share, seed=1)
-                # A refusal of a slice that is not there comes when the store is open.
+                # The refusal of a missing slice comes after the store is open.
                 answer = ask(server, question or ["probe", "{}", "none"], address)
                 proxy = server.proxy
                 answers.append(answer)
@@ -100,7 +100,7 @@ def reads(server, work):
             here = ask(server, question, work / "sharded.zarr") if question else answers[0]
             held = answers[0][:2] == answers[1][:2] == here[:2] and answers[0][0] == (0 if question else 2)
             if name == "what there is":
-                # It says of one that it is in shards.
+                # The output for one of them also states that it is in shards.
                 lines = [set(a[1].decode().splitlines()) for a in answers]
                 held = answers[0][0] == answers[1][0] == 0 and len(lines[0] ^ lines[1]) == 1
             check(f"{name}{', with failures' if share else ''}: the same", held, answers[1][2].strip()[:200])
@@ -108,7 +108,7 @@ def reads(server, work):
 
 
 def trees(server, work):
-    """xarray and pysunstone read it, and what a profile takes."""
+    """Check that xarray and pysunstone read the store, and print the requests for a profile."""
     program = """
 import sys, numpy as np, xarray as xr
 from pysunstone.stores import open_store
@@ -148,7 +148,7 @@ assert (profile == a["flight/mean"].isel(y=50, x=30).values).all()
 
 
 def kills(server, work):
-    """A copy that is killed again and again, and made again."""
+    """Kill a copy repeatedly, and repeat it."""
     expected, prefix = files(work / "sharded.zarr"), "killed/a.zarr"
     address, kills = f"s3://{BUCKET}/{prefix}", 0
     server.proxy.reset()
@@ -161,19 +161,19 @@ def kills(server, work):
     check("copies were killed", kills == 3, str(kills))
     server.proxy.reset(SHARE, seed=7)
     done = sunstone(server, "shard", work / "plain.zarr", "-o", address)
-    check("made again, with failures", done.returncode == 0, done.stderr.decode())
+    check("the copy is repeated, with failures", done.returncode == 0, done.stderr.decode())
     server.proxy.reset()
     check("the same bytes as in a folder", server.files(prefix) == expected)
     done = sunstone(server, "verify", address)
-    check("verify takes it", done.returncode == 0, done.stderr.decode())
+    check("verify accepts it", done.returncode == 0, done.stderr.decode())
     again = sunstone(server, "shard", work / "plain.zarr", "-o", address)
-    check("what is there stays", again.returncode == 2 and b"--force" in again.stderr, again.stderr.decode().strip())
+    check("an existing store stays", again.returncode == 2 and b"--force" in again.stderr, again.stderr.decode().strip())
     twice = sunstone(server, "shard", address, "-o", work / "twice.zarr")
     check("shards are not sharded", twice.returncode == 2 and b"already" in twice.stderr, twice.stderr.decode().strip())
 
 
 def power(server, work):
-    """Damage must be found and named, by reading and by verify."""
+    """Check that reading and verify detect damage and report its location."""
     prefix, array = "stores/sharded.zarr", "flight/mean"
     address, question = f"s3://{BUCKET}/{prefix}", QUESTIONS[1][1]
     shard = next(key for key in server.keys(prefix) if key.startswith(f"{array}/c."))
@@ -200,7 +200,7 @@ def power(server, work):
     def from_python():
         return subprocess.run([sys.executable, "-c", program, str(here)], capture_output=True, timeout=300)
 
-    check("Python reads what is sound", from_python().returncode == 0)
+    check("Python reads the intact store", from_python().returncode == 0)
     for what, content in (
         ("a byte of a chunk", changed(tail // 2)),
         ("a byte of the checksums", changed(tail + 2 * chunks)),
@@ -219,17 +219,17 @@ def power(server, work):
             (here / shard).write_bytes(content)
         for place in (address, here):
             code, _, text = ask(server, QUESTIONS[4][1], place)
-            check(f"{what} is found by reading", code == 2 and array in text, text.strip()[:260])
+            check(f"reading detects {what}", code == 2 and array in text, text.strip()[:260])
             done = sunstone(server, "verify", place)
             named = done.returncode == 1 and f"{shard}: ".encode() in done.stderr
-            check(f"{what} is found by verify", named, done.stderr.decode().split("\n")[1].strip()[:200])
+            check(f"verify detects {what}", named, done.stderr.decode().split("\n")[1].strip()[:200])
         done = from_python()
         text = done.stderr.decode()
         held = done.returncode != 0 and any(word in text for word in ("DamagedStoreError", "checksum"))
-        check(f"{what} is found from Python", held, text.strip().split("\n")[-1][:200])
+        check(f"Python detects {what}", held, text.strip().split("\n")[-1][:200])
     server.put(key, sound)
-    check("fixed, it reads as before", ask(server, question, address)[:2] == before[:2])
-    check("all of it", ask(server, QUESTIONS[4][1], address)[:2] == sum_before[:2])
+    check("after the repair, it reads as before", ask(server, question, address)[:2] == before[:2])
+    check("and so does all of it", ask(server, QUESTIONS[4][1], address)[:2] == sum_before[:2])
 
 
 def main():
@@ -249,7 +249,7 @@ def main():
     finally:
         server.close()
         shutil.rmtree(work)
-    print(f"{len(object_store.failures)} failures" if object_store.failures else "all as it should be")
+    print(f"{len(object_store.failures)} failures" if object_store.failures else "all checks passed")
     sys.exit(bool(object_store.failures))
 
 

@@ -1,22 +1,22 @@
 #!/usr/bin/env python3
-"""How fast: the same Cornell box, resolution and depth in Sunstone and in Mitsuba 3, on the same cores in one run.
+"""Measure speed: the same Cornell box, resolution and depth in Sunstone and in Mitsuba 3, on the same cores in one run.
 
-Sunstone's scene is exported to Mitsuba, so that both render the same thing. Rounds are interleaved, because machines
-drift; a row gives each side's best and median. Compared are
+Sunstone's scene is exported to Mitsuba, so that both render the same scene. Rounds are interleaved because the machine's speed
+drifts; a row gives each program's best and median. The rows are
 
 - Sunstone, complete: 3 wavelengths, all 16 Mueller elements, 256 time bins, and an s-s' slice; errors of every element;
 - Sunstone, plain: 3 wavelengths, intensity alone;
 - Mitsuba with the full-Mueller integrator of mueller_integrator.py: 1 wavelength, 16 elements, 256 time bins, one light;
 - Mitsuba's own `stokes` over `path`: spectral, no time, one column of the matrix.
 
-A sample is a path from the camera. Sunstone's times are those of the whole process with all files written; Mitsuba's are
-of rendering alone, after a warm-up. This is done at two sample counts: what Sunstone writes is the same at any, so that the
-complete tensor of few samples costs more a sample.
+A sample is a path from the camera. Sunstone's times are those of the whole process with all files written; Mitsuba's are of
+rendering alone, after a warm-up. Two sample counts are measured: Sunstone's output has the same size for any number of samples,
+so the complete tensor costs more per sample if samples are few.
 
-Then the mirror room: all its slices against its conventional image alone, and two threads against one; beside it what two
-programs at once achieve, since the second core of a shared machine is not always a whole one.
+Then the mirror room: all its slices against its conventional image alone, and two threads against one. For comparison, the script
+also measures two programs in parallel, because the second core of a shared machine is not always fully available.
 
-With --record the numbers go to results/speed.json (result_file.py). Needs LLVM.
+With --record the numbers go to results/speed.json (result_file.py). Requires LLVM.
 """
 
 import argparse
@@ -45,9 +45,9 @@ MONO, SPECTRAL = "llvm_ad_mono_polarized", "llvm_ad_spectral_polarized"
 
 
 def sunstone(stores, scene, spp, seed, threads=None):
-    """Seconds and megabytes of a render, whose store is left in a folder."""
-    # Each into a directory of its own, removed when all is done: to replace a store takes its time, and where many files
-    # were just removed, ext4 makes new ones slowly.
+    """Return seconds and megabytes of a render, whose store stays in a folder."""
+    # Each store goes to a separate folder, and all are removed at the end. Replacing a store takes time, and ext4 creates files
+    # slowly where many were just removed.
     folder = tempfile.mkdtemp(dir=stores)
     program = [environment.sunstone(), "render", scene, "-o", f"{folder}/out.zarr", "--no-figures"]
     program += ["--spp", spp, "--seed", seed] + (["--threads", threads] if threads else [])
@@ -64,7 +64,7 @@ def sunstone(stores, scene, spp, seed, threads=None):
 
 
 def high_water(pid):
-    """Largest resident memory of a process so far, megabytes; 0 if it is gone."""
+    """Return the largest resident memory of a process so far, megabytes; 0 if it has ended."""
     try:
         with open(f"/proc/{pid}/status") as status:
             return max((int(line.split()[1]) / 1024 for line in status if line.startswith("VmHWM")), default=0)
@@ -73,14 +73,14 @@ def high_water(pid):
 
 
 def export(folder, *arguments):
-    """The scene for Mitsuba."""
+    """Return the scene for Mitsuba."""
     program = [environment.sunstone(), "export", SCENE, "--mitsuba", folder, "--force", *arguments]
     subprocess.run([*map(str, program)], check=True, capture_output=True)
     return str(folder / "scene.xml")
 
 
 def full_mueller(scene, spp, seed, sampler=None):
-    """One render by the integrator of mueller_integrator.py, with the sensor's sampler or another."""
+    """Return one render by the integrator of mueller_integrator.py, with the sensor's sampler or another."""
     from mueller_integrator import project, trace
 
     sensor = scene.sensors()[0]
@@ -111,7 +111,9 @@ def timed(f):
 
 
 def slices_alone(scene, names):
-    """A scene file with some of its slices, and no figures; beside the original, which it names files relative to."""
+    """Write a scene file with some of its slices and without figures, in the folder of the original, because its paths are
+    relative.
+    """
     blocks = re.split(r"(?m)^(?=\[\[)", scene.read_text())
     keep = lambda b: not b.startswith("[[figures]]") and (
         not b.startswith("[[slices]]") or any(f'name = "{name}"' in b for name in names)
@@ -120,7 +122,7 @@ def slices_alone(scene, names):
 
 
 def interleaved(rows, rounds):
-    """Seconds of every row in every round."""
+    """Return seconds of every row in every round."""
     seconds = {name: [] for name in rows}
     for seed in range(rounds):
         for name, run in rows.items():
@@ -129,7 +131,7 @@ def interleaved(rows, rounds):
 
 
 def cornell(stores, counts, rounds):
-    """Seconds of all programs at every sample count, and megabytes."""
+    """Return seconds of all programs at every sample count, and megabytes."""
     mi.set_variant(SPECTRAL)
     spectral = mi.load_file(export(OUT / "spectral"))
     mi.set_variant(MONO)
@@ -167,7 +169,7 @@ def cornell(stores, counts, rounds):
 
 
 def mirror_room(stores, rounds):
-    """Seconds of all slices and of one, on one thread and two."""
+    """Return seconds of all slices and of one, on one thread and two."""
     scene = environment.ROOT / "scenes/mirror_room/scene.toml"
     one = scene.with_name("conventional_alone.toml")
     one.write_text(slices_alone(scene, ["conventional"]))
@@ -179,7 +181,7 @@ def mirror_room(stores, rounds):
     }
 
     def twice(seed):
-        """Two renders of one thread each at once, which share nothing but the machine."""
+        """Run two single-threaded renders in parallel, which share only the machine."""
         with ThreadPoolExecutor(2) as both:
             return max(both.map(lambda k: sunstone(stores, scene, 64, 2 * seed + k, 1)[0], (0, 1)))
 
@@ -207,7 +209,7 @@ def main():
         result_file.write("speed", __file__, measures, measured, {"mitsuba": mi.__version__})
 
 
-# Rows of the Cornell box: name in the result file, in this script.
+# Rows of the Cornell box: name in the result file, name in this script.
 PROGRAMS = {
     "complete": "Sunstone, complete",
     "plain": "Sunstone, plain",
@@ -217,7 +219,7 @@ PROGRAMS = {
 
 
 def numbers(cornell_s, megabytes, room):
-    """What goes to the result file: samples a second, ratios of paired rounds, memory."""
+    """Return the content of the result file: samples per second, ratios of paired rounds, memory."""
     out = {}
     for spp, seconds in cornell_s.items():
         samples = RESOLUTION**2 * int(spp) / 1e6
@@ -243,7 +245,7 @@ ROOM = ("all nine slices", "conventional alone")
 
 
 def show(numbers, counts):
-    """The tables."""
+    """Print the tables."""
     host = result_file.machine()
     print(f"{host['processor']}, {host['cores']} cores, {host['memory_gb']} GB")
     line = lambda what, n: f"{what:56} | {n['median']:7.3f} | {n['best']:7.3f} | {n['least']:.3f} to {n['greatest']:.3f}"

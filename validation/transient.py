@@ -1,12 +1,12 @@
-"""Light over time: mitransient's per-bin Stokes vectors against our slices.
+"""Compare time-resolved light: mitransient's per-bin Stokes vectors with Sunstone's slices.
 
-What is translated: mitransient bins the optical path length in metres, we bin picoseconds; it counts the way from the
-near clipping plane, we from the pinhole (the plane is moved to the pinhole, as far as that goes); both count the way
-inside a medium times its index, and both put a path that takes t into bin floor((t - start) / width). Its Stokes
-frames are those of Mitsuba's `stokes`.
+Conversions: mitransient bins the optical path length in metres, Sunstone the travel time in picoseconds. mitransient counts the
+distance from the near clipping plane, Sunstone from the pinhole (the plane is moved as close to the pinhole as possible). Both
+multiply the distance inside a medium by its index, and both assign a path of time t to bin floor((t - start) / width).
+mitransient's Stokes frames are those of Mitsuba's `stokes`.
 
-It keeps Stokes vectors over time in mono polarized variants alone. Light is unpolarized: the integrator of mitransient
-that could look through a polarizer, `transient_prbvolpath`, does not turn Stokes frames at surfaces.
+mitransient keeps Stokes vectors over time only in mono polarized variants. Light is unpolarized: the only integrator of
+mitransient that could pass light through a polarizer, `transient_prbvolpath`, does not rotate Stokes frames at surfaces.
 """
 
 import re
@@ -24,7 +24,7 @@ BLOCK = 4
 
 
 def translate(xml, time):
-    """The XML of an exported scene, for mitransient."""
+    """Return the XML of an exported scene, adapted for mitransient."""
     start, width, bins = time
     integrator = re.search(r'<integrator type="path">.*?</integrator>', xml, re.DOTALL)[0]
     integrator = integrator.replace('"path"', '"transient_path"')
@@ -38,8 +38,8 @@ def translate(xml, time):
 
 
 def run(scene, toml, wavelength, ours, spp, seed):
-    """The pair of a scene of exported.py; `ours` is mean and standard error of T, [y, x, t, out, in]."""
-    # Registers its integrators and films with the variant that is set, so not before that.
+    """Return the pair of a scene of exported.py; `ours` is mean and standard error of T, [y, x, t, out, in]."""
+    # Registers its integrators and films with the current variant, so it must follow the choice of the variant.
     import mitransient  # noqa: F401
 
     loaded = exported.export(toml, wavelength, lambda xml: translate(xml, scene.time))

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""What Python costs over the command: the same render by both, and the reconstruction of a megapixel's 36 captures.
+"""Measure the overhead of Python over the command: the same render by both, and the reconstruction of a megapixel's 36 captures.
 
-Of renders it is the processor time of the whole process, Python's start and imports included, since other programs disturb it least;
-rounds are interleaved. Of reconstructions it is the time of a call, against the whole command with its files, which lie in memory.
-Beside it: the seconds of `import pysunstone`, and the bytes of the wheel that is in target/wheels.
+For renders it is the processor time of the whole process, including Python's start and imports, because other programs affect it
+least. Rounds are interleaved. For reconstructions it is the time of a call, against the whole command with its files, which are
+in memory. Also measured: the seconds of `import pysunstone`, and the bytes of the wheel in target/wheels.
 
     python3 validation/wheel.py [--rounds 9] [--record]
 
-Needs the package pysunstone in .venv (pip install ./python). With --record the numbers go to results/wheel.json.
+Requires the package pysunstone in .venv (pip install ./python). With --record the numbers go to results/wheel.json.
 """
 
 import argparse
@@ -33,7 +33,7 @@ RENDER = "import sys, pysunstone as ps; ps.Scene.load(sys.argv[1]).render(sys.ar
 
 
 def processor_time(words):
-    """Seconds of processor time of a command."""
+    """Return the processor seconds of a command."""
     process = subprocess.Popen(list(map(str, words)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
     if status:
@@ -42,7 +42,7 @@ def processor_time(words):
 
 
 def renders(folder, rounds):
-    """Processor seconds of Python and of the command."""
+    """Return the processor seconds of Python and of the command."""
     pairs = []
     for _ in range(rounds):
         one = processor_time([sys.executable, "-P", "-c", RENDER, SCENE, folder / "python", SPP])
@@ -54,7 +54,7 @@ def renders(folder, rounds):
 
 
 def reconstructions(folder, rounds):
-    """Seconds of `design_matrix` and `reconstruct` on 36 captures of 1224 x 1024 pixels, and of the command."""
+    """Return the seconds of `design_matrix` and `reconstruct` on 36 captures of 1224 x 1024 pixels, and of the command."""
     import pysunstone as ps
 
     captures = np.random.default_rng(0).random((36, 1024, 1224), dtype=np.float32)
@@ -72,7 +72,7 @@ def reconstructions(folder, rounds):
         subprocess.run(list(map(str, [environment.sunstone(), *words])), check=True, capture_output=True)
         pairs.append((one, time.perf_counter() - begun))
         if not np.array_equal(found, np.load(folder / f"{n}.npy")):
-            sys.exit("the command's matrices are others")
+            sys.exit("the command's matrices differ")
         (folder / f"{n}.npy").unlink()
     return zip(*pairs, strict=True)
 

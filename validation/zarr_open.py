@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Opens a store that Sunstone wrote with xarray, as any user would, and checks that it explains itself.
+"""Open a store that Sunstone wrote with xarray, and check that its metadata are complete.
 
 usage: zarr_open.py STORE [GROUP | --power]
 
-Every group must open without warnings, with named dimensions, a coordinate for each, and units everywhere, and the whole store
-as one tree (xarray.open_datatree), whose metadata are those of its groups and arrays; one group (the first, or GROUP) is printed.
-Exit code 0 if so. With --power, every group and the tree's descriptions are spoilt in every way that is checked, and each must be
-noticed. Needs xarray and zarr: see requirements.txt, or use .venv/bin/python.
+Every group must open without warnings, with named dimensions, a coordinate for each, and units everywhere. The whole store must
+open as one tree (xarray.open_datatree), whose metadata equal those of its groups and arrays. One group (the first, or GROUP) is
+printed. Exit code 0 if all checks pass. With --power, every group and the tree's metadata are damaged in every way that is
+checked, and each fault must be detected. Requires xarray and zarr: see requirements.txt, or use .venv/bin/python.
 """
 
 import json
@@ -22,12 +22,12 @@ import zarr
 
 
 def load(store, group):
-    """A group, opened."""
+    """Open a group."""
     return xarray.open_dataset(store, group=group, engine="zarr", consolidated=False)
 
 
 def check(data, group):
-    """Asserts that a group's arrays are labelled."""
+    """Assert that a group's arrays are labelled."""
     for name in ("mean", "std_error"):
         assert name in data, f"{group} has no {name}"
     for name, array in data.data_vars.items():
@@ -45,7 +45,7 @@ def check(data, group):
 
 
 def check_tree(store, groups):
-    """Asserts that the store opens as one tree, and that what its root says of all below is true."""
+    """Assert that the store opens as one tree, and that the root's metadata match all groups and arrays."""
     try:
         with xarray.open_datatree(store, engine="zarr") as tree:
             found = sorted(tree.children)
@@ -55,14 +55,14 @@ def check_tree(store, groups):
     root = pathlib.Path(store)
     said = json.loads((root / "zarr.json").read_text())["consolidated_metadata"]["metadata"]
     stand = {str(p.parent.relative_to(root)): json.loads(p.read_text()) for p in root.glob("*/**/zarr.json")}
-    assert said.keys() == stand.keys(), f"consolidated metadata tell of {sorted(said.keys() ^ stand.keys())} otherwise"
+    assert said.keys() == stand.keys(), f"consolidated metadata differ in {sorted(said.keys() ^ stand.keys())}"
     for name, description in stand.items():
         description.pop("consolidated_metadata", None)
-        assert {k: v for k, v in said[name].items() if k != "consolidated_metadata"} == description, f"{name} is not as said"
+        assert {k: v for k, v in said[name].items() if k != "consolidated_metadata"} == description, f"{name} differs"
 
 
 def spoil_tree(store):
-    """What the check of the tree must notice: name, and a folder with the store's descriptions and that fault."""
+    """Yield faults that the check of the tree must detect: name, and a folder with the store's metadata and that fault."""
 
     def of_samples(said, stand):
         for description in (said["samples"], stand["samples"]):
@@ -76,7 +76,7 @@ def spoil_tree(store):
 
     faults = {
         "samples along the slices' dimensions": of_samples,
-        "an array that is not told of": of_group,
+        "an array that the root does not list": of_group,
         "metadata that are not true": of_units,
     }
     root = pathlib.Path(store)
@@ -94,14 +94,14 @@ def spoil_tree(store):
 
 
 def without_units(data, name):
-    """The group without the units of one of its arrays."""
+    """Return the group without the units of one of its arrays."""
     data = data.copy()
     data[name].attrs = {}
     return data
 
 
 def spoil(data):
-    """What the check must notice: name, and the group with that fault."""
+    """Yield faults that the check must detect: name, and the group with that fault."""
     some = data["mean"].dims[-1]
     yield "no mean", data.drop_vars("mean")
     yield "no errors", data.drop_vars("std_error")
@@ -119,7 +119,7 @@ def spoil(data):
 
 
 def power(store, groups):
-    """Exits unless every fault is noticed."""
+    """Exit with an error unless every fault is detected."""
     tried = 0
     for group in groups:
         for fault, data in spoil(load(store, group)):
@@ -128,22 +128,22 @@ def power(store, groups):
                 check(data, group)
             except AssertionError:
                 continue
-            sys.exit(f"{group}: {fault}: NOT NOTICED")
+            sys.exit(f"{group}: {fault}: NOT DETECTED")
     for fault, spoilt in spoil_tree(store):
         tried += 1
         try:
             check_tree(spoilt, groups)
         except AssertionError:
             continue
-        sys.exit(f"the tree: {fault}: NOT NOTICED")
-    print(f"{tried} faults planted in {len(groups)} groups, all noticed")
+        sys.exit(f"the tree: {fault}: NOT DETECTED")
+    print(f"{tried} faults planted in {len(groups)} groups, all detected")
     if not tried:
-        sys.exit("nothing to spoil")
+        sys.exit("nothing to damage")
 
 
 def main(store, shown=None):
     warnings.simplefilter("error")
-    # Slices are the groups that hold a mean (nested groups too, were there any).
+    # Slices are the groups that contain a mean (including nested groups, if any).
     root = zarr.open_group(store, mode="r")
     groups = sorted(name for name, _ in root.groups())
     assert groups, f"{store} has no groups"

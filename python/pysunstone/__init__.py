@@ -1,7 +1,7 @@
-"""Sunstone in Python: polarized, time-resolved light transport between every projector pixel and every camera pixel.
+"""Polarized, time-resolved light transport between every projector pixel and every camera pixel.
 
-Units, frames and signs are those of Sunstone's ``CONVENTIONS.md``: metres, picoseconds, nanometres; Mueller matrices take Stokes
-vectors in the projector's frame to Stokes vectors in the camera's.
+Units, frames and signs follow Sunstone's ``CONVENTIONS.md``: metres, picoseconds, nanometres. Mueller matrices map Stokes vectors
+in the projector's frame to Stokes vectors in the camera's frame.
 
 Examples
 --------
@@ -53,7 +53,7 @@ __all__ = [
     "simulate",
 ]
 
-# Where names are, so that NumPy and xarray are imported by who needs them: the command does not.
+# Modules of the public names. Names load on first use, so that the command does not import NumPy and xarray.
 _HOMES = {
     "Learned": "learning",
     "Materials": "learning",

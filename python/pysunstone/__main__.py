@@ -1,4 +1,4 @@
-"""``python -m pysunstone`` is the command ``sunstone``."""
+"""Run the command ``sunstone`` as ``python -m pysunstone``."""
 
 from pysunstone._command import main
 

@@ -1,4 +1,4 @@
-"""Arrays as the extension takes them."""
+"""Conversion of arguments to the arrays that the extension accepts."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from pysunstone._native import InputError
 
 __all__ = ["plain", "real"]
 
-#: NumPy's types of masked arrays are incomplete.
+#: NumPy's type stubs for masked arrays are incomplete.
 _ma: Any = np.ma
 
-#: Where named dimensions must stand in an array whose axes are counted.
+#: Named dimensions that must come first and last in an array whose axes are positional.
 _FIRST, _LAST = ("capture", "channel"), ("stokes_out", "stokes_in")
 
 
 def _order(what: str, given: Any) -> None:
-    """Refuse a named array (xarray) whose dimensions stand where the function does not expect them."""
+    """Refuse an xarray object whose dimensions are not in the order that the function expects."""
     found: object = getattr(given, "dims", None)
     if not isinstance(found, tuple):
         return
@@ -27,27 +27,28 @@ def _order(what: str, given: Any) -> None:
     first, last = [d for d in _FIRST if d in dims], [d for d in _LAST if d in dims]
     if dims[: len(first)] != first or dims[len(dims) - len(last) :] != last:
         raise InputError(
-            f"{what}: the dimensions are {dims}; transpose to {(*first, '...', *last)}, or use the accessor `.sunstone`, which goes by names"
+            f"{what}: the dimensions are {dims}; transpose to {(*first, '...', *last)}, "
+            "or use the accessor `.sunstone`, which finds dimensions by name"
         )
 
 
 def plain(what: str, given: Any, *, fill: float | None = None) -> npt.NDArray[Any]:
-    """An array without a mask.
+    """Return an array without a mask.
 
     Parameters
     ----------
     what
         Name of the argument, for messages.
     given
-        Anything that NumPy takes as an array.
+        Anything that NumPy converts to an array.
     fill
-        What masked entries become; None: they are refused.
+        Value of masked entries. If None, masked entries are refused.
     """
     _order(what, given)
     if isinstance(given, list | tuple):
         entries = cast("list[Any]", given)
         if any(isinstance(entry, np.ma.MaskedArray) for entry in entries):
-            # `asarray` would drop the masks of the entries.
+            # `asarray` drops the masks of the entries.
             given = _ma.stack(entries)
     if isinstance(given, np.ma.MaskedArray):
         masked: Any = cast(Any, given)
@@ -65,9 +66,11 @@ def plain(what: str, given: Any, *, fill: float | None = None) -> npt.NDArray[An
 
 
 def real(what: str, given: Any, dtype: Any = None, *, fill: float | None = None) -> npt.NDArray[Any]:
-    """A C-contiguous array in native single or double precision; a copy only where the given one is not.
+    """Return a C-contiguous array in native single or double precision; copy only if necessary.
 
-    Single precision stays, all other real numbers become double. Masked entries become ``fill``, or are refused.
+    Single precision stays; all other real numbers become double precision. Masked entries become ``fill``; without ``fill`` they
+    are
+    refused.
     """
     array = plain(what, given, fill=fill)
     if array.dtype.kind not in "fiub":

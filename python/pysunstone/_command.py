@@ -1,4 +1,4 @@
-"""The command ``sunstone`` of the package."""
+"""Entry point of the command ``sunstone``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pysunstone import _native
 
 
 def main() -> None:
-    """Run the command line in this process, as the program ``sunstone`` does."""
-    # Ctrl-C is for the command, which finishes what is in flight; Python would only hear of it at the end.
+    """Run the command line in this process, like the program ``sunstone``."""
+    # The command itself handles Ctrl-C and finishes the work in flight. Python's handler would only run after the command.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.exit(_native.command(["sunstone", *sys.argv[1:]]))

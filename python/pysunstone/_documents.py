@@ -1,4 +1,4 @@
-"""Dicts with the keys of Sunstone's files, as the extension takes them."""
+"""Conversion of dicts with the keys of Sunstone's files to JSON for the extension."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["json_of"]
 
 
 def _plain(value: Any) -> Any:
-    """What JSON does not know: arrays and numbers of NumPy, paths."""
+    """Convert types that JSON does not support: NumPy arrays and numbers, and paths."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
     if isinstance(value, os.PathLike):
         return os.fspath(value)  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
-    raise InputError(f"a scene holds no {type(value).__name__}; give numbers, texts, lists and dicts of them")
+    raise InputError(f"a scene cannot contain a {type(value).__name__}; give numbers, strings, lists and dicts of them")
 
 
 def _without_none(value: Any) -> Any:
-    """Without what is None: TOML has no word for it, and leaving a key out says the same."""
+    """Drop entries that are None. TOML has no null value; a missing key has the same meaning."""
     if isinstance(value, Mapping):
         items: Any = value.items()  # pyright: ignore[reportUnknownVariableType, reportUnknownMemberType]
         return {k: _without_none(v) for k, v in items if v is not None}
@@ -34,5 +34,5 @@ def _without_none(value: Any) -> Any:
 
 
 def json_of(document: Mapping[str, Any]) -> str:
-    """A dict as JSON: numbers and arrays of NumPy are plain, None is as if left out."""
+    """Return a dict as JSON. NumPy numbers and arrays become plain numbers and lists; None counts as a missing key."""
     return json.dumps(_without_none(document), default=_plain, allow_nan=False)

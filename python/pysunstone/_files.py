@@ -1,4 +1,4 @@
-"""Scenes that travel: with all files that they are made of, to workers that have none of them."""
+"""Transfer of scenes with all their files to workers that do not share a file system."""
 
 # pyright: basic
 from __future__ import annotations
@@ -18,23 +18,23 @@ from pysunstone.scene import Scene
 
 __all__ = ["Luggage", "folder_of", "pack", "sent", "variant_of"]
 
-#: How often a scene is sent again while workers die under it.
+#: Maximum number of attempts to send a scene while workers die.
 ATTEMPTS = 20
 
 
 @dataclass(frozen=True)
 class Luggage:
-    """A scene's text and files, as they are unpacked into a folder.
+    """Text and files of a scene, as they are unpacked into a folder.
 
     Attributes
     ----------
     file
-        Scene file, below the folder. It lies so deep that what lies above it in the tree, as far as the scene names it, is in the
-        folder as well; and its own folder is called as it was, since scenes without a name are called so.
+        Path of the scene file relative to the folder. It is nested deep enough that all ``..`` paths of the scene stay inside the
+        folder. The scene file's own folder keeps its name, because scenes without a name are named after it.
     text
-        What stands in it.
+        Text of the scene file.
     files
-        The files that the scene is made of, by their places in the folder.
+        Files that the scene refers to, by their paths relative to the folder.
     """
 
     file: str
@@ -43,7 +43,7 @@ class Luggage:
 
     @property
     def key(self) -> str:
-        """A name of all of it."""
+        """Hash of the text and all files."""
         all_of_it = hashlib.sha256()
         for name, content in [(self.file, self.text.encode()), *sorted(self.files.items())]:
             for piece in (name.encode(), content):
@@ -51,7 +51,7 @@ class Luggage:
         return all_of_it.hexdigest()
 
     def unpack(self, folder: Path) -> None:
-        """Into a new folder, which appears whole or not at all."""
+        """Unpack into a new folder, which appears complete or not at all."""
         if folder.exists():
             return
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -71,12 +71,12 @@ class Luggage:
 
 
 def pack(scene: Scene) -> Luggage:
-    """A scene with its files.
+    """Return a scene with its files.
 
     Raises
     ------
     RenderError
-        If it names a file by an absolute path.
+        If the scene names a file by an absolute path.
     """
     native = scene._native
     path = Path(os.path.abspath(native.path))
@@ -84,7 +84,8 @@ def pack(scene: Scene) -> Luggage:
     absolute = next((name for name in found if os.path.isabs(name)), None)
     if absolute is not None:
         raise RenderError(
-            f"{path}: it names {absolute}, by an absolute path, which workers without it cannot follow; name it from the scene's folder"
+            f"{path}: the scene names {absolute} by an absolute path, which other workers cannot resolve; "
+            "use a path relative to the scene's folder"
         )
     depth = max((PurePath(os.path.normpath(name)).parts.count("..") for name in found), default=0)
     own = Path(*["above"] * depth, path.parent.name or "scene")
@@ -93,20 +94,23 @@ def pack(scene: Scene) -> Luggage:
 
 
 def variant_of(scene: Scene) -> int | None:
-    """Which variant of its text a scene is."""
+    """Return the number of a scene's variant, or None."""
     return scene._native.variant
 
 
 def folder_of(worker: Any, name: str) -> Path:
-    """Where a worker keeps something of a name: a folder of its own, which goes with it."""
+    """Return a folder of a worker that is deleted together with the worker."""
     return Path(worker.local_directory) / name
 
 
 def sent(client: Any, luggage: Luggage) -> tuple[str, Any]:
-    """Sends a scene to all workers, those that come later too: the name of its folder, and what takes it back."""
+    """Send a scene to all workers, including later ones.
+
+    Return the name of its folder on the workers, and a function that removes it.
+    """
     from distributed import WorkerPlugin
 
-    # Not two calls for one, the first of which would take it from the second.
+    # Each call uses its own name: otherwise the first of two calls to end would remove the scene of the other.
     name = f"sunstone-{luggage.key[:16]}-{uuid.uuid4().hex[:8]}"
 
     class Unpack(WorkerPlugin):
@@ -121,7 +125,7 @@ def sent(client: Any, luggage: Luggage) -> tuple[str, Any]:
             client.register_plugin(Unpack(), name=name)
             break
         except OSError:
-            # A worker died meanwhile. Who comes in its place has it.
+            # A worker died during the call. Its replacement receives the plugin.
             if attempt + 1 == ATTEMPTS:
                 raise
     return name, lambda: client.unregister_worker_plugin(name)

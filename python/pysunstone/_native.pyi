@@ -1,4 +1,4 @@
-"""The extension module; the package around it says what everything means."""
+"""Type stubs of the extension module. The package documents the behaviour."""
 
 from collections.abc import Callable, Sequence
 from os import PathLike

@@ -1,4 +1,4 @@
-"""How far a render, or other work, is, for people."""
+"""Progress reports for users."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ Progress = Callable[[int, int], object]
 
 @contextmanager
 def told(progress: bool | Progress | None, unit: str = "tile") -> Generator[Progress | None, None, None]:
-    """What to call with tiles (or other units) done and in all: of ``True`` a bar of tqdm, or lines on stderr where there is none."""
+    """Yield the callback for progress, which is called with the finished and total numbers of tiles (or other units).
+
+    ``True`` selects a tqdm bar, or lines on stderr if tqdm is not installed.
+    """
     if not progress:
         yield None
     elif progress is not True:

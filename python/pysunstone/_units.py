@@ -1,4 +1,4 @@
-"""Units of work of renders by Dask: what one task makes, and how all are made, whichever workers die meanwhile."""
+"""Units of work for renders with Dask: what one task renders, and how all units finish although workers may die."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from pysunstone.command import CommandError, find, run
 __all__ = ["TOPIC", "Command", "Made", "Meter", "Metrics", "Unit", "finish", "once", "run_command"]
 
 TOPIC = "sunstone"
-"""Topic of the events that the scheduler is told (``client.get_events(TOPIC)``): a :class:`Metrics` as a dictionary, with ``store``."""
+"""Topic of the scheduler's events (``client.get_events(TOPIC)``): each is a :class:`Metrics` as a dictionary, with ``store``."""
 
 ATTEMPTS = 100
-"""How often a unit is tried whose workers die under it."""
+"""Maximum number of attempts for a unit whose workers die."""
 
 LOST_REPEATS = 10
-"""How often the scheduler itself makes a unit again before it asks us."""
+"""Number of times that the scheduler itself repeats a unit before it reports a failure."""
 
 LOCKED = " is being written by "
-"""What the command says of a store whose lock another process holds."""
+"""Part of the command's message about a store whose lock another process holds."""
 
 PAUSE_S = 1.0
-"""How long one waits for that process before it is looked at again."""
+"""Seconds between attempts while another process holds the lock."""
 
 
 def run_command(words: Sequence[str]) -> str:
-    """Run the command, which dies with this process where the system can see to that."""
+    """Run the command. Where the operating system supports it, the command ends when this process ends."""
     name, *rest = words
     try:
         return run(*rest, command=name, tied=True)
@@ -53,7 +53,7 @@ def _found(command: str | None) -> str:
 
 
 def _own_folder() -> Path:
-    """The folder of the worker that runs this."""
+    """Return the folder of the worker that runs this function."""
     import distributed as dask
 
     worker: Any = dask.get_worker()
@@ -62,18 +62,18 @@ def _own_folder() -> Path:
 
 @dataclass(frozen=True)
 class Command:
-    """Words of the command, run by a worker; they say the same however often they are run.
+    """Arguments of the command for a worker. Repeated runs give the same result.
 
     Attributes
     ----------
     command
-        The command; as the worker finds it where ``None``.
+        The command; if None, the worker finds it.
     words
-        Its words.
+        Its arguments.
     below
-        Words that name files of the worker: their places among ``words``, and what stands there, from the worker's own folder.
+        Arguments that are paths in the worker's own folder: their positions in ``words``, and the relative paths.
     may_refuse
-        Whether it may refuse, and then says nothing.
+        If true, return an empty string if the command fails.
     """
 
     command: str | None
@@ -82,8 +82,11 @@ class Command:
     may_refuse: bool = False
 
     def __call__(self) -> str:
-        """Run it. Who else writes the same store, as a worker does that was thought dead, is waited for; if that has died, the
-        command itself takes its lock over."""
+        """Run the command.
+
+        Another process may hold the lock of the store, such as a worker that was believed dead. Then wait for it; if it has died,
+        the command takes over the lock.
+        """
         words = list(self.words)
         for at, name in self.below:
             words[at] = str(_own_folder() / name)
@@ -101,7 +104,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Made:
-    """What making a unit took: nothing, if it was there."""
+    """Cost of making a unit: zero if it existed already."""
 
     seconds: float
     samples: int
@@ -114,31 +117,31 @@ def _samples(told: str) -> int:
 
 @dataclass(frozen=True)
 class Unit:
-    """What one task makes: a part of a render, or all of it, in a folder or below an address."""
+    """Result of one task: a part of a render, or a whole render, in a folder or at an address."""
 
     command: Command
     place: str
     threads: int
 
     def __call__(self) -> Made:
-        """Make it, if nobody has yet."""
+        """Make the unit unless it exists already."""
         begun = time.perf_counter()
         if "://" in self.place:
-            # A store below an address appears under its name at once, and is locked while it is made. What an earlier attempt has
-            # finished of it is kept.
+            # A store at an address appears under its final name immediately and is locked while it is written. Resuming keeps the
+            # part that an earlier attempt finished.
             told = self._render(self.place, "--resume")
             return Made(time.perf_counter() - begun, _samples(told))
         if os.path.isdir(self.place):
             return Made(0.0, 0)
         os.makedirs(os.path.dirname(self.place), exist_ok=True)
-        # Nobody else writes there, whoever else makes the same.
+        # The name is unique, so that concurrent attempts at the same unit do not conflict.
         fresh = f"{self.place}.{uuid.uuid4().hex}.tmp"
         try:
             told = self._render(fresh)
             try:
                 os.rename(fresh, self.place)
             except OSError:
-                # Another worker was first, with the same bytes.
+                # Another worker was faster; its bytes are the same.
                 if not os.path.isdir(self.place):
                     raise
         finally:
@@ -152,22 +155,22 @@ class Unit:
 
 @dataclass(frozen=True)
 class Metrics:
-    """How far a render is.
+    """Progress of a render.
 
     Attributes
     ----------
     finished, units
-        Parts that are finished, and all (of the round, of a render to an error).
+        Finished parts and all parts (of the current round, in a render to a target error).
     samples
-        Samples that this call has taken so far, of all pixels.
+        Samples that this call has taken so far, over all pixels.
     samples_per_s
-        The same for each second since the call began.
+        Samples per second since the call began.
     round
-        Number of the round, of a render to an error.
+        Number of the round, in a render to a target error.
     error
-        Relative error after the rounds before, once there is one.
+        Relative error after the previous rounds, once known.
     target_error
-        What it is to become.
+        Relative error at which the render stops.
     """
 
     finished: int
@@ -181,7 +184,7 @@ class Metrics:
 
 @dataclass
 class Meter:
-    """Counts what units bring, and tells it to whoever asked and to the scheduler."""
+    """Accumulates the results of units and reports them to the caller and to the scheduler."""
 
     client: Any
     store: str
@@ -202,26 +205,26 @@ class Meter:
 
 
 def finish(client: Any, units: Sequence[Unit], progress: Callable[[int, int], None] | None, meter: Meter) -> None:
-    """Make all units, whichever workers die meanwhile."""
+    """Make all units, even if workers die."""
 
     def made(finished: int, of: int, made: Any) -> None:
         meter.made(finished, of, made)
         if progress is not None:
             progress(finished, of)
 
-    # The key is that of the result's place, so that two calls for one result at once make it once.
+    # The key depends on the place of the result, so that two concurrent calls for one result make it only once.
     _make(client, [(hashlib.sha256(unit.place.encode()).hexdigest()[:16], unit.place, unit) for unit in units], made)
 
 
 def once(client: Any, command: Command) -> str:
-    """Let a worker run a command; what it printed."""
+    """Run a command on a worker and return its output."""
     told: list[str] = []
     _make(client, [(uuid.uuid4().hex[:16], command.words[0], command)], lambda _, __, text: told.append(text))
     return told[0]
 
 
 def _make(client: Any, tasks: Sequence[tuple[str, str, Callable[[], Any]]], made: Callable[[int, int, Any], None]) -> None:
-    """Run tasks, each of which has a key and a name; tells every result."""
+    """Run tasks, each of which has a key and a name; report every result."""
     import distributed as dask
 
     running: dict[str, tuple[tuple[str, str, Callable[[], Any]], int]] = {}
@@ -240,7 +243,7 @@ def _make(client: Any, tasks: Sequence[tuple[str, str, Callable[[], Any]]], made
         task, attempt = running.pop(future.key)
         error = future.exception() if future.status == "error" else None
         if future.status == "finished":
-            # Its worker may die before it has told: then it is made again.
+            # The worker may die before it transfers the result. Then the task is repeated.
             with contextlib.suppress(CancelledError):
                 result = future.result()
                 finished += 1

@@ -1,7 +1,7 @@
-"""The accessor `.sunstone` of arrays, data sets and trees of xarray: probing, decomposing, capturing and drawing slices.
+"""The xarray accessor `.sunstone`: probe, decompose, capture and draw slices.
 
-It is there as soon as this module is imported, which `pysunstone.open_store` does. Of a `DataArray` it works on values alone; of
-a `Dataset` (a slice: `mean`, `std_error`, ...) errors are propagated.
+Importing this module registers the accessor; `pysunstone.open_store` imports it. On a `DataArray` it computes values only. On a
+`Dataset` (a slice: `mean`, `std_error`, ...) it also propagates standard errors.
 """
 
 # pyright: basic
@@ -30,11 +30,11 @@ Kind = Literal["total", "linear", "circular"]
 
 
 def _polarized(data: xr.DataArray, kind: Kind) -> tuple[list[xr.DataArray], xr.DataArray]:
-    """Elements of the polarized part, and the intensity."""
+    """Return the Stokes elements of the polarized part, and the intensity."""
     if "stokes_in" in data.dims:
         raise ValueError("these are Mueller matrices: choose the light with probe(state=...) first")
     if "stokes_out" not in data.dims or data.sizes["stokes_out"] != 4:
-        raise ValueError("the four entries of the axis `stokes_out` are needed: render polarization `mueller`")
+        raise ValueError("the axis `stokes_out` must have four entries: render polarization `mueller`")
     which = {"total": (1, 2, 3), "linear": (1, 2), "circular": (3,)}
     if kind not in which:
         raise ValueError(f"a degree of polarization is one of {', '.join(which)}, not `{kind}`")
@@ -58,7 +58,7 @@ def _degree(data: xr.DataArray, kind: Kind) -> xr.DataArray:
 
 @xr.register_dataarray_accessor("sunstone")  # type: ignore[no-untyped-call]
 class SunstoneArray:
-    """What can be done with an array of values of a slice.
+    """Operations on an array of values of a slice.
 
     Parameters
     ----------
@@ -77,49 +77,52 @@ class SunstoneArray:
         *,
         sum: Iterable[Hashable] = (),
     ) -> xr.DataArray:
-        """Contract with a projector's light: I = Σ T P over s' and p', then a pulse along t, then sums.
+        """Contract with the projector's light: I = Σ T P over s' and p', then convolve with a pulse along t, then sum.
 
         Parameters
         ----------
         pattern
-            Drive of every projector pixel, 0 to 1, or a mask, of shape (rows, columns) of the projector; (K, rows, columns) for K
-            patterns at once, in a new axis `pattern`. Contracts `v` and `u`.
+            Drive of every projector pixel, 0 to 1, or a mask, of shape (rows, columns) of the projector. Shape (K, rows, columns)
+            gives K patterns in one call, along a new axis `pattern`. Contracts `v` and `u`.
         state
             Stokes vector of the projector's light: a name (``"unpolarized"``, ``"horizontal"``, ``"vertical"``, ``"plus45"``,
-            ``"minus45"``, ``"right"``, ``"left"``), four numbers, or an array (K, 4) for K states, in a new axis `state`. Contracts
-            `stokes_in`; the result's `stokes_out` is the light at the camera.
+            ``"minus45"``, ``"right"``, ``"left"``), four numbers, or an array (K, 4) for K states along a new axis `state`.
+            Contracts `stokes_in`; `stokes_out` of the result is the Stokes vector at the camera.
         pulse
-            Full width at half maximum of a Gaussian pulse, picoseconds, or samples of a pulse at the slice's bin width. The light that it
-            moves out of the bins is lost here (a data set keeps it as `shifted_out`).
+            Full width at half maximum of a Gaussian pulse, picoseconds, or samples of a pulse at the slice's bin width. Light
+            that the pulse moves out of the bins is lost (a data set keeps it as `shifted_out`).
         sum
             Axes to sum over.
 
         Returns
         -------
         xarray.DataArray
-            float32 over the axes that are left; lazy where the array is.
+            float32 over the remaining axes; lazy if the array is lazy.
 
         Raises
         ------
         ValueError
-            If the slice has not what is contracted.
+            If the slice does not have an axis to contract.
 
         Notes
         -----
-        Probe first, select then: a selection of `t` before a pulse takes what is left out for darkness.
+        Probe before selecting: after a selection along `t`, a pulse treats the removed bins as dark.
         """
         return summed(contracted(self._data, pattern, state, pulse, None)[0], sum, None)
 
     def epipolar(
         self, half_width_px: float = 1.5, *, camera: Mapping[str, Any], projector: Mapping[str, Any], inside: bool = True
     ) -> xr.DataArray:
-        """As `SunstoneDataset.epipolar`; of an array alone, devices must be given (attributes `camera`, `projector` of the store)."""
+        """Sum along epipolar lines, as `SunstoneDataset.epipolar`.
+
+        An array alone does not store the devices: pass the attributes `camera` and `projector` of the store.
+        """
         chosen = geometry.mask(self._data, camera, projector, half_width_px)
         kept = self._data.where(chosen if inside else ~chosen, 0)
         return summed(kept.assign_attrs(self._data.attrs), ("v", "u"), None)
 
     def degree_of_polarization(self, kind: Kind = "total") -> xr.DataArray:
-        """Degree of polarization of the light at the camera, √(s1² + s2² + s3²)/s0.
+        """Return the degree of polarization of the light at the camera, √(s1² + s2² + s3²)/s0.
 
         Parameters
         ----------
@@ -129,23 +132,24 @@ class SunstoneArray:
         Returns
         -------
         xarray.DataArray
-            Without the axis `stokes_out`; NaN where there is no light. Noise makes it too large where light is weak.
+            Without the axis `stokes_out`; NaN where there is no light. Noise biases it upwards where light is weak.
         """
         return _degree(self._data, kind)
 
     def decompose(self, only: Sequence[str] | None = None) -> xr.Dataset:
-        """Decompose Mueller matrices after Lu and Chipman: M = M_Δ M_R M_D, as `sunstone decompose`.
+        """Decompose Mueller matrices after Lu and Chipman, M = M_Δ M_R M_D, as `sunstone decompose`.
 
         Parameters
         ----------
         only
-            Names of the arrays to return: `polarizance`, `diattenuation`, `retardance`, `depolarization`, `retardance_axis`, `m_delta`,
-            `m_r`, `m_d` (all these without it), or `entropy` (Cloude's).
+            Names of the arrays to return: `polarizance`, `diattenuation`, `retardance`, `depolarization`, `retardance_axis`,
+            `m_delta`, `m_r`, `m_d` (all of these by default), or `entropy` (Cloude).
 
         Returns
         -------
         xarray.Dataset
-            Matrices that cannot exist give NaN. A `Dataset`'s has also standard errors of the four scalars (``NAME_std_error``).
+            NaN for matrices that are not realizable. The method of a `Dataset` also returns standard errors of the four scalars
+            (``NAME_std_error``).
         """
         return decomposed(self._data, None, only)
 
@@ -158,25 +162,25 @@ class SunstoneArray:
         relative_noise: float | None = None,
         seed: int = 0,
     ) -> xr.Dataset:
-        """Simulate what a rig with a capture scheme reads of these Mueller matrices, as `sunstone capture`.
+        """Simulate the captures of these Mueller matrices by a rig with a capture scheme, as `sunstone capture`.
 
         Parameters
         ----------
         scheme
             Scheme file, such as `sunstone scheme drr` writes, or an object with `to_toml()`, such as `pysunstone.Scheme`.
         detector
-            Detector file, or its content as a dict. A camera (``cmos``) gives variances too; a photon counter (``spad``) reads slices
-            over `y`, `x` and `t`.
+            Detector file, or its content as a dict. A camera (``cmos``) also gives variances. A photon counter (``spad``)
+            requires slices over `y`, `x` and `t`.
         noise, relative_noise
-            Standard deviation of normal noise, in the unit of the matrices or over the mean M00.
+            Standard deviation of Gaussian noise, in the unit of the matrices or relative to the mean M00.
         seed
             Seed of the noise.
 
         Returns
         -------
         xarray.Dataset
-            `mean` over `capture` (and `channel` of a polarizer array) and the array's axes; `variance` with a detector. Saturated
-            intensities are NaN.
+            `mean` over `capture` (and `channel` for a polarizer array) and the array's axes; `variance` with a detector.
+            Saturated intensities are NaN.
         """
         return captured(self._data, scheme, detector, noise, relative_noise, seed)
 
@@ -191,29 +195,30 @@ class SunstoneArray:
         errors: bool = True,
         prior: Any = None,
     ) -> xr.Dataset:
-        """Reconstruct Mueller matrices from captures by least squares, or with a prior, as `sunstone reconstruct`.
+        """Reconstruct Mueller matrices from captures by least squares or with a prior, as `sunstone reconstruct`.
 
         Parameters
         ----------
         scheme
-            The captures' scheme, as for `capture`.
+            Scheme of the captures, as for `capture`.
         variance
-            Variances of the intensities: weights.
+            Variances of the intensities, used as weights.
         noise
             Standard deviation of the intensities' noise.
         saturation
-            Intensities from here on are left out, as those are that are NaN.
+            Intensities at or above this value are left out; NaN intensities always are.
         realizable
-            Replace each matrix by the nearest one that can exist (Cloude).
+            Replace each matrix by the nearest realizable one (Cloude).
         errors
-            Propagate errors: from `variance` or `noise`, else from what the estimate leaves over, which takes more than 16 measurements.
+            Propagate errors from `variance` or `noise`, or else from the residuals of the fit, which requires more than 16
+            measurements.
         prior
-            Second moment of the matrices to expect, (16, 16), or its file; needs `noise`.
+            Second moment of the expected matrices, (16, 16), or its file; requires `noise`.
 
         Returns
         -------
         xarray.Dataset
-            `mean` and, with `errors`, `std_error` over the captures' axes, `stokes_out` and `stokes_in`.
+            `mean` and, with `errors`, `std_error`, over the captures' axes, `stokes_out` and `stokes_in`.
         """
         return reconstructed(self._data, scheme, variance, noise, saturation, realizable, errors, prior)
 
@@ -228,7 +233,7 @@ class SunstoneArray:
 
 @xr.register_dataset_accessor("sunstone")  # type: ignore[no-untyped-call]
 class SunstoneDataset:
-    """What can be done with a slice: values and their standard errors.
+    """Operations on a slice: values with standard errors.
 
     Parameters
     ----------
@@ -240,9 +245,10 @@ class SunstoneDataset:
         self._data = data
 
     def _fields(self) -> list[tuple[str, xr.DataArray, bool]]:
-        """Arrays with whether they are errors, those without errors of their own too."""
+        """Return the arrays of the slice: name, values, and whether they are standard errors. Arrays without errors are included.
+        """
         if "mean" not in self._data:
-            raise ValueError("this is no slice of a store: it has no `mean`")
+            raise ValueError("this is not a slice of a store: it has no `mean`")
         known = (("mean", False), ("std_error", True), ("overflow", False), ("overflow_std_error", True))
         return [(name, self._data[name], error) for name, error in known if name in self._data]
 
@@ -255,22 +261,23 @@ class SunstoneDataset:
         sum: Iterable[Hashable] = (),
         errors: Errors = "bound",
     ) -> xr.Dataset:
-        """Contract with a projector's light, as `SunstoneArray.probe`, with errors.
+        """Contract with the projector's light, as `SunstoneArray.probe`, and propagate errors.
 
         Parameters
         ----------
         pattern, state, pulse, sum
             See `SunstoneArray.probe`.
         errors
-            ``"bound"``: Σ|w|·se over the elements of a camera pixel, which have the same samples; holds whatever their correlation, and is
-            what `sunstone probe` states. ``"independent"``: √Σ(w·se)², too short where they are correlated. Over camera pixels errors
-            add in quadrature in both.
+            ``"bound"``: Σ|w|·se over the elements of a camera pixel, which share their samples. This holds for any correlation
+            and is what `sunstone probe` reports. ``"independent"``: √Σ(w·se)², too small if the elements are correlated. Over
+            camera pixels, both options add errors in quadrature.
 
         Returns
         -------
         xarray.Dataset
-            `mean` and `std_error`; where time is resolved also `overflow`, the same light outside the bins, which no pulse
-            moves; with a pulse `shifted_out`, what it moves out of the bins. `total_std_error` is not that of the result, and left out.
+            `mean` and `std_error`. If time is resolved, also `overflow`: the light outside the bins, which no pulse moves. With a
+            pulse, also `shifted_out`: the light that the pulse moves out of the bins. `total_std_error` does not apply to the
+            result and is left out.
         """
         sum = list(sum)
         result: dict[str, xr.DataArray] = {}
@@ -295,16 +302,16 @@ class SunstoneDataset:
         inside: bool = True,
         errors: Errors = "bound",
     ) -> xr.Dataset:
-        """Sum over the projector pixels within so many pixels of each camera pixel's epipolar line.
+        """Sum over the projector pixels within a distance of each camera pixel's epipolar line.
 
         Parameters
         ----------
         half_width_px
-            Distance from the line, projector pixels.
+            Largest distance from the line, in projector pixels.
         camera, projector
-            Devices, as the store's root attributes state them; those of the slice without them.
+            Devices, as in the store's root attributes; by default those of the slice.
         inside
-            False for the light of all others (non-epipolar).
+            False: sum over all other pixels (non-epipolar light).
         errors
             See `probe`.
 
@@ -316,12 +323,12 @@ class SunstoneDataset:
         Raises
         ------
         ValueError
-            If the slice does not keep single pixels of both devices, or a lens distorts: then render an epipolar slice.
+            If the slice does not keep single pixels of both devices, or if a lens distorts. Render an epipolar slice instead.
         """
         camera = camera or self._data.attrs.get("camera")
         projector = projector or self._data.attrs.get("projector")
         if camera is None or projector is None:
-            raise ValueError("camera and projector are not known: give them, or open the store with pysunstone.open_store")
+            raise ValueError("camera and projector are unknown: pass them, or open the store with pysunstone.open_store")
         result = {}
         chosen = None
         for name, data, is_error in self._fields():
@@ -332,12 +339,13 @@ class SunstoneDataset:
         return xr.Dataset(result, attrs=self._data.attrs)
 
     def degree_of_polarization(self, kind: Kind = "total") -> xr.Dataset:
-        """Degree of polarization of the light at the camera, as `SunstoneArray.degree_of_polarization`, with errors.
+        """Return the degree of polarization of the light at the camera, as `SunstoneArray.degree_of_polarization`, with errors.
 
         Returns
         -------
         xarray.Dataset
-            `mean`, and `std_error`: to first order, the bound Σ|∂/∂s|·se, as elements of a pixel have the same samples.
+            `mean` and `std_error`. The error is the first-order bound Σ|∂/∂s|·se, because the elements of a pixel share their
+            samples.
         """
         mean = self._data["mean"]
         result = {"mean": _degree(mean, kind)}
@@ -345,7 +353,7 @@ class SunstoneDataset:
             parts, intensity = _polarized(mean, kind)
             errors, of_intensity = _polarized(self._data["std_error"], kind)
             size = _size(parts)
-            # Where nothing is polarized the degree has no derivative; its error there is that of the size.
+            # The degree has no derivative where the polarized part is zero; there the error of the polarized part's size is used.
             shares = [abs(part) / size.where(size > 0, 1) + (size == 0) for part in parts]
             intensity = intensity.where(intensity > 0)
             bound = sum(share * error for share, error in zip(shares, errors, strict=True)) / intensity
@@ -363,11 +371,11 @@ class SunstoneDataset:
         detector: Mapping[str, Any] | str | os.PathLike[str] | None = None,
         **options: Any,
     ) -> xr.Dataset:
-        """Simulate what a rig reads of `mean`; see `SunstoneArray.capture`."""
+        """Simulate the captures of `mean` by a rig; see `SunstoneArray.capture`."""
         return SunstoneArray(self._data["mean"]).capture(scheme, detector, **options)
 
     def reconstruct(self, scheme: SchemeLike, **options: Any) -> xr.Dataset:
-        """Reconstruct Mueller matrices from captures `mean` with their `variance`, if there is one; see `SunstoneArray.reconstruct`."""
+        """Reconstruct Mueller matrices from captures `mean` and their `variance`, if present; see `SunstoneArray.reconstruct`."""
         if "variance" in self._data:
             options.setdefault("variance", self._data["variance"])
         return SunstoneArray(self._data["mean"]).reconstruct(scheme, **options)
@@ -383,7 +391,7 @@ class SunstoneDataset:
 
 @xr.register_datatree_accessor("sunstone")  # type: ignore[no-untyped-call]
 class SunstoneTree(SunstoneDataset):
-    """What can be done with the node of a slice: the same as with its data set.
+    """Operations on the tree node of a slice; equal to those on its data set.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
-"""What the tensor is for: the applications of Baek & Heide 2021 with their baselines, and methods for shape on one's own arrays.
+"""Applications of the tensor, after Baek & Heide 2021, with baselines; shape reconstruction on your own arrays.
 
-`run` renders an application's scenes, fits every method on some variants and judges it on others, as `sunstone apply`. The methods that
-take images alone stand beside it: codes of structured light (`patterns`, `decode`), triangulation (`depth`), normals of depths
-(`normals`) and of polarization (`polarization_cues`, `polarization_normals`). Depths are metres along the camera's axis; normals are
-of unit length in the camera's frame (x right, y down, z forward) and point to the camera; NaN where nothing is known.
+`run` renders the scenes of an application, fits every method on the training variants and evaluates it on the test variants, as
+`sunstone apply`. Functions on images alone: codes of structured light (`patterns`, `decode`), triangulation (`depth`), and
+normals from depths (`normals`) or from polarization (`polarization_cues`, `polarization_normals`). Depths are in metres along the
+camera's axis. Normals are unit vectors in the camera's frame (x right, y down, z forward) that point to the camera. Unknown
+values are NaN.
 """
 
 from __future__ import annotations
@@ -45,14 +46,17 @@ Code = Literal["gray", "xor-02", "xor-04", "phase-shift", "micro-phase-shift"]
 
 
 def applications() -> list[dict[str, Any]]:
-    """All applications: ``name``, what it ``shows``, its ``scene``, the variants of ``train`` and ``test``, ``methods``, ``metrics``, sizes."""
+    """List all applications as dicts.
+
+    Keys: ``name``, ``shows`` (purpose), ``scene``, ``train`` and ``test`` (variants), ``methods``, ``metrics``, and sizes.
+    """
     found: list[dict[str, Any]] = json.loads(_native.applications_json())
     return found
 
 
 @dataclass(frozen=True)
 class Picture:
-    """What a method made, of the first seed: ``values`` (rows, columns, channels), and the test ``variant`` that it is of."""
+    """Result of a method for the first seed: ``values`` (rows, columns, channels) of the test variant ``variant``."""
 
     method: str
     name: str
@@ -62,22 +66,23 @@ class Picture:
 
 @dataclass(frozen=True)
 class Report:
-    """What methods are worth.
+    """Scores of the methods of an application.
 
     Attributes
     ----------
     name
-        Of the application.
+        Name of the application.
     rows
-        The table, a dict a row: ``metric``, ``unit``, ``more_is_better``, ``method``, ``source``, ``mean``, ``std_error`` over variants and
-        seeds, and of all but the first method ``difference``, the first method less this one on the same renders, with
-        ``difference_std_error`` (else NaN). None of numbers is NaN where a single variant gives no error.
+        The table, one dict per row: ``metric``, ``unit``, ``more_is_better``, ``method``, ``source``, ``mean``, and ``std_error``
+        over variants and seeds. All methods except the first also have ``difference`` (the first method minus this one on the
+        same renders) and ``difference_std_error``; these are NaN for the first method. Errors are NaN if there is a single
+        variant.
     captured
-        The same tables of slices as a rig captures them, by the chain's name.
+        The same tables for slices as a rig captures them, by the name of the capture chain.
     notes
-        What a reader should know.
+        Remarks for the reader.
     pictures
-        What methods made, of the first seed.
+        Results of the methods for the first seed.
     attrs
         Scene, variants, pixels, samples, seeds.
     """
@@ -90,7 +95,7 @@ class Report:
     attrs: dict[str, Any]
 
     def to_xarray(self) -> Any:
-        """The table as an ``xarray.Dataset`` over ``metric`` and ``method``; needs xarray."""
+        """Return the table as an ``xarray.Dataset`` over ``metric`` and ``method``; requires xarray."""
         import xarray
 
         metrics = list(dict.fromkeys(row["metric"] for row in self.rows))
@@ -131,33 +136,35 @@ def run(
     output: Path | None = None,
     progress: bool | Progress | None = None,
 ) -> Report:
-    """Run an application, as `sunstone apply`: minutes as a preview, hours in full. Ctrl-C ends it; what is rendered stays.
+    """Run an application, as `sunstone apply`: minutes as a preview, hours in full.
+
+    Ctrl-C stops the run; finished renders are kept.
 
     Parameters
     ----------
     name
         One of `applications`.
     scenes
-        Folder of the scenes that came with Sunstone; without it ``scenes`` here or in a folder above.
+        Folder of the scenes that come with Sunstone; by default ``scenes`` in the working folder or in a folder above it.
     renders
-        Folder of renders, which are kept: what is finished is not rendered again.
+        Folder of the renders. They are kept, and finished ones are not rendered again.
     preview
-        Small, noisy renders.
+        Render small, noisy images.
     seeds
-        The whole of it is done so many times.
+        Number of repetitions of the whole run with different seeds.
     capture
-        A chain's file (examples: ``rigs/chains``): methods are also judged on slices as a rig captures them.
+        File of a capture chain (examples: ``rigs/chains``). Methods are then also evaluated on slices as a rig captures them.
     output
         Folder for tables and pictures, as the command writes them.
     progress
-        True for a bar, or a function that is called with tiles done and tiles in all of the render in hand.
+        True for a bar, or a function that is called with the finished and total tiles of the current render.
 
     Raises
     ------
     InputError
-        There is no such application, scene or chain.
+        If there is no such application, scene or chain.
     RenderError
-        A full disk, no threads.
+        If a render fails, for example because the disk is full or threads cannot start.
     """
     text = [None if path is None else os.fspath(path) for path in (scenes, capture, output)]
     asked = _Asked(name, text[0], os.fspath(renders), preview, seeds, text[1], text[2])
@@ -195,9 +202,9 @@ class Devices:
     Parameters
     ----------
     camera, projector
-        ``resolution`` (columns, rows), ``focal`` lengths and ``principal`` point in pixels (the image's upper left corner is 0, 0),
-        ``origin`` in metres, and ``axes``: image right, image down and forward in the world, by default those of the world. Methods on
-        a camera alone need no projector.
+        Dicts with ``resolution`` (columns, rows), ``focal`` lengths and ``principal`` point in pixels (the image's upper left
+        corner is 0, 0), ``origin`` in metres, and ``axes``: the directions image right, image down and forward in world
+        coordinates, by default the world's axes. Functions that use only the camera need no projector.
     """
 
     def __init__(self, camera: Mapping[str, Any], projector: Mapping[str, Any] | None = None) -> None:
@@ -205,22 +212,22 @@ class Devices:
 
     @classmethod
     def of(cls, scene: Scene) -> Devices:
-        """Those of a scene, as if calibrated without error."""
+        """Return the devices of a scene, as a calibration without error."""
         native = _native.Devices.of_scene(scene._native)  # pyright: ignore[reportPrivateUsage]
         if native is None:
-            raise InputError("the scene has no projector; give one, or Devices(camera)")
+            raise InputError("the scene has no projector; add one, or use Devices(camera)")
         made = cls.__new__(cls)
         made._native = native
         return made
 
     @property
     def camera(self) -> dict[str, Any]:
-        """The camera's numbers."""
+        """Parameters of the camera."""
         return dict(zip(_KEYS, self._native.camera, strict=True))
 
     @property
     def projector(self) -> dict[str, Any]:
-        """The projector's numbers."""
+        """Parameters of the projector."""
         return dict(zip(_KEYS, self._native.projector, strict=True))
 
 
@@ -241,7 +248,7 @@ def _numbers(what: str, device: Mapping[str, Any]) -> Any:
 
 
 def _image(what: str, given: npt.ArrayLike, last: tuple[int, ...] = ()) -> Array:
-    """An image (rows, columns, channels) of one that has the last axes."""
+    """Return an image (rows, columns, channels) after a check of its trailing axes."""
     array = real(what, given, np.float64)
     if array.ndim != 2 + len(last) or array.shape[2:] != last:
         raise InputError(f"{what}: the shape is {array.shape}; give {('rows', 'columns', *last)}".replace("'", ""))
@@ -249,10 +256,10 @@ def _image(what: str, given: npt.ArrayLike, last: tuple[int, ...] = ()) -> Array
 
 
 def patterns(code: Code, columns: int, *, periods: Sequence[float] | None = None) -> Array:
-    """Patterns of a code of structured light: drives 0 to 1 of projector columns, (captures, columns).
+    """Return the patterns of a code of structured light: drives 0 to 1 of projector columns, (captures, columns).
 
-    ``periods``, in columns, are those of ``phase-shift`` (falling from ``columns``; by default each a quarter of the last) and
-    ``micro-phase-shift``.
+    ``periods``, in columns, apply to ``phase-shift`` (decreasing from ``columns``; by default each is a quarter of the one
+    before) and to ``micro-phase-shift``.
     """
     return _native.code_patterns(code, columns, _listed(periods))
 
@@ -270,7 +277,8 @@ def decode(
     Returns
     -------
     column
-        Coordinate of the projector's column (centres at i + ½), (rows, columns); NaN where a capture has less than ``least_contrast``.
+        Coordinate of the projector column (centres at i + ½), (rows, columns); NaN where a capture's contrast is below
+        ``least_contrast``.
     confidence
         Contrast of the code, 0 to 1.
     """
@@ -287,12 +295,15 @@ def _listed(periods: Sequence[float] | None) -> list[float] | None:
 
 
 def depth(devices: Devices, column: npt.ArrayLike) -> Array:
-    """Depths (rows, columns) of projector columns (rows, columns), by triangulation."""
+    """Triangulate depths (rows, columns) from decoded projector columns (rows, columns)."""
     return _native.triangulate(devices._native, _image("column", column))[..., 0]  # pyright: ignore[reportPrivateUsage]
 
 
 def normals(devices: Devices, depth: npt.ArrayLike, *, radius: int = 2, robust: bool = True) -> Array:
-    """Normals (rows, columns, 3) of depths: planes through windows of 2·``radius`` + 1 pixels, by Tukey's biweight if ``robust``."""
+    """Return normals (rows, columns, 3) of depths.
+
+    Each is the normal of a plane through a window of 2·``radius`` + 1 pixels, fitted with Tukey's biweight if ``robust``.
+    """
     native = devices._native  # pyright: ignore[reportPrivateUsage]
     return _native.normals_of_depth(native, _image("depth", depth), radius, robust)
 
@@ -300,28 +311,31 @@ def normals(devices: Devices, depth: npt.ArrayLike, *, radius: int = 2, robust: 
 def polarization_cues(
     matrices: npt.ArrayLike, index: float = 1.5, *, mirrored: bool = False, mirrored_off: bool = False
 ) -> Array:
-    """Degree of polarization, and zenith angle and azimuth (to a half turn) of the normal, radians, of Mueller matrices.
+    """Return the degree of polarization, and the normal's zenith angle and azimuth (modulo π), radians, from Mueller matrices.
 
     Parameters
     ----------
     matrices
-        (rows, columns, 4, 4): a photograph of a dielectric, in every pixel's own frame.
+        (rows, columns, 4, 4): an image of a dielectric, in each pixel's own frame.
     index
-        Its refractive index.
+        Refractive index of the dielectric.
     mirrored
-        Polarization is read from mirrored light (zenith angles below Brewster's), not from that from below the surface.
+        Read the polarization of specular reflection (zenith angles below Brewster's), not of subsurface scattering.
     mirrored_off
-        Leave light that is mirrored once out: M00 + M33, with the projector near the camera (Baek et al. 2018).
+        Remove light from a single specular reflection by M00 + M33, with the projector near the camera (Baek et al. 2018).
 
     Returns
     -------
     numpy.ndarray
-        (rows, columns, 3); NaN where nothing is seen (Atkinson & Hancock 2006).
+        (rows, columns, 3); NaN where there is no signal (Atkinson & Hancock 2006).
     """
     return _native.polarization_cues(_image("matrices", matrices, (4, 4)), index, mirrored, mirrored_off)
 
 
 def polarization_normals(devices: Devices, cues: npt.ArrayLike, guess: npt.ArrayLike) -> Array:
-    """Normals (rows, columns, 3): of both that `polarization_cues` allow, the one nearer to a guess, such as those of a coarse scan."""
+    """Return normals (rows, columns, 3) from `polarization_cues`.
+
+    Of the two normals that the cues allow, the one nearer to ``guess`` is returned, for example normals of a coarse scan.
+    """
     native = devices._native  # pyright: ignore[reportPrivateUsage]
     return _native.normals_of_cues(native, _image("cues", cues, (3,)), _image("guess", guess, (3,)))

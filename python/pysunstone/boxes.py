@@ -1,4 +1,4 @@
-"""Which device pixels an entry of an axis stands for: coordinates are pixel indices, of bins their mean (CONVENTIONS.md)."""
+"""Device pixels of each entry of an axis. Coordinates are pixel indices; that of a bin is their mean (CONVENTIONS.md)."""
 
 # pyright: basic
 from __future__ import annotations
@@ -10,20 +10,20 @@ __all__ = ["bins"]
 
 
 def bins(centres: npt.ArrayLike, pixels: int | None = None) -> list[tuple[int, int]]:
-    """First and last pixel of every entry.
+    """Return the first and last pixel of every entry.
 
     Parameters
     ----------
     centres
-        Coordinates of the entries, pixels, rising.
+        Coordinates of the entries, in pixels, increasing.
     pixels
-        Pixels of a bin where that is known: 1 says that entries are single pixels, whatever lies between them. Without it,
+        Pixels per bin, if known. 1 means that entries are single pixels, even if they are not consecutive. If unknown,
         consecutive whole coordinates are pixels, and fractional ones are bins that tile the axis from pixel 0.
 
     Raises
     ------
     ValueError
-        If coordinates are no middles of whole pixels, or could be either.
+        If coordinates are not the centres of whole pixels, or are ambiguous.
 
     Examples
     --------
@@ -35,18 +35,18 @@ def bins(centres: npt.ArrayLike, pixels: int | None = None) -> list[tuple[int, i
     consecutive = bool(np.all(np.diff(coords) == 1))
     if pixels is None and whole and not consecutive:
         raise ValueError(
-            "it is not known whether pixels are binned or listed: the attribute `projector_bin` is missing; "
-            "open the store with pysunstone.open_store, and probe before arrays are changed"
+            "it is unknown whether pixels are binned or listed: the attribute `projector_bin` is missing; "
+            "open the store with pysunstone.open_store, and probe before you change arrays"
         )
     if (pixels is not None and pixels <= 1) or (pixels is None and whole):
         if not whole or coords.size and coords[0] < 0:
-            raise ValueError(f"coordinates {coords} are not those of whole pixels")
+            raise ValueError(f"coordinates {coords} are not indices of whole pixels")
         return [(int(c), int(c)) for c in coords]
     found, first = [], 0.0
     for centre in coords:
         last = 2 * float(centre) - first
         if not (last >= first and last == np.floor(last)):
-            raise ValueError(f"coordinate {centre} is not the middle of whole pixels of bins that tile the axis from pixel 0")
+            raise ValueError(f"coordinate {centre} is not the centre of a bin of whole pixels that tiles the axis from pixel 0")
         found.append((int(first), int(last)))
         first = last + 1
     return found

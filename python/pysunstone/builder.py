@@ -1,4 +1,4 @@
-"""Scenes built step by step, with meshes and images of NumPy."""
+"""A builder for scenes in code, with meshes and images from NumPy arrays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ def _posed(origin: Any, target: Any, keys: dict[str, Any]) -> dict[str, Any]:
 
 
 class SceneBuilder:
-    """Builds a `Scene`: every method takes the keys of its table of a scene file (``docs/scene-files.md``) and returns the builder.
+    """Builds a `Scene`.
+
+    Every method takes the keys of the corresponding table of a scene file (``docs/scene-files.md``) and returns the builder.
 
     Examples
     --------
@@ -48,25 +50,25 @@ class SceneBuilder:
         return self
 
     def camera(self, origin: Any = None, target: Any = None, **keys: Any) -> SceneBuilder:
-        """The camera, at ``origin`` and looking at ``target`` (metres), or with a ``pose`` among its keys."""
+        """Set the camera, at ``origin`` and looking at ``target`` (metres), or with a ``pose`` among its keys."""
         self._document["camera"] = _posed(origin, target, keys)
         return self
 
     def projector(self, origin: Any = None, target: Any = None, **keys: Any) -> SceneBuilder:
-        """The projector, placed as the camera."""
+        """Set the projector, placed like the camera."""
         self._document["projector"] = _posed(origin, target, keys)
         return self
 
     def emitter(self, **keys: Any) -> SceneBuilder:
-        """Add a further emitter."""
+        """Add an emitter."""
         return self._listed("emitters", keys)
 
     def material(self, name: str, **keys: Any) -> SceneBuilder:
-        """Add a material, or replace that of the name."""
+        """Add a material, or replace the one with this name."""
         return self._named("materials", name, keys)
 
     def medium(self, name: str, **keys: Any) -> SceneBuilder:
-        """Add a medium, or replace that of the name."""
+        """Add a medium, or replace the one with this name."""
         return self._named("media", name, keys)
 
     def object(self, **keys: Any) -> SceneBuilder:
@@ -74,7 +76,7 @@ class SceneBuilder:
         return self._listed("objects", keys)
 
     def mesh(self, name: str, vertices: Any, faces: Any, *, normals: Any = None, uvs: Any = None, **keys: Any) -> SceneBuilder:
-        """Add an object with a mesh of arrays: vertices (n, 3) in metres, faces (m, 3) from 0; keys as of `object`."""
+        """Add an object with a mesh from arrays: vertices (n, 3) in metres, faces (m, 3) from 0; keys as for `object`."""
         self._meshes[name] = {"vertices": vertices, "faces": faces, "normals": normals, "uvs": uvs}
         return self.object(shape={"ply": {"file": name}}, **keys)
 
@@ -88,10 +90,10 @@ class SceneBuilder:
         return self._listed("slices", {"name": name, **keys})
 
     def render(self, **keys: Any) -> SceneBuilder:
-        """How to render: ``spp``, ``max_depth``, ``seed``, ``integrator``, ..."""
+        """Set render options: ``spp``, ``max_depth``, ``seed``, ``integrator``, ..."""
         self._document.setdefault("render", {}).update(keys)
         return self
 
     def build(self) -> Scene:
-        """The scene; raises `InputError` with the place of what is wrong."""
+        """Build the scene; raise `InputError` with the location of an error."""
         return Scene.from_dict(self._document, folder=self._folder, meshes=self._meshes, images=self._images)

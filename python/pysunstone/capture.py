@@ -1,4 +1,4 @@
-"""Capture schemes of ellipsometers, simulated captures, and Mueller matrices reconstructed from captures."""
+"""Capture schemes of ellipsometers, simulated captures, and reconstruction of Mueller matrices from captures."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ __all__ = ["Scheme", "design_matrix", "reconstruct", "simulate"]
 
 
 class Scheme:
-    """How the polarizing elements of a rig are set in each capture."""
+    """Settings of a rig's polarizing elements for each capture."""
 
     def __init__(self, native: _native.Scheme) -> None:
         self._native = native
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scheme:
-        """Read a scheme file: TOML, or CSV by its name."""
+        """Read a scheme file: CSV if the file name says so, else TOML."""
         return cls(_native.Scheme.load(path))
 
     @classmethod
     def from_toml(cls, text: str) -> Scheme:
-        """Make a scheme of the text of its file."""
+        """Parse the text of a scheme file."""
         return cls(_native.Scheme.from_toml(text))
 
     @classmethod
     def drr(cls, captures: int = 36, *, polarizer_array: bool = False) -> Scheme:
-        """Dual rotating retarders (Azzam 1978): 5° and 25° a capture."""
+        """Return the scheme of dual rotating retarders (Azzam 1978): 5° and 25° per capture."""
         return cls(_native.Scheme.preset("drr", captures, polarizer_array))
 
     @classmethod
     def qrpr(cls, captures: int = 36, *, polarizer_array: bool = False) -> Scheme:
-        """Quad rotating polarizers and retarders at hand-made angles."""
+        """Return the scheme of four rotating elements (polarizers and retarders) at hand-picked angles."""
         return cls(_native.Scheme.preset("qrpr", captures, polarizer_array))
 
     @classmethod
     def lc(cls, captures: int = 16, *, polarizer_array: bool = False) -> Scheme:
-        """Liquid-crystal retarders, two a side."""
+        """Return the scheme of liquid-crystal retarders, two per side."""
         return cls(_native.Scheme.preset("lc", captures, polarizer_array))
 
     def to_toml(self) -> str:
-        """The text of its file."""
+        """Return the scheme as the text of its file."""
         return self._native.to_toml()
 
     @property
@@ -65,16 +65,19 @@ class Scheme:
 
     @property
     def channels(self) -> int:
-        """Numbers that a capture gives a pixel: 1, or 4 of a polarizer array (0°, 45°, 90°, 135°)."""
+        """Values per pixel and capture: 1, or 4 for a polarizer array (0°, 45°, 90°, 135°)."""
         return self._native.channels
 
     @property
     def bound(self) -> float:
-        """Least error variance that as many captures allow."""
+        """Lowest error variance that this number of captures allows."""
         return self._native.bound
 
     def quality(self, wavelength_nm: float = 550.0) -> dict[str, float]:
-        """``rank``, ``condition`` number, and ``error_variance``: sum over the 16 elements, over that of an intensity."""
+        """Return ``rank``, ``condition`` number and ``error_variance``.
+
+        ``error_variance`` is the sum of the variances of the 16 elements, relative to the variance of an intensity.
+        """
         rank, condition, variance = self._native.quality(wavelength_nm)
         return {"rank": rank, "condition": condition, "error_variance": variance}
 
@@ -85,7 +88,7 @@ class Scheme:
 def design_matrix(
     scheme: Scheme, wavelength_nm: float = 550.0, *, incidence_deg: float = 0.0, azimuth_deg: float = 0.0
 ) -> npt.NDArray[np.float64]:
-    """The matrix A of a scheme, (captures × channels, 16): intensities are ``A @ M.reshape(16)``."""
+    """Return the design matrix A of a scheme, (captures × channels, 16): intensities are ``A @ M.reshape(16)``."""
     return scheme._native.design_matrix(wavelength_nm, incidence_deg, azimuth_deg)  # pyright: ignore[reportPrivateUsage]
 
 
@@ -124,34 +127,34 @@ def simulate(
     bin_ps: float | None = None,
     variance: bool = False,
 ) -> Any:
-    """Simulate what a rig with a scheme reads of known Mueller matrices, as `sunstone capture`.
+    """Simulate the captures of known Mueller matrices by a rig with a scheme, as `sunstone capture`.
 
     Parameters
     ----------
     matrices
-        (..., 4, 4). To a detector, and with ``fov_x_deg``, the first two axes are rows and columns.
+        (..., 4, 4). With a detector or ``fov_x_deg``, the first two axes are rows and columns.
     wavelengths_nm
-        One for all, or one for each entry of the last axis before the matrices.
+        One wavelength for all, or one for each entry of the last axis before the matrices.
     detector
-        A camera or a photon counter: the path of its file or of a calibration's, or its content, ``{"cmos": {"full_well_e": 1e4}}``;
-        ``demosaic`` beside it for polarizers on the sensor's pixels.
+        A camera or a photon counter: the path of its file or of a calibration, or its content, ``{"cmos": {"full_well_e":
+        1e4}}``. Add ``demosaic`` for polarizers on the sensor's pixels.
     noise, relative_noise
-        Standard deviation of normal noise, in the unit of the matrices, or over the mean M00.
+        Standard deviation of Gaussian noise, in the unit of the matrices or relative to the mean M00.
     seed
-        Of the noise.
+        Seed of the noise.
     fov_x_deg
-        Horizontal field of view of a pinhole: light passes plates and mirrors in the direction of every pixel. Without it, along the
-        axis.
+        Horizontal field of view of a pinhole: light passes plates and mirrors in the direction of each pixel. By default all
+        light passes along the axis.
     bin_ps
-        Width of time bins, which are the third axis then: what a ``spad`` counts in.
+        Width of time bins, which are then the third axis. A ``spad`` needs it.
     variance
-        Return the variances, too, as a camera states them (infinite where saturated).
+        Also return variances, as a camera reports them (infinite where saturated).
 
     Returns
     -------
     numpy.ndarray, or two of them
-        (captures, ...), or (captures, 4, ...) of a polarizer array; half as many rows and columns with binning or superpixels.
-        Saturated ones are NaN.
+        (captures, ...), or (captures, 4, ...) for a polarizer array; half as many rows and columns with binning or superpixels.
+        Saturated intensities are NaN.
     """
     found, variances = simulated(
         matrices,
@@ -167,7 +170,7 @@ def simulate(
     if not variance:
         return found
     if variances is None:
-        raise InputError("variance: a camera alone states variances; give a detector with `cmos`, or tell `reconstruct` the noise")
+        raise InputError("variance: a camera alone states variances; use a `cmos` detector, or pass `noise` to `reconstruct`")
     return found, variances
 
 
@@ -183,7 +186,7 @@ def simulated(
     fov_x_deg: float | None = None,
     bin_ps: float | None = None,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32] | None]:
-    """As `simulate`, with the variances where they are known."""
+    """Return the result of `simulate`, and the variances if they are known."""
     array = real("matrices", matrices, np.float64)
     if array.ndim < 2 or array.shape[-2:] != (4, 4):
         raise InputError(f"the matrices' shape is {array.shape}; give (..., 4, 4)")
@@ -228,26 +231,26 @@ def reconstruct(
     Parameters
     ----------
     intensities
-        (captures, ...), or (captures, 4, ...) of a polarizer array. NaN and masked entries (``numpy.ma``) are left out. Contiguous arrays of single or double precision
-        are read without a copy.
+        (captures, ...), or (captures, 4, ...) for a polarizer array. NaN and masked entries (``numpy.ma``) are left out.
+        Contiguous arrays of single or double precision are read without a copy.
     variance
-        Variances of the intensities, of the same shape; they weigh.
+        Variances of the intensities, of the same shape, used as weights.
     wavelengths_nm
-        One for all, or one for each entry of the last axis.
+        One wavelength for all, or one for each entry of the last axis.
     noise
-        Standard deviation of the intensities, where there are no variances: for errors.
+        Standard deviation of the intensities, for errors, if there are no variances.
     saturation
-        Intensities from here on are left out.
+        Intensities at or above this value are left out.
     realizable
-        Return the nearest matrices that can exist.
+        Return the nearest realizable matrices.
     errors
-        Return standard errors, too. Without ``noise`` and ``variance`` they come from what the estimate leaves over, which takes more
-        than 16 measurements.
+        Also return standard errors. Without ``noise`` and ``variance`` they come from the residuals of the fit, which requires
+        more than 16 measurements.
     prior
-        What is expected, where captures are few: the second moment of matrices with M00 = 1, (16, 16), such as `Materials.prior`, or the
-        path of its file. Needs ``noise``.
+        Expected matrices, for schemes with few captures: the second moment of matrices with M00 = 1, (16, 16), such as
+        `Materials.prior`, or the path of its file. Requires ``noise``.
     fov_x_deg
-        See `simulate`: then the first two axes of the pixels are rows and columns.
+        See `simulate`. The first two axes of the pixels are then rows and columns.
 
     Returns
     -------
@@ -257,21 +260,21 @@ def reconstruct(
     array = real("intensities", intensities, fill=np.nan)
     measured = _measured(scheme)
     if array.shape[: len(measured)] != measured:
-        raise InputError(f"the intensities' shape is {array.shape}; {scheme.captures} captures are of shape {measured} + (...)")
+        raise InputError(f"the intensities' shape is {array.shape}; {scheme.captures} captures need the shape {measured} + (...)")
     leading = array.shape[len(measured) :]
     nm = _lanes(wavelengths_nm, leading)
     flat = (scheme.captures * scheme.channels, int(np.prod(leading, dtype=np.int64)))
     weights = None
     if variance is not None:
-        # What has no variance is left out, as by a camera that is saturated.
+        # Entries without a variance are left out, like saturated ones of a camera.
         weights = real("variance", variance, array.dtype, fill=np.inf)
         if weights.shape != array.shape:
-            raise InputError(f"variance: its shape is {weights.shape}, that of the intensities {array.shape}")
+            raise InputError(f"variance: its shape is {weights.shape}, but the intensities have {array.shape}")
         weights = weights.reshape(flat)
     view = None
     if fov_x_deg is not None:
         if len(leading) < 2:
-            raise InputError("fov_x_deg: the intensities have no rows and columns behind captures and channels; leave it out")
+            raise InputError("fov_x_deg: the intensities have no rows and columns after captures and channels; omit fov_x_deg")
         view = (float(fov_x_deg), leading[0], leading[1])
     found, spread = _native.reconstruct(
         scheme._native,  # pyright: ignore[reportPrivateUsage]

@@ -1,4 +1,4 @@
-"""The command `sunstone`, in a process of its own."""
+"""The command `sunstone`, run in a separate process."""
 
 # pyright: basic
 from __future__ import annotations
@@ -12,38 +12,40 @@ __all__ = ["CommandError", "find", "run"]
 
 
 class CommandError(ValueError):
-    """The command refused, or there is none; the text is its own."""
+    """The command failed or was not found; the text is the command's message."""
 
 
 def find() -> str:
-    """The command: what the variable SUNSTONE names, or `sunstone` of this Python's own scripts, or of the PATH."""
+    """Return the command: the value of the variable SUNSTONE, else `sunstone` from this Python's scripts folder, else from the
+    PATH.
+    """
     scripts = sysconfig.get_path("scripts")
     found = os.environ.get("SUNSTONE") or shutil.which("sunstone", path=scripts) or shutil.which("sunstone")
     if not found:
-        raise CommandError("there is no command `sunstone`: put it into the PATH, or its place into the variable SUNSTONE")
+        raise CommandError("there is no command `sunstone`: add it to the PATH, or set the variable SUNSTONE to its path")
     return found
 
 
 def run(*words: object, command: str | None = None, tied: bool = False) -> str:
-    """Run the command, and return what it prints.
+    """Run the command and return its output.
 
     Parameters
     ----------
     words
-        Its words.
+        Arguments of the command.
     command
-        The command, instead of that of `find`.
+        The command; by default the result of `find`.
     tied
-        Whether it dies with this process, where the system can see to that.
+        End the command when this process ends, where the operating system supports it.
 
     Raises
     ------
     CommandError
-        With what the command says, if it fails.
+        With the command's message, if it fails.
     """
     name = command or find()
     if shutil.which(name) is None:
-        raise CommandError(f"there is no command `{name}`: install it, or say where it is")
+        raise CommandError(f"there is no command `{name}`: install it, or give its path")
     ties = shutil.which("setpriv") if tied else None
     tie = [ties, "--pdeathsig", "KILL"] if ties else []
     done = subprocess.run([*tie, name, *map(str, words)], capture_output=True, text=True, check=False)

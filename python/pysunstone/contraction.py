@@ -1,12 +1,14 @@
-"""Contraction of slices of T with what a projector shows: I = Σ T P over s' and p', and convolution with a pulse along t.
+"""Contraction of slices of T with projector patterns and Stokes states, I = Σ T P over s' and p', and convolution with a pulse
+along t.
 
-After the tensor theory of Baek & Heide 2021 (`eq:general_light_transport`). The same sums as `sunstone probe`, on arrays of xarray,
-lazily where they are lazy, in double precision; results are float32, as stores are.
+The theory is that of Baek & Heide 2021 (`eq:general_light_transport`). The sums equal those of `sunstone probe`, on xarray
+arrays. They are lazy for lazy arrays and use double precision; results are float32, as in stores.
 
-**Standard errors.** Elements of one camera pixel are estimated from the same samples and may be correlated in any way, so a
-weighted sum over them has the bound Σ|w|·se (``"bound"``, as `sunstone probe` states it). √Σ(w·se)² (``"independent"``) holds
-where they are independent, as nearly they are between projector pixels and time bins that few paths share, and is too short by
-up to √n where they are not. Different camera pixels have different samples: over y and x errors add in quadrature in both.
+**Standard errors.** The elements of one camera pixel are estimated from the same samples and may have any correlation. A weighted
+sum over them therefore has the error bound Σ|w|·se (``"bound"``, as `sunstone probe` reports). √Σ(w·se)² (``"independent"``)
+holds for independent elements. Projector pixels and time bins that share few paths are nearly independent. For correlated
+elements it is too small by up to √n. Different camera pixels have different samples: over y and x, errors add in quadrature in
+both cases.
 """
 
 # pyright: basic
@@ -25,9 +27,9 @@ from .boxes import bins
 
 __all__ = ["Errors", "STATES", "contracted", "kernel", "pattern_weights", "stokes_vector", "summed"]
 
-#: How errors of sums over a pixel's elements are stated.
+#: Method for the errors of sums over a pixel's elements.
 Errors = Literal["bound", "independent"]
-#: Stokes vectors of unit power by their names (those of `sunstone probe --stokes`).
+#: Stokes vectors of unit power by name (the names of `sunstone probe --stokes`).
 STATES: Mapping[str, tuple[float, float, float, float]] = {
     "unpolarized": (1, 0, 0, 0),
     "horizontal": (1, 1, 0, 0),
@@ -38,12 +40,12 @@ STATES: Mapping[str, tuple[float, float, float, float]] = {
     "left": (1, 0, 0, -1),
 }
 _CAMERA = ("y", "x")
-#: Rounding of Stokes vectors as they are written.
+#: Tolerance for the rounding of Stokes vectors.
 _SLACK = 1e-4
 
 
 def stokes_vector(state: str | npt.ArrayLike) -> xr.DataArray:
-    """A Stokes vector over `stokes_in`, or several over `state` too.
+    """Return a Stokes vector over `stokes_in`, or several over `state` and `stokes_in`.
 
     Parameters
     ----------
@@ -53,7 +55,7 @@ def stokes_vector(state: str | npt.ArrayLike) -> xr.DataArray:
     Raises
     ------
     ValueError
-        If no light has it: s0 is above 0, and s1² + s2² + s3² not above s0².
+        If the vector is not physical: s0 must be above 0, and s1² + s2² + s3² at most s0².
     """
     if isinstance(state, str):
         if state not in STATES:
@@ -61,29 +63,29 @@ def stokes_vector(state: str | npt.ArrayLike) -> xr.DataArray:
         state = STATES[state]
     found = real("state", state, np.float64)
     if found.shape[-1:] != (4,) or found.ndim > 2:
-        raise ValueError(f"a Stokes vector is four numbers, or several as an array (K, 4); this is of shape {found.shape}")
+        raise ValueError(f"a Stokes vector is four numbers, or several as an array (K, 4); this one is of shape {found.shape}")
     polarized = np.sqrt((found[..., 1:] ** 2).sum(-1))
     if not np.all((found[..., 0] > 0) & (polarized <= found[..., 0] * (1 + _SLACK))):
-        raise ValueError(f"no light has the Stokes vector {found.tolist()}: s0 is above 0, and s1² + s2² + s3² not above s0²")
-    # As single numbers, which the command reads.
+        raise ValueError(f"no light has the Stokes vector {found.tolist()}: s0 must be above 0, and s1² + s2² + s3² at most s0²")
+    # Round to single precision, as the command does.
     found = found.astype(np.float32).astype(float)
     return xr.DataArray(found, dims=("state", "stokes_in")[-found.ndim :], coords={"stokes_in": np.arange(4)})
 
 
 def pattern_weights(pattern: npt.ArrayLike, data: xr.DataArray) -> xr.DataArray | None:
-    """The mean drive over the projector pixels of every entry (v, u) of an array; ``None`` where nothing is to be contracted.
+    """Return the mean drive over the projector pixels of every entry (v, u) of an array; ``None`` if nothing is to be contracted.
 
     Parameters
     ----------
     pattern
         Drives, or a mask, of shape (rows, columns) of the projector, or (K, rows, columns) for K patterns (axis `pattern`).
     data
-        An array of a slice, with the attributes that it was opened with.
+        An array of a slice, with the attributes it was opened with.
 
     Raises
     ------
     ValueError
-        If it does not fit the projector, or the slice has summed over the projector's pixels already.
+        If the pattern does not fit the projector, or the slice is already summed over the projector's pixels.
     """
     drive = real("pattern", pattern, np.float32)
     if drive.ndim not in (2, 3) or not np.all(np.isfinite(drive)):
@@ -103,7 +105,7 @@ def pattern_weights(pattern: npt.ArrayLike, data: xr.DataArray) -> xr.DataArray 
     for boxes, total, name in ((rows, height, "rows"), (columns, width, "columns")):
         if boxes[-1][1] >= total:
             raise ValueError(f"the slice reaches projector pixel {boxes[-1][1]}, the pattern has {total} {name}")
-    # Sums over boxes are differences of sums from the corner.
+    # Sums over boxes are differences of cumulative sums from the corner.
     corner = np.zeros((*drive.shape[:-2], height + 1, width + 1))
     corner[..., 1:, 1:] = drive.astype(float).cumsum(-2).cumsum(-1)
     first, last = np.array(rows).T
@@ -129,7 +131,7 @@ def pattern_weights(pattern: npt.ArrayLike, data: xr.DataArray) -> xr.DataArray 
 
 
 def kernel(pulse: float | npt.ArrayLike, bin_ps: float) -> list[tuple[int, float]]:
-    """A pulse as weights (bins later, weight) whose sum is 1.
+    """Return a pulse as pairs (delay in bins, weight) whose weights sum to 1.
 
     Parameters
     ----------
@@ -141,7 +143,7 @@ def kernel(pulse: float | npt.ArrayLike, bin_ps: float) -> list[tuple[int, float
     shape = real("pulse", pulse, np.float64)
     if shape.ndim == 0:
         if not (np.isfinite(shape) and shape >= 0):
-            raise ValueError(f"the width of a pulse is a number of picoseconds, not negative; this is {float(shape)}")
+            raise ValueError(f"the width of a pulse is a finite number of picoseconds, not negative; this one is {float(shape)}")
         sigma = float(shape) / np.sqrt(8 * np.log(2)) / bin_ps
         reach = int(np.ceil(6 * sigma))
         later = range(-reach, reach + 1)
@@ -149,7 +151,7 @@ def kernel(pulse: float | npt.ArrayLike, bin_ps: float) -> list[tuple[int, float
     elif shape.ndim == 1 and shape.size:
         later, weights = range(shape.size), shape.tolist()
     else:
-        raise ValueError(f"a pulse is a width in picoseconds or a list of samples; this is of shape {shape.shape}")
+        raise ValueError(f"a pulse is a width in picoseconds or a list of samples; this one is of shape {shape.shape}")
     total = float(np.sum(weights))
     if not (np.isfinite(total) and total > 0):
         raise ValueError("the pulse's samples have no positive, finite sum")
@@ -157,14 +159,14 @@ def kernel(pulse: float | npt.ArrayLike, bin_ps: float) -> list[tuple[int, float
 
 
 def _smear(pulse: float | npt.ArrayLike, data: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
-    """Weights from every bin (t) to every bin (t_out), and those of what leaves the bins."""
+    """Return the weights from every bin (t) to every bin (t_out), and the weights of the light that leaves the bins."""
     if "t" not in data.dims:
         raise ValueError("the slice does not resolve time: render it with time bins")
     n = data.sizes["t"]
     bin_ps = data.attrs.get("time_bin_ps")
     if bin_ps is None:
         if n < 2:
-            raise ValueError("the width of the time bin is not known: the attribute `time_bin_ps` is missing")
+            raise ValueError("the width of the time bin is unknown: the attribute `time_bin_ps` is missing")
         bin_ps = float(data["t"][1] - data["t"][0])
     matrix, outside = np.zeros((n, n)), np.zeros(n)
     for later, weight in kernel(pulse, float(bin_ps)):
@@ -178,19 +180,19 @@ def _smear(pulse: float | npt.ArrayLike, data: xr.DataArray) -> tuple[xr.DataArr
 
 
 def _dot(data: xr.DataArray, weights: xr.DataArray, dims: Sequence[Hashable], errors: Errors | None) -> xr.DataArray:
-    """Σ w x over dimensions, or the error of it."""
+    """Return Σ w x over dimensions, or its error."""
     data = data.astype(float)
     result: xr.DataArray
     if errors == "independent":
         result = xr.dot(data**2, weights**2, dim=dims, optimize=True) ** 0.5
     else:
-        # Optimized, a sum along time is a product of matrices: ten times as fast.
+        # With `optimize`, a sum along time becomes a matrix product, which is ten times as fast.
         result = xr.dot(data, weights if errors is None else abs(weights), dim=dims, optimize=True)
     return result
 
 
 def _ordered(result: xr.DataArray, like: xr.DataArray) -> xr.DataArray:
-    """New axes first, then those of the slice in their order; float32, with the attributes of what it was made of."""
+    """Return float32 with new axes first, then the slice's axes in their order, and with the attributes of the source."""
     new = [d for d in result.dims if d not in like.dims]
     result = result.transpose(*new, *(d for d in like.dims if d in result.dims)).astype(np.float32)
     for name in result.coords:
@@ -206,9 +208,9 @@ def contracted(
     pulse: float | npt.ArrayLike | None,
     errors: Errors | None,
 ) -> tuple[xr.DataArray, xr.DataArray | None]:
-    """Contracts an array of values, or, with `errors`, of their standard errors; the second is what the pulse moves out of the bins.
+    """Contract an array of values or, with `errors`, of their standard errors.
 
-    Parameters and their meaning are those of `SunstoneArray.probe`.
+    The parameters are those of `SunstoneArray.probe`. The second result is the light that the pulse moves out of the bins.
     """
     result, shifted = data, None
     if pattern is not None and (drive := pattern_weights(pattern, data)) is not None:
@@ -229,7 +231,7 @@ def contracted(
 
 
 def summed(data: xr.DataArray, over: Iterable[Hashable], errors: Errors | None) -> xr.DataArray:
-    """Sums over axes, or the error of it: over a pixel's elements as `errors` says, over pixels in quadrature."""
+    """Sum over axes, or combine errors: over a pixel's elements by the method `errors`, over camera pixels in quadrature."""
     over = list(over)
     if missing := [d for d in over if d not in data.dims]:
         raise ValueError(f"there is no axis `{missing[0]}`; there are {', '.join(map(str, data.dims))}")

@@ -1,10 +1,10 @@
-"""Data sets for learning: variants of a scene as one Zarr store with an axis `sample`.
+"""Data sets for machine learning: variants of a scene in one Zarr store with an axis `sample`.
 
-A scene file with `[vary]` describes any number of scenes (docs/scene-files.md, variants); variant K is always the same. `make`
-renders them one after another into one store, and goes on where it was stopped; `images` reads it for learning.
+A scene file with `[vary]` describes any number of scenes (docs/scene-files.md, variants); variant K is deterministic. `make`
+renders them one after another into one store and resumes where it was stopped. `images` reads the store for training.
 
-Layout: a group a slice with `mean` (and `std_error`) over `sample` and the slice's axes, a chunk a sample where that is
-below 64 MiB, and coordinates along `sample`: `variant`, `seed`, and every parameter drawn. `dataset.json` is the manifest.
+Layout: one group per slice, with `mean` (and `std_error`) over `sample` and the slice's axes. A chunk holds one sample if that is
+below 64 MiB. Coordinates along `sample` are `variant`, `seed` and every drawn parameter. `dataset.json` is the manifest.
 """
 
 # pyright: basic
@@ -37,31 +37,31 @@ __all__ = ["DatasetError", "make", "manifest", "open_dataset"]
 
 _MANIFEST, _FORM = "dataset.json", 1
 _OF_SAMPLES = ("variant", "seed")
-#: Units by the ends of names in scene files (CONVENTIONS.md).
+#: Units by the suffixes of names in scene files (CONVENTIONS.md).
 _UNITS = {"deg": "degree", "nm": "nm", "ps": "ps", "px": "pixel", "mrad": "mrad", "mm": "mm", "um": "um"}
 
 
 class DatasetError(StoreError):
-    """A data set cannot be made or read; the text says why, and what fixes it."""
+    """A data set cannot be made or read; the text gives the reason and the fix."""
 
 
 def manifest(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The manifest of a data set: what it is made of (`settings`), and for every sample what it is (`samples`).
+    """Return the manifest of a data set: its settings (`settings`) and a description of every sample (`samples`).
 
     Raises
     ------
     NotAStoreError
-        There is no data set.
+        If there is no data set.
     """
     file = Path(path, _MANIFEST)
     try:
         found = json.loads(file.read_text())
     except (FileNotFoundError, NotADirectoryError):
-        raise NotAStoreError(f"{path} is no data set: it has no {_MANIFEST}") from None
+        raise NotAStoreError(f"{path} is not a data set: it has no {_MANIFEST}") from None
     except ValueError as e:
-        raise DatasetError(f"{file} is no valid JSON: {e}") from None
+        raise DatasetError(f"{file} is not valid JSON: {e}") from None
     if not isinstance(found, dict) or found.get("form") != _FORM:
-        raise DatasetError(f"{file} is not of form {_FORM}, which this pysunstone knows")
+        raise DatasetError(f"{file} is not of form {_FORM}, the only form that this version of pysunstone reads")
     return found
 
 
@@ -87,47 +87,47 @@ def make(
 ) -> Path:
     """Render variants of a scene into one data set.
 
-    What is there already is not rendered again: a stopped call is repeated as it was, and goes on, inside an unfinished render too;
-    called with more variants, it adds those.
+    Existing samples are not rendered again. Repeat a stopped call to resume it, even inside an unfinished render. A call with
+    more variants adds them.
 
     Parameters
     ----------
     scene
         Scene file with `[vary]`.
     output
-        Folder of the data set. Renders stand in ``OUTPUT.parts`` until they are in it.
+        Folder of the data set. Renders stay in ``OUTPUT.parts`` until their samples are in the data set.
     variants
-        Numbers of the variants, or how many, from 0.
+        Numbers of the variants, or their count, from 0.
     slices
         Slices of the scene to keep. Their axes must be the same in all variants.
     spp
-        Samples a pixel, instead of the scene's.
+        Samples per pixel, instead of the scene's.
     seed
         Variant K is rendered with the seed `seed` + K, so that no two samples have the same noise.
     std_error
-        Keep standard errors too.
+        Also keep standard errors.
     threads
-        Threads of a render; all cores without it.
+        Threads of a render; by default all cores.
     command
-        The command; without it what the variable SUNSTONE names, or `sunstone` of the PATH.
+        The command; by default the value of the variable SUNSTONE, or `sunstone` on the PATH.
     keep
-        Keep the renders' own stores.
+        Keep the stores of the renders.
     progress
-        Called with the numbers of finished and of all samples after every one.
+        Called after every sample with the finished and total number of samples.
 
     Returns
     -------
     pathlib.Path
-        The data set; `open_dataset` and `MuellerImages` read it.
+        The data set. Read it with `open_dataset` or `MuellerImages`.
 
     Raises
     ------
     DatasetError
-        If a data set of something else is there, axes differ, or a render fails (the text is its own).
+        If the folder holds another data set, axes differ, or a render fails (with the command's message).
     """
     numbers = list(range(variants)) if isinstance(variants, int) else [int(k) for k in variants]
     if not numbers or len(set(numbers)) < len(numbers) or min(numbers) < 0:
-        raise DatasetError("variants are different numbers from 0 on, and at least one")
+        raise DatasetError("variants must be different numbers from 0, at least one")
     if not slices:
         raise DatasetError("name the slices to keep")
     with _locked(Path(output)):
@@ -175,7 +175,7 @@ def _make(
             entry, store = _rendered(scene, path, variant, settings, threads, command)
             _put(path, index, len(order), store, settings)
             content["samples"].append(entry)
-            # The sample is in the data set when the manifest says so.
+            # A sample belongs to the data set once the manifest lists it.
             _write_manifest(path, content)
             if not keep:
                 shutil.rmtree(store)
@@ -187,7 +187,7 @@ def _make(
 
 
 def _sweep(path: Path) -> None:
-    """Removes what Zarr was writing when its process was killed: it renames files into place from names like these."""
+    """Remove files that a killed Zarr process left: it writes under names like these and then renames them."""
     for file in path.rglob("*.partial"):
         if re.fullmatch(r".*\.[0-9a-f]{32}\.partial", file.name):
             file.unlink(missing_ok=True)
@@ -195,7 +195,7 @@ def _sweep(path: Path) -> None:
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Nobody else writes the data set meanwhile, where the system has locks that end with their process."""
+    """Lock the data set against other writers, on systems whose locks end with their process."""
     parts = _parts(path)
     parts.mkdir(parents=True, exist_ok=True)
     try:
@@ -210,7 +210,7 @@ def _locked(path: Path) -> Iterator[None]:
             yield
             (parts / ".lock").unlink()
     finally:
-        # With renders in it that may still be of use, it stays.
+        # Renders in the folder may still be needed.
         if not any(parts.iterdir()):
             parts.rmdir()
 
@@ -222,7 +222,7 @@ def _parts(path: Path) -> Path:
 def _rendered(
     scene: Path, path: Path, variant: int, settings: dict[str, Any], threads: int | None, command: str | None
 ) -> tuple[dict[str, Any], Path]:
-    """The store of a variant, rendered if it is not there, and the sample's entry in the manifest."""
+    """Return the sample's manifest entry and the store of a variant, which is rendered if necessary."""
     store = _parts(path) / f"variant{variant}.zarr"
     seed = settings["seed"] + variant
     begun = time.monotonic()
@@ -230,7 +230,7 @@ def _rendered(
     words += ["--slices", ",".join(settings["slices"])]
     words += [] if settings["spp"] is None else ["--spp", str(settings["spp"])]
     words += [] if threads is None else ["--threads", str(threads)]
-    # Of a finished store, `--resume` does nothing; of another scene's, it is refused.
+    # `--resume` does nothing for a finished store and refuses the store of another scene.
     words += ["--resume"] if store.exists() else []
     try:
         run(*words, command=command)
@@ -251,7 +251,7 @@ def _rendered(
 
 
 def _value(text: str) -> Any:
-    """A value as the scene file writes it: numbers and lists of numbers as such, anything else as its text."""
+    """Parse a value of a scene file: numbers and lists of numbers as such, anything else as text."""
     try:
         return json.loads(text)
     except ValueError:
@@ -259,7 +259,7 @@ def _value(text: str) -> Any:
 
 
 def _places(scene: Path) -> dict[str, str]:
-    """What parameters set in the scene, keys with dots, as the scene file has it; nothing where Python has no reader of TOML."""
+    """Return the scene keys (with dots) that the parameters set; empty if Python cannot parse TOML."""
     try:
         import tomllib
     except ImportError:
@@ -267,7 +267,7 @@ def _places(scene: Path) -> dict[str, str]:
     try:
         varied = tomllib.loads(scene.read_text()).get("vary", {})
     except tomllib.TOMLDecodeError:
-        # The command says better what is wrong.
+        # The command reports this error more precisely.
         return {}
     found = {}
     for name, entry in varied.items():
@@ -277,12 +277,12 @@ def _places(scene: Path) -> dict[str, str]:
 
 
 def _group(path: Path) -> zarr.Group:
-    # What is consolidated is that of the last finished state.
+    # The consolidated metadata describe the last finished state.
     return zarr.open_group(path, mode="a", zarr_format=3, use_consolidated=False)
 
 
 def _put(path: Path, index: int, samples: int, store: Path, settings: dict[str, Any]) -> None:
-    """Writes a sample, in a data set that is made or made longer, for so many samples, where it must be."""
+    """Write a sample into a data set, which is created or extended to ``samples`` samples if necessary."""
     tree = open_store(store, chunks=None)
     root = _group(path)
     if "title" not in root.attrs:
@@ -302,18 +302,18 @@ def _put(path: Path, index: int, samples: int, store: Path, settings: dict[str, 
 
 
 def _put_coordinates(group: zarr.Group, data: xr.Dataset, name: str, first: bool) -> None:
-    """Writes the axes of a slice with the first sample, and compares those of the others."""
+    """Write the axes of a slice with the first sample; for later samples, check that they are equal."""
     for dim in map(str, data["mean"].dims):
         coordinate = data[dim]
         if first:
-            # Those of a call that was killed may be there, without values.
+            # A killed call may have left these arrays without values.
             attributes = dict(coordinate.attrs)
             array = group.create_array(
                 dim, shape=coordinate.shape, dtype=coordinate.dtype, dimension_names=[dim], attributes=attributes, overwrite=True
             )
             array[:] = coordinate.values
         elif not np.array_equal(_values(group, dim), coordinate.values):
-            raise DatasetError(f"axis `{dim}` of slice `{name}` is not the same in all variants: a data set is of one shape")
+            raise DatasetError(f"axis `{dim}` of slice `{name}` is not the same in all variants: all samples need one shape")
 
 
 def _values(group: zarr.Group, name: str) -> npt.NDArray[Any]:
@@ -323,7 +323,7 @@ def _values(group: zarr.Group, name: str) -> npt.NDArray[Any]:
 
 
 def _grown(group: zarr.Group, field: str, values: xr.DataArray, samples: int) -> zarr.Array[Any]:
-    """The array of a field, with room for so many samples; what is not written is NaN."""
+    """Return the array of a field with space for ``samples`` samples; unwritten entries are NaN."""
     if field not in group:
         sizes = {d: n for d, n in values.sizes.items()}
         stored = dict(sizes) if values.nbytes <= 64 << 20 else values.encoding["preferred_chunks"]
@@ -345,7 +345,7 @@ def _grown(group: zarr.Group, field: str, values: xr.DataArray, samples: int) ->
 
 
 def _finish(path: Path, content: dict[str, Any]) -> None:
-    """Writes the coordinates of samples, which are all known now, and the consolidated metadata."""
+    """Write the coordinates of the samples, all of which are known now, and the consolidated metadata."""
     samples = content["samples"]
     root = _group(path)
     for name in content["settings"]["slices"]:
@@ -356,10 +356,10 @@ def _finish(path: Path, content: dict[str, Any]) -> None:
             )
             array[...] = values
         for field in content["settings"]["fields"]:
-            # So that xarray knows them for coordinates (CF conventions).
+            # Mark them as coordinates for xarray (CF conventions).
             group[field].attrs["coordinates"] = " ".join([*_OF_SAMPLES, *samples[0]["values"]])
     with warnings.catch_warnings():
-        # The manifest is no array, and metadata of format 3 are consolidated as xarray and Zarr have them.
+        # Zarr warns that the manifest is not an array, and that consolidated metadata are not part of format 3.
         warnings.simplefilter("ignore", ZarrUserWarning)
         zarr.consolidate_metadata(path, zarr_format=3)
     content["finished"] = True
@@ -369,7 +369,7 @@ def _finish(path: Path, content: dict[str, Any]) -> None:
 def _coordinates(
     samples: list[dict[str, Any]], places: dict[str, str]
 ) -> dict[str, tuple[npt.NDArray[Any], list[str], dict[str, Any]]]:
-    """Coordinates along `sample`: values, dimensions, attributes."""
+    """Return coordinates along `sample`: values, dimensions, attributes."""
     found: dict[str, tuple[npt.NDArray[Any], list[str], dict[str, Any]]] = {
         "sample": (np.arange(len(samples)), ["sample"], {"units": "1", "long_name": "sample"}),
         "variant": (np.array([s["variant"] for s in samples]), ["sample"], {"units": "1", "long_name": "variant of the scene"}),
@@ -382,7 +382,7 @@ def _coordinates(
         try:
             numbers = np.array(values, dtype=float)
         except (TypeError, ValueError):
-            # Names and the like: their numbers, and what these stand for.
+            # Names and other texts are stored as indices into `labels`.
             texts = [v if isinstance(v, str) else json.dumps(v) for v in values]
             labels = sorted(set(texts))
             found[name] = (np.array([labels.index(t) for t in texts]), ["sample"], {**attributes, "labels": labels})
@@ -393,42 +393,42 @@ def _coordinates(
 
 
 def _units(place: str) -> str:
-    """The unit that the end of a name in a scene file says; ``1`` where it says none."""
+    """Return the unit that the suffix of a name in a scene file gives; ``1`` if there is none."""
     words = [word for word in place.replace('"', "").split(".") if not word.isdigit()]
     return _UNITS.get(words[-1].rsplit("_", 1)[-1], "1") if words else "1"
 
 
 def open_dataset(path: str | os.PathLike[str], *, unfinished: bool = False, chunks: Any = "auto") -> xr.DataTree:
-    """Open a data set as a tree, a node a slice.
+    """Open a data set as a tree with one node per slice.
 
     Parameters
     ----------
     path
         Folder of the data set.
     unfinished
-        Open one too that lacks samples; those that are not there yet are left out.
+        Also open a data set that lacks samples; missing samples are left out.
     chunks
-        ``"auto"``: arrays of Dask in pieces of the stored chunks where Dask is installed; ``None``: none.
+        ``"auto"``: Dask arrays in pieces of the stored chunks if Dask is installed. ``None``: no Dask.
 
     Raises
     ------
     UnfinishedStoreError
-        It lacks samples.
+        If the data set lacks samples.
     NotAStoreError
-        It is no data set.
+        If there is no data set.
     """
     content = manifest(path)
     finished, samples = bool(content["finished"]), content["samples"]
     if not finished and not unfinished:
         raise UnfinishedStoreError(
-            f"{path} is not finished: {len(samples)} samples are there; repeat the call that made it, or open it with unfinished=True"
+            f"{path} is not finished: {len(samples)} samples are there; repeat the call that made it, or pass unfinished=True"
         )
     lazily = chunks
     if chunks == "auto":
         lazily = {} if importlib.util.find_spec("dask") else None
     if finished:
         return xr.open_datatree(path, engine="zarr", chunks=lazily)
-    # Coordinates of samples are written when all are there.
+    # The coordinates of samples are written when all samples are finished.
     stale = ["sample", *_OF_SAMPLES, *(samples[0]["values"] if samples else ())]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ZarrUserWarning)

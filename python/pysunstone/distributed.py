@@ -1,12 +1,13 @@
-"""Renders on many processes or machines, by Dask.
+"""Renders on many processes or machines with Dask.
 
-A unit of work is a part of one render: some of its tiles (``sunstone render --part K/N``). It is a pure function of scene, options and
-part, so that retries, workers that die and units that run twice change nothing: in a folder it is made in a fresh temporary store
-and then renamed into place, below an address under the lock of its store. Walks from the light, of which every part may see some,
-all parts make together (``--light``). All parts together are joined by ``sunstone merge`` to the bytes of one render on one machine.
+A unit of work is a part of one render: some of its tiles (``sunstone render --part K/N``). It is a pure function of scene,
+options and part. Retries, dying workers and duplicate runs therefore do not change the result. In a folder, a part is written to
+a temporary store and then renamed; at an address, it is written under the lock of its store. Light subpaths can reach the pixels
+of any part, so that all parts share them (``--light``). ``sunstone merge`` joins the parts to the same bytes as one render on one
+machine.
 
-Workers need the command ``sunstone``, and one file system in common, which holds the scene and takes the result; or nothing in common,
-where the result goes to an object store: then the scene travels to them, with all its files.
+Workers need the command ``sunstone`` and a shared file system, which holds the scene and receives the result. If the result goes
+to an object store, they need no shared file system: the scene is then sent to them with all its files.
 
 Examples
 --------
@@ -45,23 +46,24 @@ if TYPE_CHECKING:
 __all__ = ["TOPIC", "Job", "Metrics", "RenderError", "render", "render_many"]
 
 PARTS_PER_WORKER = 4
-"""Parts for each thread of the workers, so that none waits long for the last one."""
+"""Parts per worker thread. With several parts per thread, threads wait less for the last part."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One render of many.
+    """One render of `render_many`.
 
     Attributes
     ----------
     scene
         Scene file.
     name
-        Name of its store in the folder of all, without ``.zarr``; by default that of the scene's folder, with its variant and seed.
+        Name of its store in the common folder, without ``.zarr``; by default the name of the scene's folder with variant and
+        seed.
     spp, seed, variant, integrator
-        As the options of ``sunstone render``; of the scene where ``None``.
+        As the options of ``sunstone render``; ``None`` uses the scene's values.
     slices
-        Slices to keep; all of the scene's where empty.
+        Slices to keep; if empty, all slices of the scene.
     """
 
     scene: str | os.PathLike[str]
@@ -83,11 +85,11 @@ class Job:
         return f"{name}{variant}{seed}.zarr"
 
     def options(self) -> list[str]:
-        """The words of ``sunstone render`` that say what is rendered."""
+        """Arguments of ``sunstone render`` that select what is rendered."""
         return [str(Path(self.scene).resolve()), *self.choices()]
 
     def choices(self) -> list[str]:
-        """The same without the scene."""
+        """The same arguments without the scene."""
         words = ["--no-figures"]
         for name in ("spp", "seed", "variant", "integrator"):
             value = getattr(self, name)
@@ -119,54 +121,53 @@ def render(
     progress: Callable[[int, int], None] | None = None,
     report: Callable[[Metrics], None] | None = None,
 ) -> Path | str:
-    """Render a scene on all workers into one store, byte for byte that of ``sunstone render``.
+    """Render a scene on all workers into one store, byte-identical to that of ``sunstone render``.
 
-    With ``target_error``, rounds of samples are rendered until a slice is known to that relative error, in the tiles that need them;
-    the store is again that of ``sunstone render --target-error``.
+    With ``target_error``, rounds of samples are rendered until a slice reaches that relative error, in the tiles that need them.
+    The store then equals that of ``sunstone render --target-error``.
 
-    Parts that are finished are kept beside ``path`` (below ``path.parts``) until all are, so that the same call goes on where an earlier
-    one was stopped.
+    Finished parts are kept next to ``path`` (in ``path.parts``) until all parts are finished. Repeat a stopped call to resume it.
 
     Parameters
     ----------
     scene
-        Scene file, at the same place for all workers where ``path`` is a folder; or a `Scene`, which travels to them.
+        Scene file, at the same path for all workers if ``path`` is a folder; or a `Scene`, which is sent to them.
     path
-        Store to write, on a file system that all workers share, or an address (``s3://``, ``gs://``, ``az://``) that all workers write
-        to, each with the settings of its own environment (docs/object-stores.md). Below an address nothing is needed in common: the
-        scene travels.
+        Store to write, on a file system that all workers share, or an address (``s3://``, ``gs://``, ``az://``) that all workers
+        can write to, each with the settings of its own environment (docs/object-stores.md). At an address no shared file system
+        is needed: the scene is sent to the workers.
     spp, seed, variant, integrator, slices
         As the options of ``sunstone render``.
     parts
-        Number of parts; by default four for each thread of the workers.
+        Number of parts; by default four per worker thread.
     client
-        Of the cluster; by default one of processes on this machine, for this call.
+        Client of the cluster; by default a cluster of processes on this machine is started for this call.
     threads
-        Threads of one part.
+        Threads per part.
     command
-        The command ``sunstone`` on the workers; by default what SUNSTONE names, that of this Python's scripts, or that of the PATH: of
-        this process where a file system is shared, else of each worker.
+        The command ``sunstone`` on the workers; by default the value of SUNSTONE, else the command in Python's scripts folder,
+        else on the PATH. It is searched in this process if a file system is shared, else on each worker.
     overwrite
         Replace a store at ``path``.
     target_error, target_slice, target_share, most_spp
         As the options of ``sunstone render``; ``spp`` is then the number of samples of the first round.
     progress
-        Called with the number of finished parts and of all; of each round by itself.
+        Called with the number of finished parts and of all parts, separately for each round.
     report
-        Called with the same and more, as the scheduler's events of topic :data:`TOPIC` have it.
+        Called with :class:`Metrics`, which the scheduler also receives as events of topic :data:`TOPIC`.
 
     Returns
     -------
     Path or str
-        The store; a text of an address.
+        The store; a string for an address.
 
     Raises
     ------
     RenderError
-        If the command refuses, a part is lost with its worker again and again, or the scene names a file by an absolute path and
-        cannot travel.
+        If the command fails, a part repeatedly loses its worker, or the scene names a file by an absolute path and cannot be
+        sent.
     FileExistsError
-        If there is something at ``path``.
+        If ``path`` exists.
     """
     goal = {"error": target_error, "slice": target_slice, "share": target_share}
     words = [word for key, value in goal.items() if value is not None for word in (f"--target-{key}", str(value))]
@@ -189,7 +190,7 @@ def render(
             packed = pack(scene if isinstance(scene, Scene) else Scene.load(scene, variant))
             content = packed.key.encode()
             luggage, back = sent(on, packed)
-            # Who is gone has nothing to give back.
+            # A worker that left needs no cleanup.
             at_end.callback(_quietly, back)
             source = Command(place.command, ("render", "", *job.choices()), ((1, os.path.join(luggage, packed.file)),))
         place.begin(on, overwrite)
@@ -198,7 +199,7 @@ def render(
         meter = Meter(on, str(place.path), report, target_error)
 
         def parts_of(options: Sequence[str], into: str) -> list[str]:
-            """Renders all parts, and says where they are."""
+            """Render all parts and return their places."""
             units: list[Unit] = []
             for number in range(1, count + 1):
                 own = [*source.words, *options, "--part", f"{number}/{count}", "--light"]
@@ -218,7 +219,7 @@ def render(
 
 
 def _there(path: object) -> str:
-    return f"{path} already exists: name another place, or pass overwrite=True"
+    return f"{path} already exists: choose another path, or pass overwrite=True"
 
 
 def _quietly(work: Callable[[], Any]) -> None:
@@ -227,7 +228,7 @@ def _quietly(work: Callable[[], Any]) -> None:
 
 
 class _Folder:
-    """A result on a file system that all share: what is done with it is done here."""
+    """A result on a shared file system. This process itself performs the operations on it."""
 
     def __init__(self, path: Path, command: str) -> None:
         self.path, self.command = path, command
@@ -243,11 +244,11 @@ class _Folder:
         return str(self._parts.joinpath(key, *names))
 
     def light(self, key: str, luggage: str) -> str:
-        """Where parts make walks from the light together."""
+        """Return the folder of the light subpaths that all parts share."""
         return self.join(key, "light")
 
     def rounds(self, key: str) -> tuple[str, str]:
-        """Where rounds are gathered, and the store that they become."""
+        """Return the folder of the rounds, and the store that they are merged into."""
         return self.join(key, "whole.zarr.rounds"), self.join(key, "whole.zarr")
 
     def merge(self, client: Any, parts: Sequence[str], whole: str, force: bool) -> None:
@@ -259,7 +260,7 @@ class _Folder:
             shutil.rmtree(place, ignore_errors=True)
 
     def put(self, client: Any, whole: str, overwrite: bool) -> None:
-        """Gives the store of all rounds its name."""
+        """Rename the store of all rounds to its final path."""
         if overwrite and self.path.exists():
             shutil.rmtree(self.path)
         os.rename(whole, self.path)
@@ -269,14 +270,14 @@ class _Folder:
 
 
 class _Address:
-    """A result below an address: all that is done with it a worker does, which may write there. This process need not."""
+    """A result at an address. Workers perform all operations on it, so that this process needs no write access."""
 
     def __init__(self, path: str, command: str | None) -> None:
         self.path, self.command, self._overwrite = path.rstrip("/"), command, False
 
     def begin(self, client: Any, overwrite: bool) -> None:
         self._overwrite = overwrite
-        # It refuses where nothing is there, or nothing finished; or it cannot ask, and the first part says why.
+        # `info` fails if nothing finished is there. It also fails without access; then the first part reports the reason.
         if once(client, Command(self.command, ("info", self.path), may_refuse=True)) and not overwrite:
             raise FileExistsError(_there(self.path))
 
@@ -287,18 +288,18 @@ class _Address:
         return "/".join([f"{self.path}.parts", key, *(name for name in names if name)])
 
     def light(self, key: str, luggage: str) -> str:
-        # Each worker makes all walks, once for all of its parts.
+        # Each worker traces all light subpaths, once for all of its parts.
         return ""
 
     def rounds(self, key: str) -> tuple[str, str]:
-        # Nothing is renamed there.
+        # Object stores cannot rename.
         return f"{self.path}.rounds", self.path
 
     def merge(self, client: Any, parts: Sequence[str], whole: str, force: bool) -> None:
         if whole == self.path:
-            # Others had long to put something there.
+            # Something else may have been written there in the meantime.
             self.begin(client, self._overwrite)
-        # A worker may die when it has joined them and not told: whoever joins them again finds the result there.
+        # A worker may die after the merge but before it reports. The next attempt then finds the result there.
         self.run(client, "merge", *parts, "-o", whole, "--force")
         self.remove(client, parts)
 
@@ -323,14 +324,14 @@ def _to_error(
     meter: Meter,
     overwrite: bool,
 ) -> None:
-    """Render rounds until none is needed any more, and pool them."""
+    """Render rounds until no more are needed, and pool them."""
 
     def ask(*more: str) -> str:
-        """A worker has the scene."""
+        """Ask a worker, which has the scene."""
         return once(client, Command(asked.command, (*asked.words, *more), asked.below))
 
     rounds, whole = place.rounds(key)
-    # One that was pooled, and not yet given its name.
+    # An earlier call may have pooled the rounds without renaming the store.
     pooled = isinstance(place, _Folder) and Path(whole).exists()
     while not pooled:
         standing = json.loads(ask("--rounds", rounds))
@@ -358,30 +359,30 @@ def render_many(
     command: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Render many scenes, variants or seeds, each whole by one worker, into stores of one folder with a manifest.
+    """Render many scenes, variants or seeds into the stores of one folder with a manifest. One worker renders each store.
 
-    What is in the folder from an earlier call with the same options is kept; what is of other ones is refused.
+    Stores of an earlier call with the same options are kept; stores of other renders are refused.
 
     Parameters
     ----------
     scenes
         Scene files, or :class:`Job`s.
     folder
-        Where the stores go, on a file system that all workers share.
+        Folder for the stores, on a file system that all workers share.
     client, threads, command, progress
-        As of :func:`render`.
+        As for :func:`render`.
 
     Returns
     -------
     Path
-        The manifest ``manifest.json``: a list, in the order of ``scenes``, of ``store``, ``scene``, ``scene_sha256``, ``variant``, ``seed``,
-        ``samples_per_pixel`` and ``checksum``, the SHA-256 of the store's own manifest but for the line of the root's description,
-        which holds the time that rendering took.
+        The manifest ``manifest.json``: a list, in the order of ``scenes``, of ``store``, ``scene``, ``scene_sha256``,
+        ``variant``, ``seed``, ``samples_per_pixel`` and ``checksum``. The checksum is the SHA-256 of the store's own manifest
+        without the line of the root's metadata, which contain the render time.
 
     Raises
     ------
     RenderError
-        If the command refuses a render, or one is lost with its worker again and again.
+        If the command refuses a render, or a render repeatedly loses its worker.
     ValueError
         If two renders have the same name.
     """
@@ -389,14 +390,14 @@ def render_many(
     names = [job.store for job in jobs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise ValueError(f"two renders are to be {twice}: give each a name of its own (Job(scene, name=...))")
+        raise ValueError(f"two renders would write {twice}: give each a different name (Job(scene, name=...))")
     into = _local(folder)
     into.mkdir(parents=True, exist_ok=True)
     name = _command(command)
     units = [Unit(Command(name, ("render", *job.options())), str(into / job.store), threads) for job in jobs]
     for unit in units:
         if os.path.isdir(unit.place):
-            # The command refuses what is of another render, and says so.
+            # The command refuses the store of another render and explains why.
             run_command([name, *unit.command.words, "--resume", "-o", unit.place])
     with _client(client) as on:
         finish(on, units, progress, Meter(on, str(into), None))
@@ -422,7 +423,7 @@ def render_many(
 
 
 def _checksum(store: Path) -> str:
-    """Of all that the store holds, but for the time that rendering took."""
+    """Return a hash of the store's content without the render time."""
     lines = (store / "manifest.txt").read_text().splitlines()
     kept = [line for line in lines if not line.endswith((" zarr.json", " lines above"))]
     return hashlib.sha256("\n".join(kept).encode()).hexdigest()
@@ -431,12 +432,12 @@ def _checksum(store: Path) -> str:
 def _local(path: str | os.PathLike[str]) -> Path:
     text = os.fspath(path)
     if "://" in text:
-        raise ValueError(f"{text}: name a folder on a file system that all workers share; only `render` writes to object stores")
+        raise ValueError(f"{text}: use a folder on a file system that all workers share; only `render` writes to object stores")
     return Path(text).resolve()
 
 
 def _command(command: str | None) -> str:
-    """The command on the workers, where they share our file system."""
+    """Return the command on workers that share this process's file system."""
     try:
         return command or find()
     except CommandError as e:
@@ -444,14 +445,14 @@ def _command(command: str | None) -> str:
 
 
 def _key(version: str, scene: bytes, words: Sequence[str]) -> str:
-    """A name of all that a render depends on: what was made under another is not taken for it."""
+    """Return a hash of everything that a render depends on, so that results of other renders are never reused."""
     text = json.dumps([version, hashlib.sha256(scene).hexdigest(), *words])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @contextmanager
 def _client(given: Client | None) -> Generator[Any, None, None]:
-    """A client, whose methods Dask gives no types."""
+    """Yield a client, untyped because Dask's methods have no type annotations."""
     if given is not None:
         yield given
         return
@@ -463,6 +464,7 @@ def _client(given: Client | None) -> Generator[Any, None, None]:
         made.LocalCluster(threads_per_worker=1, n_workers=count, dashboard_address=None) as cluster,
         made.Client(cluster) as client,
     ):
-        # A worker that dies while it starts is given up by the process that watches it: without others all would wait for ever.
+        # Dask gives up on a worker that dies during its start. Adaptive scaling replaces it; otherwise the call could wait
+        # forever.
         cluster.adapt(minimum=count, maximum=count)
         yield client

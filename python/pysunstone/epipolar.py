@@ -1,7 +1,7 @@
-"""Epipolar geometry of camera and projector: which projector pixels can light directly what a camera pixel sees.
+"""Epipolar geometry of camera and projector: the projector pixels that can directly illuminate what a camera pixel sees.
 
-The essential matrix takes a camera pixel's normalized coordinates to a line on the projector's plane z = 1 (Hartley & Zisserman
-2004, ch. 9), and the focal lengths take that line to the projector's pixels.
+The essential matrix maps a camera pixel's normalized coordinates to a line on the projector's plane z = 1 (Hartley & Zisserman
+2004, ch. 9). The focal lengths map that line to the projector's pixels.
 """
 
 # pyright: basic
@@ -21,12 +21,12 @@ _Numbers = npt.NDArray[np.float64]
 
 
 def _device(device: Mapping[str, Any], name: str) -> tuple[_Numbers, _Numbers, _Numbers, _Numbers]:
-    """Axes as columns, centre, focal lengths, principal point."""
+    """Return the axes as columns, centre, focal lengths, principal point."""
     if "pixels_per_m" in device:
-        raise ValueError(f"the {name} is orthographic: it has no centre, and so no epipolar lines")
+        raise ValueError(f"the {name} is orthographic: it has no centre, and therefore no epipolar lines")
     if any(device.get("distortion", {}).values()):
         raise ValueError(
-            f"the lens of the {name} distorts, and lines are not straight: "
+            f"the lens of the {name} distorts, so that epipolar lines are not straight: "
             "render a slice with `projector = { epipolar = { half_width_px = ... } }`, which knows the distortion"
         )
     axes = np.array([device[key] for key in ("right", "down", "forward")], dtype=float).T
@@ -35,14 +35,14 @@ def _device(device: Mapping[str, Any], name: str) -> tuple[_Numbers, _Numbers, _
 
 
 def lines(camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayLike, x: npt.ArrayLike) -> _Numbers:
-    """Epipolar lines of camera pixels on the projector's pixels: a·u + b·v + c is the distance of pixel (v, u)'s centre.
+    """Return the epipolar lines of camera pixels on the projector: a·u + b·v + c is the distance from the centre of pixel (v, u).
 
     Parameters
     ----------
     camera, projector
-        Devices as the root attributes `camera` and `projector` of a store state them.
+        Devices, as in the root attributes `camera` and `projector` of a store.
     y, x
-        Pixel indices of the camera; those of bins' middles give the lines of these.
+        Pixel indices of the camera. Centres of bins give the lines of those centres.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def lines(camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayL
     axes, origin, focal, principal = _device(projector, "projector")
     baseline = origin - camera_origin
     if np.linalg.norm(baseline) < 1e-9:
-        raise ValueError("camera and projector are in one place: there are no epipolar lines")
+        raise ValueError("camera and projector are at the same position: there are no epipolar lines")
     a, b, c = baseline / np.linalg.norm(baseline)
     essential = axes.T @ np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]]) @ camera_axes
     seen_y = (np.asarray(y, dtype=float) + 0.5 - camera_principal[1]) / camera_focal[1]
@@ -67,27 +67,27 @@ def lines(camera: Mapping[str, Any], projector: Mapping[str, Any], y: npt.ArrayL
 
 
 def mask(data: xr.DataArray, camera: Mapping[str, Any], projector: Mapping[str, Any], half_width_px: float) -> xr.DataArray:
-    """True where a projector pixel lies within so many pixels of the epipolar line of the camera pixel, over (y, x, v, u).
+    """Return whether a projector pixel lies within ``half_width_px`` of the camera pixel's epipolar line, over (y, x, v, u).
 
     Raises
     ------
     ValueError
-        If the array does not keep camera and projector pixels apart, or a lens distorts.
+        If the array does not keep camera and projector pixels separate, or a lens distorts.
     """
     kept = ("y", "x", "v", "u")
     if missing := [d for d in kept if d not in data.dims]:
         raise ValueError(
-            f'the slice has no axis `{missing[0]}`: epipolar light is told by s and s\' (`camera = "all"`, `projector = "all"`), '
-            "or rendered (`projector = { epipolar = { half_width_px = 1.5 } }`)"
+            f'the slice has no axis `{missing[0]}`: an epipolar sum needs s and s\' (`camera = "all"`, `projector = "all"`), '
+            "or render epipolar light (`projector = { epipolar = { half_width_px = 1.5 } }`)"
         )
     if any(n != 1 for n in data.attrs.get("projector_bin", (1, 1))) or data.attrs.get("pixels_per_element", 1) != 1:
-        raise ValueError("the slice has bins of pixels, which lie on several lines: render single pixels, or an epipolar slice")
+        raise ValueError("the slice has bins of pixels, which span several lines: render single pixels, or an epipolar slice")
     found = lines(camera, projector, data["y"].values, data["x"].values)
     at = {"y": data["y"], "x": data["x"]}
     a, b, c = (xr.DataArray(found[..., k], dims=("y", "x"), coords=at) for k in range(3))
     rows, columns = (xr.DataArray(data[d].values, dims=d, coords={d: data[d]}) for d in ("v", "u"))
     if data.chunks is not None:
-        # As lazy as the array, in the same pieces: all of it may be larger than memory.
+        # As lazy as the array and with the same chunks, because the mask may exceed the memory.
         cuts: dict[Hashable, tuple[int, ...]] = {d: data.chunksizes[d] for d in kept}
         a, b, c, rows, columns = (part.chunk({d: cuts[d] for d in part.dims}) for part in (a, b, c, rows, columns))
     return abs(a * columns + b * rows + c) <= half_width_px

@@ -1,4 +1,4 @@
-"""Batches of Mueller images for PyTorch from a data set of variants. Nothing here imports PyTorch."""
+"""Mueller images for PyTorch from a data set of variants. This module does not import PyTorch."""
 
 # pyright: basic
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["MuellerImages"]
 
 
 class MuellerImages:
-    """Samples of a data set for PyTorch: a map-style data set of (image, parameters), as NumPy arrays that its `DataLoader` collates.
+    """A map-style data set of pairs (image, parameters) for PyTorch, as NumPy arrays that its `DataLoader` collates.
 
     Parameters
     ----------
@@ -26,18 +26,18 @@ class MuellerImages:
     slice
         The slice to read.
     parameters
-        Names of the parameters to return, in this order; all numbers without it.
+        Names of the parameters to return, in this order; by default all numeric ones.
     wavelength
-        Nanometres: this one alone, the nearest.
+        Nanometres: return only the nearest wavelength.
     normalized
-        Images over M00 (M00 itself stays as it is); 0 where there is no light. Needs Mueller matrices.
+        Divide images by M00, except M00 itself; 0 where there is no light. Requires Mueller matrices.
     transform
         Called with every image.
 
     Notes
     -----
-    An image is float32 with the axes of the slice, those of the picture last: (stokes_out, stokes_in, wavelength, y, x) of an ordinary
-    one. Every worker process opens the store for itself.
+    An image is float32 with the axes of the slice, y and x last; usually (stokes_out, stokes_in, wavelength, y, x). Every worker
+    process opens the store separately.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class MuellerImages:
             self._lane = int(np.abs(view["wavelength"].values - wavelength).argmin()), self.dims.index("wavelength")
             self.dims.remove("wavelength")
         if normalized and not {"stokes_out", "stokes_in"} <= set(axes):
-            raise DatasetError(f"slice `{slice}` keeps no Mueller matrices, so that nothing is over M00")
+            raise DatasetError(f"slice `{slice}` has no Mueller matrices to normalize by M00")
         self._normalized = normalized
         self._transform = transform
         self._opened: tuple[int, zarr.Array[Any]] | None = None

@@ -1,4 +1,4 @@
-"""Learning the settings of capture schemes: the angles of least expected error."""
+"""Learned capture schemes: settings that minimize the expected reconstruction error."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ Path = str | os.PathLike[str]
 
 
 class Materials:
-    """What Mueller matrices are expected: their second moment, and for cross-validation those of folds of materials.
+    """Distribution of the expected Mueller matrices: their second moment, and for cross-validation that of each fold of
+    materials.
 
-    Made by `measured`, `stand_ins`, `of_matrices`, `of_second_moment` or `load`; made once, it serves many schemes.
+    Create it with `measured`, `stand_ins`, `of_matrices`, `of_second_moment` or `load`, and reuse it for many schemes.
     """
 
     def __init__(self, native: _native.LearningData) -> None:
@@ -39,10 +40,12 @@ class Materials:
         resolution: tuple[int, int, int] = (41, 31, 91),
         folds: int = 5,
     ) -> Materials:
-        """The analytic stand-ins for the 25 materials of the KAIST set, evaluated at ``resolution`` entries of φ_d, θ_d and θ_h.
+        """Return analytic stand-ins for the 25 materials of the KAIST set, evaluated on ``resolution`` entries of φ_d, θ_d and
+        θ_h.
 
-        ``frames``: ``"any"``, turned by any angle, as those of a camera and a projector are to the plane of scattering, or
-        ``"plane"``, of that plane. ``folds`` of the cross-validation over materials; 0 for none.
+        ``frames``: ``"any"`` rotates the frames by every angle, because camera and projector frames may have any orientation to
+        the scattering plane; ``"plane"`` uses the frames of that plane. ``folds`` is the number of folds of the cross-validation
+        over materials; 0 for none.
         """
         return cls(_native.LearningData.materials(None, list(bands), frames == "plane", resolution, folds))
 
@@ -50,14 +53,14 @@ class Materials:
     def measured(
         cls, folder: Path, *, bands: Sequence[int] = (450, 550, 650), frames: Literal["any", "plane"] = "any", folds: int = 5
     ) -> Materials:
-        """All ``.pbsdf`` tables of a folder, at the bands nearest to those given, nanometres; see `stand_ins`."""
+        """Load all ``.pbsdf`` tables of a folder, at the bands nearest to those given (nanometres); see `stand_ins`."""
         return cls(_native.LearningData.materials(folder, list(bands), frames == "plane", (2, 2, 2), folds))
 
     @classmethod
     def of_matrices(cls, matrices: npt.ArrayLike, *, turned: bool = False) -> Materials:
-        """Mueller matrices (..., 4, 4) of one's own, each divided by its M00; NaN and dark ones are left out.
+        """Use Mueller matrices (..., 4, 4) of your own, each divided by its M00. NaN and dark matrices are left out.
 
-        ``turned``: they are expected between frames that are turned by any angles, independently on both sides.
+        ``turned``: assume that the frames on both sides are rotated by independent, uniformly distributed angles.
         """
         m = real("matrices", matrices, np.float64)
         if m.ndim < 2 or m.shape[-2:] != (4, 4):
@@ -65,42 +68,42 @@ class Materials:
         t = m.reshape(-1, 16)
         t = t[np.isfinite(t).all(-1) & (t[:, 0] > 0)]
         if not len(t):
-            raise InputError("matrices: none of them is finite with M00 above 0")
+            raise InputError("matrices: none of them is finite and has M00 above 0")
         t = t / t[:, :1]
         return cls(_native.LearningData.of_moment(t.T @ t / len(t), turned))
 
     @classmethod
     def of_second_moment(cls, second_moment: npt.ArrayLike) -> Materials:
-        """E[t tᵀ] of matrices t (16 elements, row-major) with M00 = 1: (16, 16)."""
+        """Use the second moment E[t tᵀ], (16, 16), of matrices t (16 elements, row-major) with M00 = 1."""
         return cls(_native.LearningData.of_moment(real("second_moment", second_moment, np.float64), False))
 
     @classmethod
     def load(cls, path: Path) -> Materials:
-        """A prior's file, as `save` and `sunstone learn --save-prior` write it."""
+        """Load a prior's file, as `save` and `sunstone learn --save-prior` write it."""
         return cls(_native.LearningData.load(path))
 
     def save(self, path: Path, name: str = "materials") -> None:
-        """Write the second moment's file (TOML), which `sunstone reconstruct --prior` takes."""
+        """Write the second moment to a file (TOML) for `sunstone reconstruct --prior`."""
         self._native.save(path, name)
 
     @property
     def prior(self) -> npt.NDArray[np.float64]:
-        """The second moment of all, (16, 16), as `pysunstone.reconstruct` takes it."""
+        """The second moment over all materials, (16, 16), as `pysunstone.reconstruct` accepts it."""
         return self._native.prior
 
 
 @dataclass(frozen=True)
 class Descent:
-    """Where a search began, and what it found.
+    """One search for a scheme.
 
     Attributes
     ----------
     name
-        ``Adam from the template``, ``quasi-Newton, start 3``.
+        Method and start: ``Adam from the template``, ``quasi-Newton, start 3``.
     loss
-        The least loss that it met.
+        The lowest loss found.
     history
-        The loss at every evaluation, infinite where a scheme has none.
+        The loss at every evaluation; infinite where a scheme has none.
     """
 
     name: str
@@ -110,23 +113,23 @@ class Descent:
 
 @dataclass(frozen=True)
 class Learned:
-    """A learned scheme, and what it is worth.
+    """A learned scheme with its losses.
 
-    Losses are expected sums of the squared errors of the 16 elements of matrices with M00 = 1.
+    A loss is the expected sum of the squared errors of the 16 elements of matrices with M00 = 1.
 
     Attributes
     ----------
     scheme
         The scheme, learned from all materials.
     loss
-        Its loss on materials that were not learned from, mean of the folds; without folds, or where it does not depend on
-        materials (least squares of rank 16), that of the closed form.
+        Its loss on materials not used for learning, as the mean over the folds. Without folds, or if the loss does not depend on
+        materials (least squares of rank 16), the closed-form loss.
     loss_std_error
-        Standard error of ``loss`` over the folds; 0 without them.
+        Standard error of ``loss`` over the folds; 0 without folds.
     seen_loss
-        The loss on the materials that were learned from.
+        The loss on the materials used for learning.
     descents
-        All searches, the template's first.
+        All searches; the first starts from the template.
     """
 
     scheme: Scheme
@@ -181,38 +184,38 @@ def learn(
     seed: int = 0,
     progress: bool | Progress | None = None,
 ) -> Learned:
-    """Learn a scheme's settings: the angles of least expected error, as `sunstone learn`.
+    """Learn the settings of a scheme that minimize the expected error, as `sunstone learn`.
 
-    Minimizes the expected squared error of the 16 elements over noise and, where captures are fewer than 16 or a prior is used, over
-    materials: in closed form, with its exact gradient, by Adam from the template's angles (Baek & Heide 2021, sec. 4) and by a
-    quasi-Newton method from many random starts. The same seed gives the same scheme, whatever the number of threads. Python goes on
-    beside it; Ctrl-C ends it.
+    Minimizes the expected squared error of the 16 elements over noise. With fewer than 16 captures or with a prior, the
+    expectation is also over materials. The loss is in closed form, with its exact gradient. Adam searches from the template's
+    angles (Baek & Heide 2021, sec. 4), and a quasi-Newton method from many random starts. The same seed gives the same scheme for
+    any number of threads. Other Python threads keep running meanwhile; Ctrl-C stops the search.
 
     Parameters
     ----------
     captures
-        Captures of four perfect rotating elements, 1 to 256; or a ``template``.
+        Number of captures of four ideal rotating elements, 1 to 256. Alternatively pass a ``template``.
     polarizer_array
-        Read by a sensor with polarizers on its pixels.
+        The sensor has polarizers on its pixels.
     template
-        Learn the settings of this scheme, with its optics, instead.
+        Learn the settings of this scheme, with its optics.
     estimator
-        How matrices will be estimated: ``"least-squares"``, or ``"prior"`` (least expected error, given the second moment).
+        Estimator of the matrices: ``"least-squares"``, or ``"prior"`` (minimum expected error, given the second moment).
     noise
-        Standard deviation of an intensity's noise, where M00 = 1.
+        Standard deviation of an intensity's noise, at M00 = 1.
     angle_error_deg
-        Standard deviation of the stages' angles (and of retardances) that the scheme shall bear.
+        Standard deviation of the stages' angles (and of retardances) that the scheme must tolerate.
     wavelengths_nm
-        Where it shall work.
+        Wavelengths that the scheme must support.
     materials
-        What is expected, where it matters: `Materials`; matrices (..., 4, 4); a second moment (16, 16); a folder of ``.pbsdf``
-        tables; a prior's file; None for the stand-ins (made anew: some seconds).
+        Expected materials, if they affect the loss: `Materials`; matrices (..., 4, 4); a second moment (16, 16); a folder of
+        ``.pbsdf`` tables; a prior's file; or None for the stand-ins (rebuilt in each call, which takes some seconds).
     starts, iterations, adam_steps
-        The budget: random starts, most iterations from each, steps of Adam.
+        Budget: number of random starts, largest number of iterations from each, number of Adam steps.
     seed
-        Of the random starts.
+        Seed of the random starts.
     progress
-        True for a bar, or a function that is called with descents done and descents in all.
+        True for a bar, or a function that is called with the finished and total number of descents.
 
     Returns
     -------
@@ -221,12 +224,12 @@ def learn(
     Raises
     ------
     InputError
-        Numbers out of range, a template in which nothing changes.
+        If numbers are out of range, or nothing in the template can change.
     """
     if (captures is None) == (template is None):
-        raise InputError("give captures, or a template")
+        raise InputError("give captures, or a template (one of them)")
     if estimator not in ("least-squares", "prior"):
-        raise InputError(f"estimator: there is no `{estimator}`; choose of least-squares, prior")
+        raise InputError(f"estimator: there is no `{estimator}`; choose from least-squares, prior")
     if not 0 <= angle_error_deg <= 90:
         raise InputError("angle_error_deg: give degrees, 0 to 90")
     if template is None:
@@ -234,8 +237,8 @@ def learn(
             raise InputError(f"captures is {captures}; learn 1 to 256")
         template = Scheme(_native.Scheme.preset("quad", captures, polarizer_array))
     elif polarizer_array:
-        raise InputError("polarizer_array: the template has its sensor; leave this out")
-    # The noise of a full-rank least-squares estimate does not depend on what is measured.
+        raise InputError("polarizer_array: the template already defines its sensor; omit this argument")
+    # The error of a full-rank least-squares estimate does not depend on the measured matrices.
     few = template.captures < template._native.least_captures  # pyright: ignore[reportPrivateUsage]
     matters = materials is not None or estimator == "prior" or angle_error_deg > 0 or few
     asked = _Asked(

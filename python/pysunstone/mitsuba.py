@@ -1,4 +1,4 @@
-"""Scenes of Mitsuba 3: dicts as for ``mi.load_dict``, XML and JSON, as scenes of Sunstone."""
+"""Import of Mitsuba 3 scenes: dicts as for ``mi.load_dict``, XML and JSON."""
 
 # pyright: basic
 from __future__ import annotations
@@ -22,9 +22,9 @@ from pysunstone.scene import Scene
 
 __all__ = ["from_mitsuba"]
 
-#: Lists that Mitsuba takes as texts.
+#: Lists that Mitsuba accepts as strings.
 _LISTS = {("irregular", "wavelengths"), ("irregular", "values"), ("regular", "values")}
-#: Plugins that read an image, by the keys under which it may be in memory.
+#: Plugins that read an image, with the keys of an image in memory.
 _IMAGES = {"bitmap": ("bitmap", "data"), "envmap": ("bitmap",)}
 
 
@@ -36,32 +36,32 @@ def from_mitsuba(
     wavelengths_nm: Sequence[float] | None = None,
     projector_resolution: tuple[int, int] | None = None,
 ) -> Scene:
-    """Make a scene of one of Mitsuba 3, as `sunstone import`.
+    """Import a scene of Mitsuba 3, as `sunstone import`.
 
     Parameters
     ----------
     scene
-        A dict as for ``mi.load_dict``, with transforms, arrays, bitmaps and meshes of Mitsuba in it; the path of an XML file or
-        of a dict as JSON; or the text of one. A scene that Mitsuba has loaded does not tell what it was made of.
+        A dict as for ``mi.load_dict``, which may contain transforms, arrays, bitmaps and meshes of Mitsuba; the path of an XML
+        file or of a dict as JSON; or the text of one. A scene that Mitsuba has already loaded does not expose its description.
     folder
-        Where relative paths of a dict or a text begin; the working folder without it. A file has its own.
+        Base of relative paths in a dict or text; by default the working folder. A file uses its own folder.
     parameters
-        Values of ``$name`` in XML, as Mitsuba's ``-D``.
+        Values of ``$name`` in XML, as for Mitsuba's ``-D``.
     wavelengths_nm
-        The scene's, 1 to 4, rising; 450, 550, 660 without them. Colours given as RGB are values there: red above 590 nm, green
-        from 500 nm, blue below.
+        Wavelengths of the scene, 1 to 4, increasing; by default 450, 550, 660. RGB colours give the values there: red above 590
+        nm, green from 500 nm, blue below.
     projector_resolution
-        Of a projector, whose image says none.
+        Resolution of a projector whose image does not define it.
 
     Returns
     -------
     Scene
-        With one slice, ``mueller``. What changes its meaning on the way is told by warnings.
+        With one slice, ``mueller``. Changes of meaning are reported as warnings.
 
     Raises
     ------
     InputError
-        All that Sunstone cannot express, each with its key (``box.bsdf.reflectance``) or line, and the fix.
+        Lists everything that Sunstone cannot express, each with its key (``box.bsdf.reflectance``) or line, and the fix.
     """
     given = {key: _word(value) for key, value in (parameters or {}).items()}
     if wavelengths_nm is not None:
@@ -82,7 +82,7 @@ def from_mitsuba(
         if isinstance(name, str) and name.lstrip()[:1] in ("<", "{"):
             text, path = name, os.path.join(folder or ".", "scene in a text")
         elif folder is not None:
-            raise InputError("folder: a file has its own; leave this out")
+            raise InputError("folder: a file uses its own folder; omit this argument")
         else:
             path = os.fspath(name)
             try:
@@ -91,7 +91,7 @@ def from_mitsuba(
                 raise InputError(f"cannot read {path}: {e}; give the path of an XML file of Mitsuba 3, or a dict") from e
     else:
         raise InputError(
-            f"a {_type(scene)} does not tell what it was made of; give the dict of `mi.load_dict`, or the path of the XML file"
+            f"a {_type(scene)} does not expose its description; give the dict of `mi.load_dict`, or the path of the XML file"
         )
     made, told_notes, faults = _native.import_mitsuba(text, path, given, list(files.items()))
     if made is None:
@@ -114,7 +114,7 @@ _Fault = tuple[str, "int | None", "int | None", str, "str | None"]
 
 
 def _error(faults: Sequence[_Fault], places: Sequence[str] | None) -> InputError:
-    """One error that tells of all; its parts are those of the first."""
+    """Return one error that lists all faults; its attributes are those of the first fault."""
 
     def where(fault: _Fault) -> str:
         file, line, column, _, _ = fault
@@ -133,7 +133,7 @@ def _error(faults: Sequence[_Fault], places: Sequence[str] | None) -> InputError
 
 
 class _Dict:
-    """What a dict holds, in the words of JSON."""
+    """Converts a dict to JSON types."""
 
     def __init__(self, files: dict[str, bytes], notes: list[str]) -> None:
         self._files = files
@@ -166,14 +166,14 @@ class _Dict:
     def _mapping(self, value: Mapping[Any, Any], at: str) -> dict[str, Any]:
         for key in value:
             if not isinstance(key, str):
-                raise _refused(at, f"its key {key!r} is no text", "give texts")
+                raise _refused(at, f"its key {key!r} is not a string", "use strings")
         kind = value.get("type")
         out: dict[str, Any] = {}
         for key, inner in value.items():
             below = f"{at}.{key}" if at else key
             if isinstance(kind, str) and key in _IMAGES.get(kind, ()) and not isinstance(inner, str):
                 if "filename" in value:
-                    raise _refused(below, "there is a `filename` too", "give one of them")
+                    raise _refused(below, "there is also a `filename`", "give only one of them")
                 out["filename"] = self._image(inner, below)
             elif (kind, key) in _LISTS and not isinstance(inner, str):
                 out[key] = ", ".join(f"{v:.17g}" for v in np.ravel(np.asarray(inner, np.float64)))
@@ -189,14 +189,14 @@ class _Dict:
         except (TypeError, ValueError, RuntimeError):
             raise _refused(
                 at,
-                f"a {_type(value)} does not tell what it was made of",
-                "give a number, a text, an array, a transform, a bitmap, a mesh, or the dict that it is made of",
+                f"a {_type(value)} does not expose its description",
+                "give a number, a string, an array, a transform, a bitmap, a mesh, or the dict that it was loaded from",
             ) from None
         if not np.isfinite(array).all():
             raise _refused(at, "some of its numbers are not finite", "give finite numbers")
         if array.ndim <= 1 and array.size == 1:
             return array.reshape(()).item()
-        # Vectorized variants of Mitsuba have an axis of one more.
+        # Vectorized variants of Mitsuba add an axis.
         if array.ndim > 1 and array.shape[-1] == 1:
             array = array[..., 0]
         return array.tolist()
@@ -207,7 +207,7 @@ class _Dict:
             array = array[..., 0]
         if array.shape not in ((3, 3), (4, 4)):
             raise _refused(at, f"its matrix is of shape {array.shape}", "give one transform, 4 x 4 or 3 x 3")
-        # Rounding of products of rotations.
+        # Remove the rounding errors of products of rotations.
         last = np.eye(len(array))[-1]
         if np.allclose(array[-1], last, atol=1e-6):
             array[-1] = last
@@ -222,14 +222,14 @@ class _Dict:
         return name
 
     def _image(self, value: Any, at: str) -> str:
-        """The name of an image in memory."""
+        """Store an image in memory as a file and return the file's name."""
         gamma = bool(value.srgb_gamma()) if _is(value, "Bitmap") else False
         try:
             array: Any = plain("an image", value)
         except (TypeError, ValueError, RuntimeError):
             array = np.asarray(None)
         if array.dtype.kind not in "fiu" or array.ndim not in (2, 3):
-            raise _refused(at, f"a {_type(value)} is no image", "give a mi.Bitmap, or an array (rows, columns[, channels])")
+            raise _refused(at, f"a {_type(value)} is not an image", "give a mi.Bitmap, or an array (rows, columns[, channels])")
         if array.ndim == 3 and array.shape[2] in (2, 4):
             self._notes.append(f"{at}: the last channel of the image (alpha) is not used")
             array = array[..., :-1]
@@ -250,7 +250,11 @@ class _Dict:
 
     def _mesh(self, mesh: Any, at: str) -> dict[str, Any]:
         if _true(mesh, "is_emitter") or _true(mesh, "is_sensor"):
-            raise _refused(at, "the mesh shines, and does not tell how", "write it by write_ply, and give a dict of type `ply`")
+            raise _refused(
+                at,
+                "the mesh is an emitter or sensor and does not expose its parameters",
+                "save it with write_ply, and give a dict of type `ply`",
+            )
         with tempfile.TemporaryDirectory(prefix="pysunstone-") as folder:
             path = os.path.join(folder, "mesh.ply")
             mesh.write_ply(path)
@@ -258,19 +262,21 @@ class _Dict:
         name = self._named(at, ".ply")
         self._files[name] = encoded
         self._notes.append(
-            f"{at}: a mesh does not tell its material, which is diffuse, 0.5, here; write it by write_ply, and give "
-            'a dict {"type": "ply", "filename": ..., "bsdf": ...} for another'
+            f"{at}: a mesh does not expose its material; a diffuse one with albedo 0.5 is used. To change it, save the mesh with "
+            'write_ply and give a dict {"type": "ply", "filename": ..., "bsdf": ...}'
         )
         return {"type": "ply", "filename": name, "face_normals": not _true(mesh, "has_vertex_normals")}
 
 
 def _is(value: Any, kind: str) -> bool:
-    """Whether it is such a thing of Mitsuba. Names of attributes tell nothing: its vectors have all that can be spelt."""
+    """Return whether an object is of a Mitsuba class. Attributes cannot decide this: Mitsuba's vectors accept any name of
+    swizzled components.
+    """
     return any(of.__module__.startswith("mitsuba") and kind in of.__name__ for of in type(value).__mro__)
 
 
 def _linear(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Linear values of sRGB's."""
+    """Convert sRGB values to linear values."""
     found: npt.NDArray[Any] = np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4)
     return found
 
@@ -287,7 +293,7 @@ def _refused(at: str, message: str, fix: str) -> InputError:
 
 
 def _lines(value: Any, places: list[str]) -> str:
-    """A dict as JSON, a key a line; ``places`` gets the key of every line."""
+    """Return a dict as JSON with one key per line; ``places`` receives the key of every line."""
     out: list[str] = []
 
     def line(text: str, at: str) -> None:

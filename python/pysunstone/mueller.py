@@ -23,23 +23,23 @@ def decompose(
     Parameters
     ----------
     matrices
-        (..., 4, 4). Single precision stays single, all else becomes double; contiguous arrays are read without a copy.
+        (..., 4, 4). Single precision stays; all other types become double precision. Contiguous arrays are read without a copy.
     std_error
-        Standard errors of the elements, of the same shape: then those of the four scalars are told too.
+        Standard errors of the elements, of the same shape. With them, standard errors of the four scalars are also returned.
     only
-        Names of the arrays to return, also ``entropy``.
+        Names of the arrays to return, including ``entropy``.
 
     Returns
     -------
     dict
         Arrays of the leading shape: ``polarizance``, ``diattenuation``, ``retardance`` (radians, 0 to π), ``depolarization``;
         ``retardance_axis`` (..., 3), Stokes components of the fast axis; the factors ``m_delta``, ``m_r``, ``m_d`` (..., 4, 4);
-        with errors, ``polarizance_error`` and so on. NaN of matrices that cannot exist (m00 ≤ 0, diattenuation above 1).
+        with errors, ``polarizance_error`` etc. NaN for matrices that are not realizable (m00 ≤ 0, diattenuation above 1).
 
     Raises
     ------
     InputError
-        Shapes that do not fit, numbers that are not real, negative errors, unknown names.
+        If shapes do not fit, numbers are not real, errors are negative, or names are unknown.
     """
     array = real("matrices", matrices)
     errors = None if std_error is None else real("std_error", std_error, array.dtype)

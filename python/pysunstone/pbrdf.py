@@ -1,10 +1,11 @@
-"""Polarimetric BRDFs of materials by themselves, analytic and measured, over arrays of directions.
+"""Polarimetric BRDFs of single materials, analytic and measured, over arrays of directions.
 
-The surface lies with its normal along +z and its tangent along +x. Directions are vectors of any length that point away from it:
-the incoming one to where light comes from, the outgoing one to where it goes. Stokes vectors are in frames whose horizontal is
-perpendicular to the plane of the normal and the direction, (-sin φ, cos φ, 0) with the direction's azimuth φ ("s" comes first;
-along the normal φ = 0): that of the outgoing direction on the left of a matrix, that of the incoming one on its right. Handedness
-and signs are those of ``CONVENTIONS.md``. Numbers are the renderer's own, in single precision, as `sunstone pbrdf eval` prints.
+The surface's normal is +z and its tangent +x. Directions are vectors of any length that point away from the surface: the incoming
+direction towards the light source, the outgoing direction towards the receiver. The horizontal axis of a Stokes frame is
+perpendicular to the plane of the normal and the direction: (-sin φ, cos φ, 0) with the azimuth φ of the direction ("s" comes
+first; along the normal φ = 0). A matrix maps from the frame of the incoming direction to that of the outgoing direction.
+Handedness and signs are those of ``CONVENTIONS.md``. The values are the renderer's, in single precision, as `sunstone pbrdf eval`
+prints them.
 """
 
 from __future__ import annotations
@@ -26,42 +27,42 @@ __all__ = ["Material", "direction", "eval", "evaluate", "frame", "mirror", "refr
 
 
 def direction(theta_deg: npt.ArrayLike, phi_deg: npt.ArrayLike = 0.0) -> npt.NDArray[np.float64]:
-    """Unit vectors (..., 3) of polar angles from the normal (+z) and azimuths from the tangent (+x), degrees."""
+    """Return unit vectors (..., 3) from polar angles to the normal (+z) and azimuths from the tangent (+x), in degrees."""
     theta, phi = np.radians(real("theta_deg", theta_deg, np.float64)), np.radians(real("phi_deg", phi_deg, np.float64))
     sine = np.sin(theta)
     return np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)), axis=-1)
 
 
 def frame(directions: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Horizontal axes (..., 3) of the Stokes frames of light along directions (..., 3): (-sin φ, cos φ, 0)."""
+    """Return the horizontal axes (..., 3) of the Stokes frames for directions (..., 3): (-sin φ, cos φ, 0)."""
     w = _directions("directions", directions)
     phi = np.arctan2(w[..., 1], w[..., 0])
     return np.stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)], axis=-1)
 
 
 class Material:
-    """A material, built for some wavelengths: for many calls, of which each would build it anew.
+    """A material, built for given wavelengths. Use it for repeated calls; the functions below build the material in each call.
 
     Parameters
     ----------
     source
-        A dict as below ``[materials.NAME]`` of a scene file, such as ``{"plastic": {"albedo": 0.3, "ior": 1.5, "alpha": 0.2}}``;
-        a dict of several, ``{"materials": {NAME: ...}}``, that name each other; the path of a file of materials (TOML) or of a
-        measured table (``.pbsdf``); or a `Scene`.
+        A dict as under ``[materials.NAME]`` of a scene file, such as ``{"plastic": {"albedo": 0.3, "ior": 1.5, "alpha": 0.2}}``;
+        a dict of several materials that may refer to each other, ``{"materials": {NAME: ...}}``; the path of a file of materials
+        (TOML) or of a measured table (``.pbsdf``); or a `Scene`.
     name
-        Which of several.
+        Name of the material, if there are several.
     wavelengths_nm
-        A number, or any of them in any order. Lists of a dict or file belong to its ``wavelengths_nm`` (450, 550, 660 if it has
-        none) and are interpolated; a scene knows its own alone.
+        A number, or a list in any order. Lists in a dict or file belong to its ``wavelengths_nm`` (450, 550, 660 if it has none)
+        and are interpolated; a scene supports only its own wavelengths.
     uv
         Texture coordinates.
     folder
-        Where relative paths of a dict begin.
+        Base of relative paths in a dict.
 
     Raises
     ------
     InputError
-        With the place of what is wrong.
+        With the location of the error.
     """
 
     def __init__(
@@ -93,29 +94,29 @@ class Material:
 
     @property
     def name(self) -> str:
-        """Its name in the file, dict or scene."""
+        """Name of the material in the file, dict or scene."""
         return self._native.name
 
     @property
     def wavelengths_nm(self) -> npt.NDArray[np.float64]:
-        """What it is built for."""
+        """Wavelengths that the material is built for, nanometres."""
         return self._wavelengths
 
     def __repr__(self) -> str:
         return f"<pysunstone.pbrdf.Material {self.name!r} at {', '.join(f'{w:g}' for w in self._wavelengths)} nm>"
 
     def evaluate(self, incoming: npt.ArrayLike, outgoing: npt.ArrayLike) -> npt.NDArray[np.float32]:
-        """Its BRDF; see `evaluate`."""
+        """Evaluate the BRDF; see `evaluate`."""
         wi, wo = np.broadcast_arrays(_directions("incoming", incoming), _directions("outgoing", outgoing))
         found = self._native.brdf(_rows(wi), _rows(wo), self._uv)
         return self._shaped(found, wi.shape[:-1], (4, 4))
 
     def mirror(self, incoming: npt.ArrayLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
-        """What it reflects as a mirror; see `mirror`."""
+        """Return the specular reflection; see `mirror`."""
         return self._specular(incoming, False)
 
     def refract(self, incoming: npt.ArrayLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
-        """What it lets through; see `refract`."""
+        """Return the specular transmission; see `refract`."""
         return self._specular(incoming, True)
 
     def _specular(self, incoming: npt.ArrayLike, transmitted: bool) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
@@ -133,7 +134,7 @@ def _directions(what: str, given: npt.ArrayLike) -> npt.NDArray[np.float64]:
     if w.shape[-1:] != (3,):
         raise InputError(f"{what}: the shape is {w.shape}; give vectors, (..., 3)")
     if not np.all(np.isfinite(w)) or not np.all((w != 0).any(-1)):
-        raise InputError(f"{what}: some are zero or not finite; give vectors that point somewhere")
+        raise InputError(f"{what}: some are zero or not finite; give finite vectors that are not zero")
     return w
 
 
@@ -144,7 +145,7 @@ def _rows(w: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 def _built(material: Any, options: Mapping[str, Any]) -> Material:
     if isinstance(material, Material):
         if options:
-            raise InputError(f"{', '.join(options)}: the material is built already; say this to pbrdf.Material")
+            raise InputError(f"{', '.join(options)}: the material is built already; pass this to pbrdf.Material")
         return material
     return Material(material, **options)
 
@@ -155,20 +156,20 @@ def evaluate(material: Any, incoming: npt.ArrayLike, outgoing: npt.ArrayLike, **
     Parameters
     ----------
     material
-        A `Material`, or what makes one: a dict as in scene files, the path of a file of materials or of a measured table
+        A `Material`, or a source for one: a dict as in scene files, the path of a file of materials or of a measured table
         (``.pbsdf``), or a `Scene`.
     incoming
-        Directions (..., 3) to where light comes from, in the surface's frame (see the module), of any length.
+        Directions (..., 3) towards the light source, in the surface's frame (see the module), of any length.
     outgoing
-        Directions (..., 3) to where it goes; both are broadcast.
+        Directions (..., 3) towards the receiver; both are broadcast.
     **options
-        ``name``, ``wavelengths_nm``, ``uv``, ``folder``, as of `Material`.
+        ``name``, ``wavelengths_nm``, ``uv``, ``folder``, as for `Material`.
 
     Returns
     -------
     numpy.ndarray
-        Mueller matrices (..., 4, 4), per steradian, without the cosine; (..., wavelengths, 4, 4) of a list of wavelengths. Zero where
-        nothing is scattered; what a smooth surface mirrors or transmits is no BRDF: see `mirror` and `refract`.
+        Mueller matrices (..., 4, 4), per steradian, without the cosine; (..., wavelengths, 4, 4) for a list of wavelengths. Zero
+        where nothing is scattered. Specular reflection and transmission are not part of the BRDF: see `mirror` and `refract`.
 
     Examples
     --------
@@ -181,31 +182,31 @@ def evaluate(material: Any, incoming: npt.ArrayLike, outgoing: npt.ArrayLike, **
     return _built(material, options).evaluate(incoming, outgoing)
 
 
-#: The same under the name that says it best, which hides Python's own.
+#: Alias of `evaluate`; it shadows Python's builtin in this module.
 eval = evaluate
 
 
 def mirror(
     material: Any, incoming: npt.ArrayLike, **options: Any
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
-    """Mueller matrices of mirror reflection by a smooth surface.
+    """Return Mueller matrices of specular reflection by a smooth surface.
 
     Parameters
     ----------
     material, incoming, **options
-        As of `evaluate`.
+        As for `evaluate`.
 
     Returns
     -------
     matrices
-        (..., 4, 4), of power; (..., wavelengths, 4, 4) of a list of wavelengths.
+        (..., 4, 4), for power; (..., wavelengths, 4, 4) for a list of wavelengths.
     outgoing
-        Directions in which light leaves, (..., 3) or (..., wavelengths, 3).
+        Directions of the reflected light, (..., 3) or (..., wavelengths, 3).
 
     Raises
     ------
     InputError
-        The material has no such lobe there.
+        If the material has no specular reflection there.
     """
     return _built(material, options).mirror(incoming)
 
@@ -213,9 +214,9 @@ def mirror(
 def refract(
     material: Any, incoming: npt.ArrayLike, **options: Any
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
-    """Mueller matrices of what goes straight through a smooth surface; as `mirror`.
+    """Return Mueller matrices of specular transmission through a smooth surface; arguments and results as for `mirror`.
 
-    Matrices are of power: radiance also changes by the squared ratio of the refractive indices. Under total reflection they are
-    zero, and the direction is NaN.
+    The matrices apply to power: radiance also changes by the squared ratio of the refractive indices. Under total internal
+    reflection they are zero, and the direction is NaN.
     """
     return _built(material, options).refract(incoming)

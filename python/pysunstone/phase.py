@@ -1,10 +1,10 @@
-"""Phase functions of participating media by themselves: scattering matrices over the angle.
+"""Phase functions of single participating media: scattering matrices over the scattering angle.
 
-A matrix takes the Stokes vector of light before it is scattered to that behind, per steradian, and the integral of its M00 over the
-sphere is 1. Both frames have the perpendicular of the scattering plane as their horizontal ("s" comes first): M01 = M10 is
-positive where light is polarized perpendicular to that plane. The matrix has the six elements S11 = M00, S12 = M01 = M10, S22 = M11,
-S33 = M22, S34 = M23 = -M32, S44 = M33 of spheres and small or randomly turned particles; the others are zero. Numbers are the
-renderer's own, in single precision, as `sunstone phase eval` prints.
+A matrix maps the Stokes vector before scattering to that after it, per steradian. The integral of its M00 over the sphere is 1.
+The horizontal axis of both frames is perpendicular to the scattering plane ("s" comes first): M01 = M10 is positive if light is
+polarized perpendicular to that plane. The matrix has the six elements S11 = M00, S12 = M01 = M10, S22 = M11, S33 = M22, S34 = M23
+= -M32, S44 = M33 of spheres and of small or randomly oriented particles; the others are zero. The values are the renderer's, in
+single precision, as `sunstone phase eval` prints them.
 """
 
 from __future__ import annotations
@@ -24,31 +24,33 @@ from pysunstone.scene import Scene
 
 __all__ = ["Medium", "eval", "evaluate"]
 
-#: Phase functions that are no media: their coefficients do not matter.
+#: Phase functions that are not media; their coefficients are irrelevant.
 _PHASES = {"isotropic", "rayleigh", "henyey_greenstein", "mie"}
 
 
 class Medium:
-    """A medium, built for some wavelengths: for its coefficients, and for many calls, of which each would build it anew.
+    """A medium, built for given wavelengths. Use it for its coefficients, and for repeated calls; `evaluate` builds the medium in
+    each call.
 
     Parameters
     ----------
     source
-        A phase function as of ``[media.NAME.homogeneous.phase]`` of a scene file, ``{"rayleigh": {"depolarization": 0.0}}``,
-        ``{"henyey_greenstein": {"g": 0.8}}``, ``{"mie": {"kinds": [...]}}`` or ``"isotropic"``; a medium as below ``[media.NAME]``,
-        ``{"milk": {}}``; a dict of several, ``{"media": {NAME: ...}}``; the path of a file of media (TOML); or a `Scene`.
+        A phase function as under ``[media.NAME.homogeneous.phase]`` of a scene file, ``{"rayleigh": {"depolarization": 0.0}}``,
+        ``{"henyey_greenstein": {"g": 0.8}}``, ``{"mie": {"kinds": [...]}}`` or ``"isotropic"``; a medium as under
+        ``[media.NAME]``, ``{"milk": {}}``; a dict of several, ``{"media": {NAME: ...}}``; the path of a file of media (TOML); or
+        a `Scene`.
     name
-        Which of several.
+        Name of the medium, if there are several.
     wavelengths_nm
-        A number, or any of them in any order. Lists of a dict or file belong to its ``wavelengths_nm`` (450, 550, 660 if it has
-        none) and are interpolated.
+        A number, or a list in any order. Lists in a dict or file belong to its ``wavelengths_nm`` (450, 550, 660 if it has none)
+        and are interpolated.
     folder
-        Where relative paths of a dict begin.
+        Base of relative paths in a dict.
 
     Raises
     ------
     InputError
-        With the place of what is wrong.
+        With the location of the error.
     """
 
     def __init__(
@@ -77,27 +79,27 @@ class Medium:
 
     @property
     def name(self) -> str:
-        """Its name in the file or dict."""
+        """Name of the medium in the file or dict."""
         return self._native.name
 
     @property
     def wavelengths_nm(self) -> npt.NDArray[np.float64]:
-        """What it is built for."""
+        """Wavelengths that the medium is built for, nanometres."""
         return self._wavelengths
 
     @property
     def index(self) -> Any:
-        """Refractive index of the host; a number, or one a wavelength, as all coefficients."""
+        """Refractive index of the host medium; a number, or one value per wavelength, as all coefficients."""
         return self._column("index")
 
     @property
     def scattering(self) -> Any:
-        """Coefficient of scattering, 1/m."""
+        """Scattering coefficient, 1/m."""
         return self._column("scattering")
 
     @property
     def absorption(self) -> Any:
-        """Coefficient of absorption, 1/m."""
+        """Absorption coefficient, 1/m."""
         return self._column("absorption")
 
     @property
@@ -107,12 +109,12 @@ class Medium:
 
     @property
     def scattering_cross_section(self) -> Any:
-        """Mean cross section of scattering of a particle, m²; 0 where no particles were given."""
+        """Mean scattering cross section per particle, m²; 0 if no particles are defined."""
         return self._column("scattering_cross_section")
 
     @property
     def absorption_cross_section(self) -> Any:
-        """Mean cross section of absorption of a particle, m²; 0 where no particles were given."""
+        """Mean absorption cross section per particle, m²; 0 if no particles are defined."""
         return self._column("absorption_cross_section")
 
     def _column(self, name: str) -> Any:
@@ -123,17 +125,17 @@ class Medium:
         return f"<pysunstone.phase.Medium {self.name!r} at {', '.join(f'{w:g}' for w in self._wavelengths)} nm>"
 
     def evaluate(self, angles_deg: npt.ArrayLike) -> npt.NDArray[np.float32]:
-        """Its scattering matrices; see `evaluate`."""
+        """Evaluate the scattering matrices; see `evaluate`."""
         angles = real("angles_deg", angles_deg, np.float64)
         if not np.all((angles >= 0) & (angles <= 180)):
-            raise InputError("angles_deg: some are no scattering angles; give 0 to 180 degrees")
+            raise InputError("angles_deg: some are no scattering angles; use 0 to 180 degrees")
         found = self._native.evaluate(np.ascontiguousarray(angles).reshape(-1))
         lanes = () if self._one else (len(self._wavelengths),)
         return found.reshape((*angles.shape, *lanes, 4, 4))
 
 
 def _document(source: Mapping[str, Any], name: str | None) -> Mapping[str, Any]:
-    """The content of a file of media that says the same."""
+    """Return the equivalent content of a file of media."""
     if "media" in source:
         return source
     if len(source) == 1 and next(iter(source)) in _PHASES:
@@ -149,30 +151,31 @@ def evaluate(medium: Any, angles_deg: npt.ArrayLike, **options: Any) -> npt.NDAr
     Parameters
     ----------
     medium
-        A `Medium`, or what makes one: a phase function or a medium as a dict of scene files, the path of a file of media, or a
+        A `Medium`, or a source for one: a phase function or a medium as a dict of scene files, the path of a file of media, or a
         `Scene`.
     angles_deg
         Scattering angles, 0 (forward) to 180 degrees, of any shape.
     **options
-        ``name``, ``wavelengths_nm``, ``folder``, as of `Medium`.
+        ``name``, ``wavelengths_nm``, ``folder``, as for `Medium`.
 
     Returns
     -------
     numpy.ndarray
-        Mueller matrices (..., 4, 4), per steradian; (..., wavelengths, 4, 4) of a list of wavelengths. Frames: see the module.
+        Mueller matrices (..., 4, 4), per steradian; (..., wavelengths, 4, 4) for a list of wavelengths. For the frames see the
+        module.
 
     Examples
     --------
     >>> import pysunstone as ps
     >>> m = ps.phase.evaluate({"rayleigh": {"depolarization": 0.0}}, [0.0, 90.0, 180.0])
-    >>> float(m[1, 0, 1] / m[1, 0, 0])  # light from the side is fully polarized, perpendicular to the plane  # doctest: +SKIP
+    >>> float(m[1, 0, 1] / m[1, 0, 0])  # at 90° light is fully polarized, perpendicular to the plane  # doctest: +SKIP
     """
     if isinstance(medium, Medium):
         if options:
-            raise InputError(f"{', '.join(options)}: the medium is built already; say this to phase.Medium")
+            raise InputError(f"{', '.join(options)}: the medium is built already; pass this to phase.Medium")
         return medium.evaluate(angles_deg)
     return Medium(medium, **options).evaluate(angles_deg)
 
 
-#: The same under the name that says it best, which hides Python's own.
+#: Alias of `evaluate`; it shadows Python's builtin in this module.
 eval = evaluate

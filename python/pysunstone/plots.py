@@ -1,6 +1,6 @@
-"""Plots of slices with matplotlib: Mueller images as the paper shows them, and time profiles with error bands.
+"""Plots of slices with matplotlib: Mueller images in the layout of the paper, and time profiles with error bands.
 
-Matplotlib is imported when something is drawn.
+Matplotlib is imported on the first plot.
 """
 
 # pyright: basic
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_mueller", "plot_profile"]
 
-#: Colour of what is not defined.
+#: Colour of undefined values.
 _UNDEFINED = "#808080"
-#: Share of values below the end of a scale.
+#: Quantile of the values at the end of a scale.
 _WHITE = 0.99
-#: More lines than this are not told apart.
+#: Largest number of lines in one plot.
 _LINES = 12
-#: Size of the label of values, and how wide its characters are on average, of their size.
+#: Font size of the value label, and mean width of its characters relative to the font size.
 _LABEL_PT, _PER_CHARACTER = 7, 0.6
 
 
 def _at_wavelength(data: xr.DataArray, wavelength: float | None) -> xr.DataArray:
-    """One wavelength: the nearest, or the middle one."""
+    """Select one wavelength: the nearest, or by default the middle one."""
     if "wavelength" not in data.dims:
         return data
     if wavelength is None:
@@ -50,14 +50,15 @@ def plot_mueller(
     Parameters
     ----------
     data
-        Values over `stokes_out`, `stokes_in` and the two axes of an image (`y` and `x`, or what is left); further axes but the
-        wavelength must have been selected or summed.
+        Values over `stokes_out`, `stokes_in` and two image axes (`y` and `x`, or any others). Select or sum all further axes
+        except the wavelength.
     wavelength
-        Nanometres, the nearest one is taken; the middle one without it.
+        Nanometres; the nearest one is used. By default the middle one.
     normalized
-        Show M00 as intensity, and every other element over it; else all sixteen on one signed scale.
+        Show M00 as intensity and every other element divided by M00; else all sixteen on one signed scale.
     limit
-        Value at the ends of the signed scale, which is symmetric around 0. Without it 1, or the 99th percentile of all sizes.
+        Value at the ends of the signed scale, which is symmetric around 0. By default 1, or without `normalized` the 99th
+        percentile of the magnitudes.
     figsize
         Inches.
 
@@ -71,9 +72,9 @@ def plot_mueller(
     chosen = _at_wavelength(data, wavelength).squeeze()
     image = [d for d in chosen.dims if d not in ("stokes_out", "stokes_in")]
     if not {"stokes_out", "stokes_in"} <= set(chosen.dims) or chosen.sizes["stokes_out"] != 4 or chosen.sizes["stokes_in"] != 4:
-        raise ValueError("these are no Mueller matrices: the axes `stokes_out` and `stokes_in` of four entries each are needed")
+        raise ValueError("these are no Mueller matrices: the axes `stokes_out` and `stokes_in` must have four entries each")
     if len(image) != 2:
-        raise ValueError(f"an image has two axes, here are {image}: select or sum the others")
+        raise ValueError(f"an image has two axes, but here there are {image}: select or sum the others")
     values = chosen.transpose("stokes_out", "stokes_in", *image).values.astype(float)
     intensity = values[0, 0]
     if normalized:
@@ -113,20 +114,20 @@ def plot_profile(
     ax: Axes | None = None,
     **line: Any,
 ) -> Axes:
-    """Draw a time profile, with a band of so many standard errors around it.
+    """Draw a time profile with an error band of `sigmas` standard errors.
 
     Parameters
     ----------
     mean
-        Values over `t`, and at most one axis more, each entry of which is a line; M00 is taken of Mueller matrices.
+        Values over `t` and at most one other axis, each entry of which becomes a line. Of Mueller matrices, M00 is drawn.
     std_error
         Standard errors over the same axes.
     wavelength
-        Nanometres, the nearest one is taken. Without it, wavelengths are lines if they are the one axis more.
+        Nanometres; the nearest one is used. By default each wavelength is a line, if wavelength is the only other axis.
     sigmas
-        Half width of the band, standard errors.
+        Half width of the band, in standard errors.
     ax
-        Axes to draw on; new ones without it.
+        Axes to draw on; by default new ones.
     **line
         Options of `matplotlib.axes.Axes.plot`.
 
@@ -152,7 +153,7 @@ def plot_profile(
         raise ValueError("the slice does not resolve time: render it with time bins")
     others = [d for d in mean.dims if d != "t"]
     if len(others) > 1 or (others and mean.sizes[others[0]] > _LINES):
-        raise ValueError(f"a profile has the axis `t` and at most one of up to {_LINES} entries more, here are {others}: select or sum")
+        raise ValueError(f"a profile has `t` and at most one other axis of up to {_LINES} entries, found {others}: select or sum")
     error = None if std_error is None else chosen(std_error)
     times = mean["t"].values
     for k in range(mean.sizes[others[0]] if others else 1):
@@ -170,7 +171,7 @@ def plot_profile(
     if others:
         ax.legend(fontsize=7)
     ax.set_xlabel(f"travel time [{mean['t'].attrs.get('units', 'ps')}]")
-    # Names of quantities are longer than a small plot is high.
+    # Long names of quantities are wrapped to the height of the plot.
     figure = ax.get_figure(root=True)
     inches = ax.get_window_extent().height / figure.dpi if figure else 2.5
     width = max(20, int(inches * 72 / (_LABEL_PT * _PER_CHARACTER)))

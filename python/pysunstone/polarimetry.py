@@ -1,6 +1,6 @@
-"""Decomposing, capturing and reconstructing Mueller matrices of arrays of xarray, with their axes.
+"""Decomposition, capture and reconstruction of Mueller matrices in xarray arrays with named axes.
 
-The numbers are those of `pysunstone.decompose`, `simulate` and `reconstruct`; what Dask has put off is computed first, in memory.
+The values equal those of `pysunstone.decompose`, `simulate` and `reconstruct`. Lazy Dask arrays are first computed in memory.
 """
 
 # pyright: basic
@@ -24,11 +24,11 @@ class _Scheme(Protocol):
     def to_toml(self) -> str: ...
 
 
-#: A scheme: its file, or an object that says itself as such a file, as `pysunstone.Scheme`.
+#: A scheme: its file, or an object with a method `to_toml()`, such as `pysunstone.Scheme`.
 SchemeLike = str | os.PathLike[str] | _Scheme
 
 _STOKES = ("stokes_out", "stokes_in")
-#: What decompositions hold: units, and words.
+#: Units and long names of the results of decompositions.
 _PARTS = {
     "polarizance": ("1", "polarizance"),
     "diattenuation": ("1", "diattenuation"),
@@ -43,7 +43,7 @@ _PARTS = {
 
 
 def _rising(data: xr.DataArray, dims: Sequence[str]) -> xr.DataArray:
-    """The array with its entries in the order of their coordinates along some axes: the numbers are counted there."""
+    """Sort an array by its coordinates along the given axes, because the functions identify entries by position."""
     for dim in dims:
         if dim in data.dims and dim in data.coords and data[dim].dtype.kind in "fiu":
             values = data[dim].values
@@ -55,21 +55,22 @@ def _rising(data: xr.DataArray, dims: Sequence[str]) -> xr.DataArray:
 
 
 def _like(data: xr.DataArray, other: xr.DataArray, what: str) -> xr.DataArray:
-    """Another array with its entries in the order of the first's coordinates."""
+    """Return another array with its entries in the order of the first array's coordinates."""
     shared = [d for d in other.dims if d in data.dims and d in data.indexes and d in other.indexes]
     for dim in shared:
         if not data.indexes[dim].equals(other.indexes[dim]):
             if set(data.indexes[dim]) != set(other.indexes[dim]):
-                raise ValueError(f"{what}: its coordinate `{dim}` is not that of the data")
+                raise ValueError(f"{what}: its coordinate `{dim}` differs from that of the data")
             other = other.sel({dim: data[dim].values})
     return other
 
 
 def _matrices(data: xr.DataArray) -> xr.DataArray:
-    """Mueller matrices as the last two axes, behind the wavelength."""
+    """Return Mueller matrices with the matrix axes last and the wavelength before them."""
     if not set(_STOKES) <= set(data.dims) or any(data.sizes[d] != 4 for d in _STOKES):
         raise ValueError(
-            "Mueller matrices are needed, four entries along `stokes_out` and `stokes_in`: render polarization `mueller`, select none"
+            "Mueller matrices are needed, four entries along `stokes_out` and `stokes_in`: "
+            "render polarization `mueller`, and do not select entries"
         )
     data = _rising(data, _STOKES)
     lanes = ["wavelength"] if "wavelength" in data.dims else []
@@ -77,12 +78,12 @@ def _matrices(data: xr.DataArray) -> xr.DataArray:
 
 
 def _coords(data: xr.DataArray, dims: Sequence[Any]) -> dict[Any, xr.DataArray]:
-    """Coordinates of an array that lie along some of its axes."""
+    """Return the coordinates of an array that lie along the given axes."""
     return {name: coordinate for name, coordinate in data.coords.items() if set(coordinate.dims) <= set(dims)}
 
 
 def decomposed(mean: xr.DataArray, std_error: xr.DataArray | None, only: Sequence[str] | None) -> xr.Dataset:
-    """Lu and Chipman's factors and scalars; see `SunstoneArray.decompose`."""
+    """Return Lu and Chipman's factors and scalars; see `SunstoneArray.decompose`."""
     matrices = _matrices(mean)
     errors = None if std_error is None else _matrices(_like(mean, std_error, "std_error")).transpose(*matrices.dims).values
     pixels = matrices.dims[:-2]
@@ -99,7 +100,7 @@ def decomposed(mean: xr.DataArray, std_error: xr.DataArray | None, only: Sequenc
 
 
 def _wavelengths(data: xr.DataArray) -> tuple[xr.DataArray, dict[str, Any]]:
-    """The array with the wavelength as an axis, where it is known, and the argument that says it."""
+    """Return the array with the wavelength as an axis, if it is known, and the matching keyword argument."""
     if "wavelength" not in data.coords:
         return data, {}
     if "wavelength" not in data.dims:
@@ -114,7 +115,7 @@ def _scheme(scheme: SchemeLike) -> Scheme:
 
 
 def _bins(data: xr.DataArray, pixels: Sequence[Any]) -> dict[str, float]:
-    """The width of the time bins, where they are all that there is besides rows, columns and wavelengths."""
+    """Return the width of the time bins, if rows, columns, wavelengths and bins are the only axes."""
     if [d for d in pixels if d != "wavelength"] != ["y", "x", "t"] or data.sizes["t"] < 2:
         return {}
     return {"bin_ps": float(data["t"][1] - data["t"][0])}
@@ -128,7 +129,7 @@ def captured(
     relative_noise: float | None,
     seed: int,
 ) -> xr.Dataset:
-    """What a rig reads; see `SunstoneArray.capture`."""
+    """Simulate captures; see `SunstoneArray.capture`."""
     single = "wavelength" in mean.coords and "wavelength" not in mean.dims
     data, options = _wavelengths(mean)
     matrices = _matrices(data)
@@ -165,7 +166,7 @@ def reconstructed(
     errors: bool,
     prior: Any = None,
 ) -> xr.Dataset:
-    """Mueller matrices from captures; see `SunstoneArray.reconstruct`."""
+    """Reconstruct Mueller matrices from captures; see `SunstoneArray.reconstruct`."""
     if "capture" not in intensities.dims:
         raise ValueError("captures are needed along the axis `capture`")
     intensities = _rising(intensities, ("capture", "channel"))

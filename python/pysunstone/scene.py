@@ -1,4 +1,4 @@
-"""Scenes, and their renders."""
+"""Scenes and their renders."""
 
 from __future__ import annotations
 
@@ -24,24 +24,25 @@ Path = str | os.PathLike[str]
 
 @dataclass(frozen=True)
 class Slice:
-    """One slice of the tensor T(s, s', p, p', t), with its error bars.
+    """One slice of the tensor T(s, s', p, p', t), with standard errors.
 
     Attributes
     ----------
     name
-        As in the scene.
+        Name of the slice in the scene.
     dims
-        Names of the axes of ``arrays["mean"]``, of ``y, x, v, u, t, bounces, component, label, stokes_out, stokes_in, wavelength``
-        those that the slice resolves, in this order.
+        Names of the axes of ``arrays["mean"]``: those of ``y, x, v, u, t, bounces, component, label, stokes_out, stokes_in,
+        wavelength`` that the slice resolves, in this order.
     coords
-        Coordinates along every axis: pixels, picoseconds (bin centres), nanometres, plain numbers.
+        Coordinates along every axis: pixels, picoseconds (bin centres), nanometres, indices.
     arrays
-        ``mean`` and ``std_error`` (float32, over ``dims``); with time bins ``overflow`` and ``overflow_std_error``, the light outside
-        them; ``total_std_error`` (y, x), that of M00 summed over all else. The numbers of a store, to the bit.
+        ``mean`` and ``std_error`` (float32, over ``dims``); with time bins also ``overflow`` and ``overflow_std_error``, the
+        light outside the bins; ``total_std_error`` (y, x), that of M00 summed over all other axes. Bit-identical to the arrays of
+        a store.
     array_dims
         Names of the axes of every array.
     attrs
-        What a store notes of the slice.
+        Attributes of the slice, as in a store.
     coord_attrs
         Unit and meaning of every axis.
     """
@@ -55,11 +56,11 @@ class Slice:
     coord_attrs: dict[str, dict[str, str]] = field(repr=False)
 
     def __getitem__(self, name: str) -> npt.NDArray[np.float32]:
-        """The array of a name."""
+        """Return the array with this name."""
         return self.arrays[name]
 
     def to_xarray(self) -> Any:
-        """As an ``xarray.Dataset`` without a copy; needs xarray."""
+        """Return an ``xarray.Dataset`` without a copy; requires xarray."""
         import xarray
 
         return xarray.Dataset(
@@ -70,16 +71,16 @@ class Slice:
 
 
 class Slices(dict[str, Slice]):
-    """Slices by name, as a render made them.
+    """Slices of a render by name.
 
     Attributes
     ----------
     attrs
         Provenance: scene, seed, samples, devices, units.
     samples
-        How many samples of each camera pixel count, (height, width).
+        Number of samples that count for each camera pixel, (height, width).
     summary
-        What the render did: ``tiles``, ``samples``, ``rays``, ``discarded_samples``, ``wall_time_s``, ``complete``.
+        Statistics of the render: ``tiles``, ``samples``, ``rays``, ``discarded_samples``, ``wall_time_s``, ``complete``.
     """
 
     attrs: dict[str, Any]
@@ -97,7 +98,7 @@ class _Asked:
 
 
 def _mesh(name: str, given: Any) -> Any:
-    """Arrays of a mesh as the extension takes them."""
+    """Convert the arrays of a mesh for the extension."""
     parts: dict[str, Any]
     if isinstance(given, Mapping):
         parts = dict(given)  # pyright: ignore[reportUnknownArgumentType]
@@ -105,12 +106,12 @@ def _mesh(name: str, given: Any) -> Any:
         parts = dict(zip(("vertices", "faces", "normals", "uvs"), given, strict=False))
     unknown = parts.keys() - {"vertices", "faces", "normals", "uvs"}
     if unknown or "vertices" not in parts or "faces" not in parts:
-        raise InputError(f"mesh {name}: give vertices and faces, and perhaps normals and uvs")
+        raise InputError(f"mesh {name}: give vertices and faces, and optionally normals and uvs")
     faces = plain(f"mesh {name}, faces", parts["faces"])
     if faces.dtype.kind not in "iu":
         raise InputError(f"mesh {name}, faces: their dtype is {faces.dtype}; give integers")
     if faces.size and (int(faces.min()) < 0 or int(faces.max()) > 0xFFFFFFFF):
-        raise InputError(f"mesh {name}, faces: numbers of vertices count from 0")
+        raise InputError(f"mesh {name}, faces: indices of vertices count from 0, up to 2³² - 1")
 
     def points(key: str) -> Any:
         values = parts.get(key)
@@ -135,16 +136,17 @@ def _image(given: Any) -> bytes:
             raise InputError(f"an image of dtype {array.dtype}; give uint8, or real numbers for linear values")
         if array.dtype.kind in "iu" and array.size and (array.min() < 0 or array.max() > 1):
             raise InputError(
-                f"an image of dtype {array.dtype} up to {array.max()}; give uint8, or divide by the largest value for linear values of 0 to 1"
+                f"an image of dtype {array.dtype} with values up to {array.max()}; give uint8, "
+                "or divide by the largest value of the dtype for linear values of 0 to 1"
             )
         array = array.astype(np.float32)
     return _native.encode_image(array)
 
 
 class Scene:
-    """A scene, ready to render. Made by `load`, `from_toml`, `from_dict` or a `SceneBuilder`; it does not change.
+    """An immutable scene, ready to render. Create it with `load`, `from_toml`, `from_dict` or a `SceneBuilder`.
 
-    Renders of one scene wait for each other; of different scenes they run at once.
+    Concurrent renders of one scene run one after another; renders of different scenes run in parallel.
     """
 
     def __init__(self, native: _native.Scene) -> None:
@@ -170,7 +172,7 @@ class Scene:
 
     @classmethod
     def from_toml(cls, text: str, folder: Path = ".", variant: int | None = None) -> Scene:
-        """Make a scene of the text of its file, as if it stood in ``folder`` as ``scene.toml``; raises as `load`."""
+        """Parse the text of a scene file as ``scene.toml`` in ``folder``; errors as for `load`."""
         return cls(_native.Scene.from_toml(text, os.path.join(folder, "scene.toml"), variant))
 
     @classmethod
@@ -182,25 +184,25 @@ class Scene:
         meshes: Mapping[str, Any] | None = None,
         images: Mapping[str, Any] | None = None,
     ) -> Scene:
-        """Make a scene of a dict with the keys of a scene file.
+        """Make a scene from a dict with the keys of a scene file.
 
         Parameters
         ----------
         document
-            What a scene file says; numbers and arrays of NumPy are welcome, None is as if left out.
+            Content of a scene file. NumPy numbers and arrays are allowed; None counts as a missing key.
         folder
-            Where relative paths begin.
+            Base of relative paths.
         meshes
-            Meshes in memory by the names under which objects know them (``{"ply": {"file": NAME}}``): ``(vertices, faces)``,
-            ``(vertices, faces, normals, uvs)`` or a dict of these; (n, 3) metres, (m, 3) integers from 0.
+            Meshes in memory, by the names that objects refer to (``{"ply": {"file": NAME}}``): ``(vertices, faces)``,
+            ``(vertices, faces, normals, uvs)`` or a dict of these; vertices (n, 3) in metres, faces (m, 3) integers from 0.
         images
-            Images in memory by the names under which textures and slices know them: uint8 (colours sRGB-encoded, unless the texture
-            says ``raw``) or real numbers (linear), of shape (h, w) or (h, w, 3); or the bytes of a file.
+            Images in memory, by the names that textures and slices refer to: uint8 (colours sRGB-encoded, unless the texture is
+            ``raw``) or real numbers (linear), of shape (h, w) or (h, w, 3); or the bytes of an image file.
 
         Raises
         ------
         InputError
-            ``file`` names the place: ``scene in code: objects[0].material``.
+            Its ``file`` gives the location: ``scene in code: objects[0].material``.
         """
         return cls(
             _native.Scene.from_json(
@@ -218,22 +220,22 @@ class Scene:
 
     @property
     def text(self) -> str:
-        """Its file as TOML."""
+        """The scene file as TOML."""
         return self._native.text
 
     @property
     def sha256(self) -> str:
-        """Hash of all that it means; two renders can be merged if they have one."""
+        """Hash of the scene's content; renders with equal hashes can be merged."""
         return self._native.sha256
 
     @property
     def notes(self) -> list[str]:
-        """What its author should know."""
+        """Remarks for the author of the scene."""
         return self._native.notes
 
     @property
     def slices(self) -> list[str]:
-        """Names of what is kept of T."""
+        """Names of the slices of T that are kept."""
         return self._native.slices
 
     @property
@@ -273,44 +275,44 @@ class Scene:
         force: bool = False,
         progress: bool | Progress | None = None,
     ) -> Any:
-        """Render slices of T, with error bars.
+        """Render slices of T with standard errors.
 
-        The same scene, seed and samples give the same bits, whatever the number of threads, into arrays and stores, by Python and by
-        the command. Python goes on beside it. Ctrl-C finishes the tiles in flight and raises ``KeyboardInterrupt``; so does an
-        exception of ``progress``, which is raised. A store can then be resumed.
+        The same scene, seed and samples give bit-identical arrays and stores for any number of threads, from Python and from the
+        command. Other Python threads keep running. Ctrl-C finishes the tiles in flight and raises ``KeyboardInterrupt``. An
+        exception in ``progress`` has the same effect and is raised. A stopped store can be resumed.
 
         Parameters
         ----------
         output
-            Zarr store to write, a folder or an address (``s3://``, ``gs://``, ``az://``); None: arrays in memory.
+            Zarr store to write, a folder or an address (``s3://``, ``gs://``, ``az://``). None: return arrays in memory.
         spp, replicates, seed
-            Samples per camera pixel, least number of independent groups of them, and random seed, instead of the scene's.
+            Samples per camera pixel, minimum number of independent groups of samples, and random seed, instead of the scene's.
         threads
-            Worker threads; None: as many as cores.
+            Number of worker threads; by default one per core.
         slices
-            Names of the slices to keep; None: all.
+            Names of the slices to keep; by default all.
         resume, force
-            Go on with an unfinished store; replace one. Only with ``output``.
+            Resume an unfinished store; replace a store. Only with ``output``.
         progress
-            True for a bar (of tqdm, if it is there), or a function that is called with tiles done and tiles in all.
+            True for a bar (of tqdm, if installed), or a function that is called with the finished and total number of tiles.
 
         Returns
         -------
         Slices or dict
-            `Slices` by name; of a store, what was done: ``complete``, ``tiles``, ``samples``, ``rays``, ``wall_time_s``.
+            `Slices` by name. With ``output``, the statistics ``complete``, ``tiles``, ``samples``, ``rays``, ``wall_time_s``.
 
         Raises
         ------
         InputError
-            The scene keeps nothing, or the store is there already, or is not of this render.
+            If the scene keeps no slices, or the store exists or belongs to another render.
         RenderError
-            A full disk, no threads.
+            If the render fails, for example because the disk is full or threads cannot start.
         """
         names = [slices] if isinstance(slices, str) else None if slices is None else list(slices)
         asked = _Asked(spp, replicates, seed, threads, names)
         if output is None:
             if resume or force:
-                raise InputError("resume and force are for stores: give an output")
+                raise InputError("resume and force need a store: give an output")
             with told(progress) as tell:
                 return _slices(_native.render_arrays(self._native, asked, tell), self.resolution)
         if resume and force:

@@ -1,7 +1,7 @@
-"""Stores in shards: made, and held against their manifest though a few bytes of a file are read.
+"""Sharded stores: their creation, and checks of partial reads against the manifest.
 
-A shard is many chunks in one file, as Zarr's codec ``sharding_indexed`` has them: its last bytes say where each lies. Before these a
-shard of Sunstone has the checksums of its chunks, and the manifest's line that of both.
+A shard is a file that holds many chunks, in the format of Zarr's codec ``sharding_indexed``: its last bytes locate each chunk.
+Before this index a shard of Sunstone stores the checksums of its chunks. The manifest's line holds a checksum of both.
 """
 
 # pyright: basic
@@ -18,31 +18,31 @@ from . import command
 
 __all__ = ["Shards", "Tail", "shard"]
 
-#: Bytes of a chunk's place in the index, of its checksum, and both numbers of one that is not there.
+#: Bytes of a chunk's index entry, bytes of a checksum, and the value of both entry numbers for an absent chunk.
 _PLACE, _SEAL, _NOWHERE = 16, 4, 2**64 - 1
 
 
 def shard(store: str | os.PathLike[str], out: str | os.PathLike[str], *, force: bool = False) -> str:
-    """Copy a store into shards, by the command `sunstone shard`.
+    """Copy a store into shards, as the command `sunstone shard`.
 
     Parameters
     ----------
     store
         A finished store, a folder or an address (``s3://``, ``gs://``, ``az://``).
     out
-        Where to write: a folder or an address.
+        Folder or address to write.
     force
-        Replace a store that is there.
+        Replace an existing store.
 
     Returns
     -------
     str
-        Where it was written; `open_store` opens it.
+        The folder or address; open it with `open_store`.
 
     Raises
     ------
     pysunstone.command.CommandError
-        With what the command says: that the store is not finished, is in shards already, or something is there.
+        With the command's message, if the store is not finished or is in shards already, or if the output exists.
 
     Examples
     --------
@@ -54,12 +54,12 @@ def shard(store: str | os.PathLike[str], out: str | os.PathLike[str], *, force: 
 
 
 def crc32c(data: bytes) -> int:
-    """The checksum CRC-32C, by what Zarr has it from."""
+    """Return the CRC-32C checksum, from the library that Zarr uses."""
     return int(importlib.import_module("google_crc32c").value(data))
 
 
 class Tail:
-    """The last bytes of a shard, which tell of all others."""
+    """Last bytes of a shard, which describe all others."""
 
     def __init__(self, tail: bytes, chunks: int) -> None:
         self.index = tail[-(chunks * _PLACE + _SEAL) :]
@@ -73,23 +73,23 @@ class Tail:
         }
 
     def fault(self, start: int, end: int, data: bytes) -> str | None:
-        """What is wrong with these bytes of the shard, if anything. (Whether a chunk has its checksum, Zarr's codec checks.)"""
+        """Return the fault of these bytes of the shard, or None. Zarr's codec checks each chunk against its checksum."""
         seal = self._seals.get((start, end))
         if seal is None:
-            return f"no chunk of it lies at bytes {start} to {end}"
+            return f"it has no chunk at bytes {start} to {end}"
         same = len(data) == end - start and data[-_SEAL:] == struct.pack("<I", seal)
-        return None if same else f"its chunk at byte {start} is not what was written"
+        return None if same else f"its chunk at byte {start} does not match its checksum"
 
 
 class Shards:
-    """Which files of a store are shards, and of how many chunks."""
+    """Numbers of chunks of the files of a store that are shards."""
 
     def __init__(self, chunks: Mapping[str, int]) -> None:
         self._chunks = dict(chunks)
 
     @classmethod
     def of(cls, root: Mapping[str, Any]) -> Shards:
-        """Of a root's description, which has those of all arrays."""
+        """Read the root's metadata, which contain those of all arrays."""
         found = {}
         for node, json in root.get("consolidated_metadata", {}).get("metadata", {}).items():
             codec = (json.get("codecs") or [{}])[0]
@@ -99,11 +99,11 @@ class Shards:
         return cls(found)
 
     def chunks(self, key: str) -> int | None:
-        """How many chunks a file has; ``None`` of what is no shard."""
+        """Return the number of chunks of a file; ``None`` if it is not a shard."""
         folder, _, name = key.rpartition("/")
         return self._chunks.get(folder) if name.startswith("c.") else None
 
     @staticmethod
     def tail_length(chunks: int) -> int:
-        """Bytes of the tail of a shard of so many chunks."""
+        """Return the number of bytes of the tail of a shard with ``chunks`` chunks."""
         return chunks * (_SEAL + _PLACE) + _SEAL

@@ -1,8 +1,8 @@
-"""Stores of Sunstone as trees of xarray.
+"""Stores of Sunstone as xarray trees.
 
-A store is a Zarr v3 hierarchy with one group a slice. `xarray.open_datatree(path)` opens it too; what `open_store` adds is
-that it knows what a store is: one that is unfinished, damaged or none is refused in words, a chunk that was lost is an error
-and not zeros, arrays are cut for Dask along the store's own chunks, and every array carries what the accessor needs to know.
+A store is a Zarr v3 hierarchy with one group per slice. `xarray.open_datatree(path)` also opens it; `open_store` adds checks and
+metadata. It refuses unfinished, damaged and foreign stores with a clear message. A lost chunk is an error instead of zeros. Dask
+chunks follow the store's chunks. Every array carries the attributes that the accessor needs.
 """
 
 # pyright: basic
@@ -37,34 +37,34 @@ __all__ = [
     "open_store",
 ]
 
-#: What a manifest begins with, and the newest one that is understood.
+#: First words of a manifest, and the newest supported form.
 _HEAD, _NEWEST = "sunstone manifest ", 1
 _MANIFEST, _ROOT = "manifest.txt", "zarr.json"
-#: Bytes that a piece for Dask may have: several stored chunks, which have 8 MiB at most.
+#: Maximum size of a Dask chunk in bytes: several stored chunks, which have at most 8 MiB.
 _PIECE = 64 << 20
-#: Attributes of the root that a slice needs when it is alone, and of a slice that its arrays need.
+#: Attributes copied from the root to each slice, and from a slice to each of its arrays.
 _OF_SLICES = ("camera", "projector")
 _OF_ARRAYS = ("projector_size", "projector_bin", "pixels_per_element", "projector_selection", "time_start_ps", "time_bin_ps")
 
 
 class StoreError(ValueError):
-    """A store cannot be opened; the text says which, why, and what fixes it."""
+    """A store cannot be opened; the text names the store, the reason and the fix."""
 
 
 class NotAStoreError(StoreError):
-    """There is nothing, or something that Sunstone did not write."""
+    """The store does not exist, or Sunstone did not write it."""
 
 
 class UnfinishedStoreError(StoreError):
-    """A render or merge has not written all of it yet."""
+    """A render or merge has not finished writing the store."""
 
 
 class NewerStoreError(StoreError):
-    """A newer Sunstone wrote it in a form that is not known here."""
+    """A newer version of Sunstone wrote the store in an unsupported form."""
 
 
 class DamagedStoreError(StoreError):
-    """A file is not what the manifest says: lost, cut short, or another one."""
+    """A file does not match the manifest: it is lost, truncated or different."""
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,11 @@ class _Entry:
 
 
 class _CheckedStore(WrapperStore[Store]):
-    """A store whose files must be as its manifest says.
+    """A store whose files are checked against its manifest.
 
-    Zarr takes a chunk without a file for zeros. Here a file that the manifest lists must be there, of its size, and a chunk must
-    end with the checksum of its line (whether its bytes have that checksum, Zarr's codec checks). Of a shard some bytes are read, which
-    its tail must tell of; that is fetched once and kept.
+    Zarr reads a chunk without a file as zeros. Here every file that the manifest lists must exist with its size, and a chunk must
+    end with the checksum of its manifest line. (Zarr's codec checks the bytes against that checksum.) For partial reads of a
+    shard, the requested range is checked against the shard's tail, which is fetched once and kept.
     """
 
     def __init__(self, store: Store, name: str, entries: Mapping[str, _Entry], shards: Shards) -> None:
@@ -98,43 +98,43 @@ class _CheckedStore(WrapperStore[Store]):
         if entry is None or byte_range is not None:
             return found
         if found is None:
-            raise self._damaged(key, "is lost")
+            raise self._damaged(key, "is missing")
         same = len(found) == entry.size
         if same and chunks is not None:
             same = Tail(found[-Shards.tail_length(chunks) :].to_bytes(), chunks).checksum == entry.crc
         elif same and not key.endswith(_ROOT):
             same = found[-4:].to_bytes() == struct.pack("<I", entry.crc)
         if not same:
-            raise self._damaged(key, "is not what was written")
+            raise self._damaged(key, "does not match the manifest")
         return found
 
     def _damaged(self, key: str, what: str) -> DamagedStoreError:
-        return DamagedStoreError(f"{self._name}: {key} {what}: render it again, or copy the store whole")
+        return DamagedStoreError(f"{self._name}: {key} {what}: render the store again, or copy it again completely")
 
     async def _part(
         self, key: str, entry: _Entry, chunks: int, prototype: BufferPrototype, byte_range: ByteRequest
     ) -> Buffer:
-        """Some bytes of a shard."""
+        """Return some bytes of a shard."""
         tail = self._tails.get(key)
         if tail is None:
             length = Shards.tail_length(chunks)
-            # From a place that is right only if the shard is as long as it should be.
+            # The offset is right only if the shard has its expected length.
             last = await self._store.get(key, prototype, RangeByteRequest(entry.size - length, entry.size + 1))
             if last is None:
-                raise self._damaged(key, "is lost")
+                raise self._damaged(key, "is missing")
             if len(last) == entry.size:
-                # Plain web servers may know whole files alone.
+                # Plain web servers may return only whole files.
                 last = last[-length:]
             same = len(last) == length
             tail = Tail(last.to_bytes(), chunks) if same else None
             if tail is None or tail.checksum != entry.crc:
-                raise self._damaged(key, "is not what was written")
+                raise self._damaged(key, "does not match the manifest")
             self._tails[key] = tail
         if isinstance(byte_range, SuffixByteRequest) and byte_range.suffix == len(tail.index):
             return prototype.buffer.from_bytes(tail.index)
         found = await self._store.get(key, prototype, byte_range)
         if found is None:
-            raise self._damaged(key, "is lost")
+            raise self._damaged(key, "is missing")
         if isinstance(byte_range, RangeByteRequest):
             if len(found) == entry.size:
                 found = found[byte_range.start : byte_range.end]
@@ -144,7 +144,7 @@ class _CheckedStore(WrapperStore[Store]):
         return found
 
     def _with_store(self, store: Store) -> _CheckedStore:
-        # Zarr makes read-only copies so.
+        # Zarr calls this to make read-only copies.
         return type(self)(store, self._name, self._entries, self._shards)
 
     def with_read_only(self, read_only: bool = False) -> _CheckedStore:
@@ -164,43 +164,43 @@ def open_store(
     unfinished: bool = False,
     slices: list[str] | None = None,
 ) -> xr.DataTree:
-    """Open a store that Sunstone wrote: of slices, of layers, or of raw frames.
+    """Open a store that Sunstone wrote: slices, layers, or raw frames.
 
     Parameters
     ----------
     path_or_url
-        A folder, or a URL that fsspec reads (``http://``, ``https://``, ``s3://``, ...; needs fsspec and what it needs for that).
+        A folder, or a URL that fsspec can read (``http://``, ``https://``, ``s3://``, ...; requires fsspec and its backend).
     chunks
-        ``"auto"``: arrays of Dask where Dask is installed, in pieces of whole stored chunks of up to 64 MiB. A mapping of names of
-        dimensions to lengths: pieces of these. ``None``: no Dask. Nothing is read before it is asked for in any case.
+        ``"auto"``: Dask arrays if Dask is installed, in pieces of whole stored chunks of up to 64 MiB. A mapping from dimensions
+        to lengths: pieces of these lengths. ``None``: no Dask. In all cases data are read only when needed.
     unfinished
-        Open an unfinished store too: what is not rendered yet is NaN.
+        Also open an unfinished store; elements that are not rendered yet are NaN.
     slices
-        Names of the slices to open; all without it.
+        Names of the slices to open; by default all.
 
     Returns
     -------
     xarray.DataTree
-        A node a slice, with `mean`, `std_error` and what else it has over named dimensions with coordinates and units. The
-        attributes of the root say where it came from (scene, seeds, samples, version), and ``store`` and ``state``.
+        One node per slice, with `mean`, `std_error` and its other arrays over named dimensions with coordinates and units. The
+        root's attributes hold the provenance (scene, seeds, samples, version), ``store`` and ``state``.
 
     Raises
     ------
     NotAStoreError
-        There is nothing, or something else.
+        If there is no store.
     UnfinishedStoreError
-        It is not finished; the text says how far it is.
+        If the store is not finished; the text gives the progress.
     NewerStoreError
-        A newer Sunstone wrote it.
+        If a newer version of Sunstone wrote the store.
     DamagedStoreError
-        It is not what was written. Of chunks, this is raised when they are read.
+        If files do not match the manifest. Damaged chunks raise this when they are read.
 
     Examples
     --------
     >>> room = open_store("out/mirror_room.zarr")            # doctest: +SKIP
     >>> room["xt/mean"].sel(wavelength=550, stokes_out=0, stokes_in=0)  # doctest: +SKIP
     """
-    # The accessor is there when there is something to access.
+    # Register the accessor only when a store is opened.
     importlib.import_module("pysunstone.accessor")
     location = _Location.of(path_or_url)
     attributes = _attributes(location)
@@ -208,7 +208,7 @@ def open_store(
     if entries is None and not unfinished:
         fix = "join all parts (`sunstone merge`)" if "part" in attributes else "let it finish (`sunstone render --resume`)"
         raise UnfinishedStoreError(
-            f"{location.name} is not finished ({_state(location, attributes)}): {fix}, or read what there is with unfinished=True"
+            f"{location.name} is not finished ({_state(location, attributes)}): {fix}, or open it with unfinished=True"
         )
     store = location.store()
     if entries is not None:
@@ -220,7 +220,7 @@ def open_store(
     if slices is None:
         groups = xr.open_groups(cast(Any, store), **how)
     else:
-        # What is not asked for is not read: each slice takes a request an axis.
+        # Open only the requested slices: opening a slice takes one request per axis.
         groups = {f"/{name}": xr.open_dataset(cast(Any, store), group=name, **how) for name in slices}
         groups["/"] = xr.open_dataset(cast(Any, store), **how)
     nodes = {}
@@ -239,7 +239,7 @@ def open_store(
 
 @dataclass(frozen=True)
 class _Location:
-    """Where a store is: a folder or a URL."""
+    """Location of a store: a folder or a URL."""
 
     name: str
     remote: bool
@@ -247,11 +247,11 @@ class _Location:
     @classmethod
     def of(cls, path_or_url: str | os.PathLike[str]) -> _Location:
         name = os.fspath(path_or_url)
-        # `C:\\...` is no URL.
+        # `C:\\...` is not a URL.
         return cls(name, "://" in name)
 
     def read(self, file: str) -> bytes | None:
-        """The bytes of a file, ``None`` where there is none."""
+        """Return the bytes of a file; ``None`` if it does not exist."""
         if not self.remote:
             try:
                 return Path(self.name, file).read_bytes()
@@ -276,23 +276,23 @@ def _description(location: _Location) -> dict[str, Any]:
     if text is None:
         exists = location.remote or Path(location.name).exists()
         why = "it has no zarr.json" if exists else "there is nothing"
-        raise NotAStoreError(f"{location.name} is no store of Sunstone: {why}")
+        raise NotAStoreError(f"{location.name} is not a store of Sunstone: {why}")
     try:
         found = json.loads(text)
     except ValueError as e:
-        raise DamagedStoreError(f"{location.name}: {_ROOT} is no valid JSON: {e}") from None
+        raise DamagedStoreError(f"{location.name}: {_ROOT} is not valid JSON: {e}") from None
     if not isinstance(found, dict):
-        raise DamagedStoreError(f"{location.name}: {_ROOT} is no JSON object")
+        raise DamagedStoreError(f"{location.name}: {_ROOT} is not a JSON object")
     return found
 
 
 def _attributes(location: _Location) -> dict[str, Any]:
     found = _description(location)
     if found.get("zarr_format") != 3:
-        raise NewerStoreError(f"{location.name} is of Zarr format {found.get('zarr_format')}; format 3 is known")
+        raise NewerStoreError(f"{location.name} is of Zarr format {found.get('zarr_format')}; only format 3 is supported")
     attributes = found.get("attributes")
     if not isinstance(attributes, dict) or not {"slices", "layers"} & attributes.keys():
-        raise NotAStoreError(f"{location.name} is no store of Sunstone: its zarr.json lists no slices and no layers")
+        raise NotAStoreError(f"{location.name} is not a store of Sunstone: its zarr.json lists no slices and no layers")
     return attributes
 
 
@@ -301,11 +301,11 @@ def _is_consolidated(location: _Location) -> bool:
 
 
 def _manifest(location: _Location) -> dict[str, _Entry] | None:
-    """Files by their paths; ``None`` where the store is not finished."""
+    """Return the manifest's entries by path; ``None`` if the store is not finished."""
     found = location.read(_MANIFEST)
     if found is None:
         return None
-    damaged = DamagedStoreError(f"{location.name}: {_MANIFEST} is not what was written")
+    damaged = DamagedStoreError(f"{location.name}: {_MANIFEST} is damaged")
     try:
         lines = found.decode().splitlines()
         head = lines[0].removeprefix(_HEAD)
@@ -314,10 +314,10 @@ def _manifest(location: _Location) -> dict[str, _Entry] | None:
     except (ValueError, IndexError):
         raise damaged from None
     if number > _NEWEST:
-        raise NewerStoreError(f"{location.name} is of form {number}; this pysunstone knows forms up to {_NEWEST}: install a newer one")
+        raise NewerStoreError(f"{location.name} is of form {number}; this pysunstone reads forms up to {_NEWEST}: upgrade it")
     entries = {}
     try:
-        # The last line is a checksum of those above.
+        # The last line is a checksum of the lines above.
         for line in lines[1:-1]:
             crc, size, path = line.split(" ", 2)
             entries[path] = _Entry(int(crc, 16), int(size))
@@ -334,7 +334,7 @@ def _root(location: _Location) -> xr.Dataset:
 
 
 def _state(location: _Location, attributes: Mapping[str, Any]) -> str:
-    """How far an unfinished store is, in words."""
+    """Describe the progress of an unfinished store."""
     words = [f"status `{attributes.get('status', 'unknown')}`"]
     try:
         samples = _root(location)["samples"]
@@ -346,14 +346,16 @@ def _state(location: _Location, attributes: Mapping[str, Any]) -> str:
 
 
 def _without_camera(root: xr.Dataset) -> xr.Dataset:
-    """The root with names of dimensions that no slice has: stores of earlier versions call those of `samples` y and x."""
+    """Rename the root's dimensions to names that no slice has. Stores of earlier versions call the dimensions of `samples` y and
+    x.
+    """
     if "samples" not in root:
         return root
     return root.rename({old: f"camera_{old}" for old in ("y", "x") if old in root["samples"].dims})
 
 
 def _told(data: xr.Dataset, name: str, attributes: Mapping[str, Any]) -> xr.Dataset:
-    """The slice with what it and its arrays must know when they are alone."""
+    """Add the attributes that a slice and its arrays need when they are separated from the tree."""
     data = data.assign_attrs(slice=name, **{key: attributes[key] for key in _OF_SLICES if key in attributes})
     told = {key: data.attrs[key] for key in _OF_ARRAYS if key in data.attrs}
     for array in data.data_vars.values():
@@ -362,21 +364,21 @@ def _told(data: xr.Dataset, name: str, attributes: Mapping[str, Any]) -> xr.Data
 
 
 def _hidden(data: xr.Dataset, samples: xr.DataArray | None) -> xr.Dataset:
-    """NaN where no sample was taken, as `sunstone probe --partial` has it."""
+    """Set elements without samples to NaN, as `sunstone probe --partial`."""
     if samples is None or not {"y", "x"} <= set(data["mean"].dims):
         done: xr.DataArray | bool = False
     else:
         single = data.attrs.get("pixels_per_element", 1) == 1
         rows, columns = (bins(data[axis].values, 1 if single else None) for axis in ("y", "x"))
         counts = samples.values > 0
-        # Elements of bins are there when all their pixels are.
+        # An element of a bin is finished if all of its pixels are.
         table = [[bool(counts[a : b + 1, c : d + 1].all()) for c, d in columns] for a, b in rows]
         done = xr.DataArray(np.array(table), dims=("y", "x"), coords={"y": data["y"], "x": data["x"]})
     return data.map(lambda array: array.where(done, np.nan).assign_attrs(array.attrs)).assign_attrs(data.attrs)
 
 
 def _cut(data: xr.Dataset, chunks: Literal["auto"] | Mapping[Hashable, int] | None) -> xr.Dataset:
-    """The arrays as Dask's, in pieces of whole stored chunks."""
+    """Convert the arrays to Dask arrays, in pieces of whole stored chunks."""
     if chunks is None:
         return data
     if chunks != "auto":
@@ -389,7 +391,10 @@ def _cut(data: xr.Dataset, chunks: Literal["auto"] | Mapping[Hashable, int] | No
 
 
 def _stored(array: xr.DataArray) -> Mapping[Hashable, int]:
-    """Lengths of what is best read together: a chunk; of an array in shards, a shard, or what was a chunk before where that is too much."""
+    """Return the shape that is best read as one piece.
+
+    This is a chunk. For a sharded array, it is a shard, or the chunk before sharding if a shard is too large.
+    """
     for lengths in (array.encoding.get("shards"), array.attrs.get("unsharded_chunk")):
         if lengths:
             cut = {dim: min(n, length) for (dim, n), length in zip(array.sizes.items(), lengths, strict=True)}
@@ -399,14 +404,14 @@ def _stored(array: xr.DataArray) -> Mapping[Hashable, int]:
 
 
 def pieces(sizes: Mapping[Hashable, int], stored: Mapping[Hashable, int], itemsize: int) -> dict[Hashable, int]:
-    """Lengths of pieces for Dask: multiples of the stored chunks, grown from the last dimension on up to 64 MiB.
+    """Return the chunk lengths for Dask: multiples of the stored chunks, grown from the last dimension up to 64 MiB.
 
     Parameters
     ----------
     sizes, stored
         Lengths of the array and of its chunks by dimension, in the order of storage.
     itemsize
-        Bytes of an element.
+        Bytes per element.
     """
     lengths = {dim: min(stored.get(dim, n), n) for dim, n in sizes.items()}
     room = _PIECE // max(1, itemsize * math.prod(lengths.values()))

@@ -1,4 +1,4 @@
-"""An S3 server of this machine (moto), with a bucket."""
+"""A local S3 server (moto) with a bucket."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 
 @pytest.fixture(scope="module")
 def bucket() -> Iterator[str]:
-    """The address of a bucket, with the environment set to ask for it here."""
+    """Yield the address of a bucket, with the environment variables set for the local server."""
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
         port = s.getsockname()[1]
@@ -59,7 +59,7 @@ def download(address: str, to: Path) -> Path:
 
 
 def names(address: str) -> list[str]:
-    """What lies in the bucket whose names begin with that of an address."""
+    """Return the names in the bucket that begin with an address."""
     import boto3
 
     bucket, _, prefix = address.removeprefix("s3://").partition("/")

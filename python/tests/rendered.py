@@ -1,4 +1,4 @@
-"""A small store of every kind of slice, rendered once for all tests, and the command that made it."""
+"""A small store with every kind of slice, rendered once for all tests, and the command that rendered it."""
 
 from __future__ import annotations
 
@@ -79,14 +79,14 @@ range = { min = 0.2, max = 0.5 }
 
 @functools.cache
 def command() -> str:
-    """The command `sunstone`: that of the variable SUNSTONE, of this repository, or of the PATH."""
+    """Return the command `sunstone`: the value of SUNSTONE, else the build of this repository, else from the PATH."""
     built = ROOT / "target/release/sunstone"
     found = os.environ.get("SUNSTONE") or (str(built) if built.exists() else shutil.which("sunstone"))
     assert found, "there is no command sunstone: cargo build --release"
     return found
 
 def content(store: Path) -> dict[str, bytes]:
-    """Every file of a store, but for the time that rendering took."""
+    """Return every file of a store, without the render time."""
     found = {}
     for path in sorted(store.rglob("*")):
         if not path.is_file():
@@ -97,7 +97,7 @@ def content(store: Path) -> dict[str, bytes]:
             del root["attributes"]["wall_time_s"]
             data = json.dumps(root).encode()
         if name == "manifest.txt":
-            # It has a checksum of that file, and one of itself.
+            # The manifest has a checksum of that file and one of itself.
             lines = data.splitlines()
             data = b"\n".join(line for line in lines if not line.endswith((b" zarr.json", b" lines above")))
         found[name] = data
@@ -105,7 +105,7 @@ def content(store: Path) -> dict[str, bytes]:
 
 
 def sunstone(*arguments: object) -> str:
-    """Runs the command, and returns what it prints."""
+    """Run the command and return its output."""
     done = subprocess.run([command(), *map(str, arguments)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -113,7 +113,7 @@ def sunstone(*arguments: object) -> str:
 
 @functools.cache
 def folder() -> Path:
-    """A folder that goes when the tests end."""
+    """Return a folder that is deleted when the tests end."""
     path = Path(tempfile.mkdtemp(prefix="pysunstone-tests-"))
     atexit.register(shutil.rmtree, path, ignore_errors=True)
     return path
@@ -121,7 +121,7 @@ def folder() -> Path:
 
 @functools.cache
 def scene(varied: bool = False) -> Path:
-    """The scene file."""
+    """Write the scene file."""
     path = folder() / ("varied.toml" if varied else "ball.toml")
     path.write_text(SCENE + (VARIED if varied else ""))
     return path
@@ -129,21 +129,21 @@ def scene(varied: bool = False) -> Path:
 
 @functools.cache
 def store() -> Path:
-    """The finished store. Not to be changed: copy it."""
+    """Return the finished store. Copy it before changing it."""
     path = folder() / "ball.zarr"
     sunstone("render", scene(), "-o", path, "--no-figures")
     return path
 
 
 def probed(slice_name: str, *arguments: object) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """What `sunstone probe` makes of a slice: values and errors."""
+    """Return values and errors of `sunstone probe` for a slice."""
     out = folder() / "probed.npy"
     sunstone("probe", store(), slice_name, *arguments, "-o", out, "--force")
     return np.load(out), np.load(out.with_name("probed.std_error.npy"))
 
 
 def differs(found: npt.ArrayLike, expected: npt.ArrayLike) -> float:
-    """Largest difference, in roundings (single precision) of the largest value."""
+    """Return the largest difference, in units of the single-precision rounding of the largest value."""
     found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
     assert found.shape == expected.shape, f"{found.shape} instead of {expected.shape}"
     scale = np.abs(expected).max()

@@ -1,4 +1,4 @@
-"""A small simulated rig with everything, and Python classes around its instruments."""
+"""A small simulated rig with all instruments, and Python classes that wrap its instruments."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ laser_power = 0.9
 
 
 def write(folder: Path, faults: str = "") -> Path:
-    """Writes the files, with mishaps of the bench; returns the folder."""
+    """Write the files, with faults of the bench; return the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in {
         "rig": RIG + faults,
@@ -78,24 +78,24 @@ def write(folder: Path, faults: str = "") -> Path:
 
 
 def fault(kind: str, instrument: str, at: int) -> str:
-    """A mishap of the bench."""
+    """Return a fault of the bench as TOML."""
     return f'[[bench.faults]]\nkind = "{kind}"\ninstrument = "{instrument}"\nat = {at}\n'
 
 
 def content(store: Path) -> dict[str, bytes]:
-    """Every file of a finished run but its journal, which has what differs from run to run; the command finds it whole."""
+    """Return every file of a finished run except the journal, which differs between runs. The command checks the store."""
     sunstone("verify", store)
     files = (p for p in sorted(store.rglob("*")) if p.is_file() and p.name != ".session.jsonl")
     return {str(p.relative_to(store)): p.read_bytes() for p in files}
 
 
 def journal(store: Path) -> list[dict[str, Any]]:
-    """What happened in a run."""
+    """Return the events of a run."""
     return [json.loads(line) for line in (store / ".session.jsonl").read_text().splitlines()]
 
 
 class Around(rig.Instrument):
-    """What passes all on to an instrument, and counts its calls."""
+    """Forwards all calls to an instrument, and counts them."""
 
     def __init__(self, of: Any) -> None:
         self.of = of
@@ -205,7 +205,7 @@ AROUND: dict[str, type[Any]] = {"projector": Projector, "camera": Camera, "galvo
 
 
 def wrap(session: rig.Session) -> dict[str, Any]:
-    """Puts Python around every instrument of a session."""
+    """Wrap every instrument of a session in Python."""
     for name in session:
         session[name] = AROUND.get(name, Stage)(session[name])
     return dict(session)

@@ -1,4 +1,4 @@
-"""A small scene for tests: a gold ball before a wall, a camera of 24 x 16 pixels."""
+"""A small test scene: a gold ball in front of a wall, a camera of 24 × 16 pixels."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ time = { start_ps = 15000, bin_ps = 500, bins = 40 }
 
 
 def document(**changes: Any) -> dict[str, Any]:
-    """The same scene as a dict."""
+    """Return the same scene as a dict."""
     look: Any = lambda o: {"look_at": {"origin": o, "target": [0, 0, 0]}}  # noqa: E731
     scene: dict[str, Any] = {
         "name": "ball",

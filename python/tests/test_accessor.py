@@ -1,4 +1,4 @@
-"""The accessor against the command on the same store, to rounding; planted errors must be found."""
+"""The accessor agrees with the command on the same store, up to rounding. Negative controls must fail."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pysunstone.epipolar import lines
 from pysunstone.stores import open_store
 from rendered import differs, probed
 
-#: Sums in double precision that were rounded once differ by a rounding or two; of errors, squares and roots by some more.
+#: Sums in double precision, rounded once, differ by one or two roundings; errors, squares and roots by some more.
 ROUNDINGS = 4.0
 
 
@@ -27,7 +27,7 @@ def pattern(seed: int = 3) -> np.ndarray[Any, np.dtype[np.float32]]:
 
 
 def written(drive: Any, name: str) -> str:
-    """A mask as the image that the command reads."""
+    """Write a mask as an image for the command."""
     from matplotlib import image
 
     path = rendered.folder() / name
@@ -43,7 +43,7 @@ def mask() -> np.ndarray[Any, np.dtype[np.bool_]]:
 @pytest.mark.parametrize("name", ["full", "binned", "some"])
 @pytest.mark.filterwarnings("ignore:the pattern drives")
 def test_contractions_are_the_commands(name: str, state: Any) -> None:
-    """A mask (black and white, so that no gray curve matters), a Stokes state, both at once."""
+    """A mask (black and white, so that the gray curve is irrelevant), a Stokes state, and both."""
     lit = written(mask(), "mask.png")
     options = [] if state is None else ["--stokes", state if isinstance(state, str) else ",".join(map(str, state))]
     mean, error = probed(name, "--pattern", lit, *options)
@@ -53,7 +53,7 @@ def test_contractions_are_the_commands(name: str, state: Any) -> None:
         assert differs(result["mean"], mean) < ROUNDINGS
         assert differs(result["std_error"], error) < ROUNDINGS
     assert differs(data["mean"].sunstone.probe(mask(), state), mean) < ROUNDINGS
-    # Planted: the projector pixel that lights most exchanged; a Stokes vector that is longer by 2e-5.
+    # Negative controls: the brightest projector pixel is exchanged; a Stokes vector is longer by 2e-5.
     light = data["mean"].isel(stokes_out=0, stokes_in=0).sum(["y", "x", "wavelength"]).compute()
     most = light.isel(light.argmax(["v", "u"]))
     other = mask()
@@ -74,7 +74,7 @@ def test_pulses_are_the_commands(name: str, pulse: Any) -> None:
     result = data.sunstone.probe(pulse=pulse)
     assert differs(result["mean"], mean) < ROUNDINGS
     assert differs(result["std_error"], error) < ROUNDINGS
-    # No light is lost: bins, what lay outside them, and what the pulse moved out.
+    # No light is lost: light in the bins, outside them, and moved out by the pulse.
     total = (result["mean"].astype(float).sum("t") + result["shifted_out"] + result["overflow"]).values
     before = (data["mean"].astype(float).sum("t") + data["overflow"]).values
     assert differs(total, before) < 30 * ROUNDINGS
@@ -95,13 +95,13 @@ def test_all_steps_at_once_and_sums_are_the_commands() -> None:
     result = data.sunstone.probe(sum=["y", "x", "v", "u"])
     assert differs(result["mean"], mean) < ROUNDINGS
     assert differs(result["std_error"], error) < ROUNDINGS
-    # Planted: quadrature in place of the bound, and bounds in place of quadrature.
+    # Negative controls: quadrature instead of the bound, and bounds instead of quadrature.
     assert differs(data.sunstone.probe(sum=["y", "x", "v", "u"], errors="independent")["std_error"], error) > 1000
     assert differs(data["std_error"].sum(["y", "x", "v", "u"]), error) > 1000
 
 
 def test_independent_errors_are_shorter_and_right_where_they_are_independent() -> None:
-    """Sums over s' of rendered slices: the error of the steady slice, which was estimated as one number, is the truth."""
+    """Sums over s' of rendered slices. The reference is the error of the steady slice, which is estimated directly."""
     full, steady = opened("full"), opened("steady")
     one = {"stokes_out": 0, "stokes_in": 0}
     truth = steady["std_error"].isel(one).values
@@ -130,7 +130,7 @@ def test_patterns_and_states_in_stacks_are_those_one_by_one() -> None:
 
 
 def test_a_scene_lit_wholly_is_the_steady_slice() -> None:
-    """I = Σ T P holds to rounding on stored slices, and epipolar and other light are the two parts of it."""
+    """I = Σ T P holds up to rounding for stored slices. Epipolar and non-epipolar light are its two parts."""
     full, steady = opened("full"), opened("steady")
     white = full.sunstone.probe(np.ones((10, 12)))
     assert differs(white["mean"], steady["mean"]) < 20
@@ -198,7 +198,9 @@ def test_slices_that_do_not_allow_it_are_refused() -> None:
 
 
 def test_the_degree_of_polarization_is_that_of_known_light() -> None:
-    """Light of known degree; the error against 20,000 draws, which never exceeds the bound (5 sigma of the draws' own error)."""
+    """Light of known degree. The error is compared with 20,000 draws, which never exceed the bound (5 sigma of the draws' own
+    error).
+    """
     stokes = np.array([[2.0, 0.6, -0.8, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
     error = np.array([[0.01, 0.02, 0.01, 0.02]] * 3)
     data = xr.Dataset(
@@ -247,7 +249,7 @@ def test_mueller_images_are_drawn_on_a_symmetric_scale() -> None:
             expected = expected / np.where(intensity > 0, intensity, np.nan)
             assert shown.get_clim() == (-1, 1) and shown.get_cmap().name == "RdBu_r"
         assert np.allclose(np.ma.filled(shown.get_array(), np.nan), expected, equal_nan=True, rtol=1e-6)
-    # Planted: rows and columns exchanged.
+    # Negative control: rows and columns exchanged.
     assert not np.allclose(panels[1].images[0].get_array(), panels[4].images[0].get_array(), equal_nan=True)
     figure = steady.sunstone.plot_mueller(normalized=False)
     limits = {panel.images[0].get_clim() for panel in figure.axes if panel.images and panel.get_title()}
@@ -270,7 +272,7 @@ def test_profiles_are_drawn_with_their_errors() -> None:
     assert ax.get_xlabel() == "travel time [ps]"
     assert len(timed["mean"].sunstone.plot_profile(wavelength=450).lines) == 1
     ax.figure.savefig(rendered.folder() / "profile.png")
-    # Names stay within the picture, that of a slice and longer ones.
+    # Labels stay within the figure, for the name of a slice and for longer names.
     long = timed["mean"].assign_attrs(long_name="light of one pixel of the camera and of all of the projector, over its irradiance at one metre")
     for drawn in (ax, long.sunstone.plot_profile()):
         drawn.figure.draw_without_rendering()

@@ -1,4 +1,4 @@
-"""Applications, and methods for shape on one's own arrays: closed forms, the command; planted errors are found."""
+"""Applications and shape reconstruction on arrays, against closed forms and the command. Negative controls must fail."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def run(*words: object) -> str:
 
 
 def test_an_application_is_the_commands(tmp_path: Path) -> None:
-    """Both take what the first has rendered, so that only the methods' work is done twice."""
+    """Both use the renders of the first call, so that only the methods run twice."""
     known = {a["name"]: a for a in apply.applications()}
     assert [line.split()[0] for line in run("apply", "list").splitlines()] == list(known)
     told: list[tuple[int, int]] = []
@@ -69,7 +69,7 @@ def test_codes_of_structured_light_name_their_columns(code: Any, periods: Any, e
     assert found.shape == confidence.shape == shape
     assert abs(found - (column + 0.5)).max() < max(exact, 1e-9)
     assert ((confidence > 0) & (confidence <= 1)).all()
-    # Planted: two captures exchanged; ambient light that hides the code.
+    # Negative controls: two captures exchanged; ambient light that hides the code.
     wrong = captures.copy()
     wrong[[0, -1]] = wrong[[-1, 0]]
     assert not np.allclose(apply.decode(code, wrong, columns, periods=periods)[0], found, equal_nan=True)
@@ -81,7 +81,7 @@ def devices() -> apply.Devices:
 
 
 def rays(camera: dict[str, Any]) -> Array:
-    """Points of all pixels' rays at depth 1, in the camera's frame."""
+    """Return the points at depth 1 of all pixels' rays, in the camera's frame."""
     (w, h), f, c = camera["resolution"], camera["focal"], camera["principal"]
     x, y = np.meshgrid((np.arange(w) + 0.5 - c[0]) / f[0], (np.arange(h) + 0.5 - c[1]) / f[1])
     return np.stack([x, y, np.ones_like(x)], axis=-1)
@@ -103,13 +103,13 @@ def test_columns_of_a_plane_give_its_depth_and_normals() -> None:
     assert np.allclose(depth, z, rtol=1e-9)
     for robust in (True, False):
         assert np.allclose(apply.normals(both, depth, robust=robust), normal, atol=1e-7)
-    # Planted: a column off by a tenth.
+    # Negative control: a column offset of 0.1.
     assert not np.allclose(apply.depth(both, column + 0.1), z, rtol=1e-4)
     assert np.isnan(apply.depth(both, np.full_like(column, np.nan))).all()
 
 
 def test_polarization_tells_the_zenith_angle() -> None:
-    """Atkinson & Hancock 2006, eq. 9, of light from below a smooth surface of index 1.5."""
+    """Atkinson & Hancock 2006, eq. 9, for subsurface light through a smooth surface of index 1.5."""
     both, n = devices(), 1.5
     shape = (16, 24)
     rng = np.random.default_rng(4)
@@ -123,9 +123,9 @@ def test_polarization_tells_the_zenith_angle() -> None:
     turn = (cues[..., 2] - azimuth + np.pi / 2) % np.pi - np.pi / 2
     assert np.allclose(cues[..., 0], degree, atol=1e-12) and np.allclose(cues[..., 1], zenith, atol=1e-7)
     assert abs(turn).max() < 1e-9
-    # Planted: another index.
+    # Negative control: another index.
     assert abs(apply.polarization_cues(m, 1.4)[..., 1] - zenith).max() > 0.02
-    # Both candidates have that angle to the ray; the nearer one to a guess is taken.
+    # Both candidates have that angle to the ray; the one nearer to the guess is used.
     towards = -rays(both.camera) / np.linalg.norm(rays(both.camera), axis=-1, keepdims=True)
     guess = towards + [0.5, -0.2, 0.0]
     found = apply.polarization_normals(both, cues, guess)

@@ -1,4 +1,4 @@
-"""Arrays: decomposition, schemes, captures, reconstruction; against closed forms, the command and other programs."""
+"""Decomposition, schemes, captures and reconstruction of arrays, against closed forms, the command and other programs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pysunstone as ps
 
 
 def retarder(theta: Any, delta: Any) -> Any:
-    """Mueller matrices of linear retarders with the fast axis at theta."""
+    """Return Mueller matrices of linear retarders with the fast axis at theta."""
     c, s, cd, sd = np.cos(2 * theta), np.sin(2 * theta), np.cos(delta), np.sin(delta)
     m = np.zeros((*np.shape(theta), 4, 4))
     m[..., 0, 0] = 1
@@ -28,7 +28,7 @@ def retarder(theta: Any, delta: Any) -> Any:
 
 
 def diattenuator(d: Any) -> Any:
-    """Mueller matrices of diattenuators along x."""
+    """Return Mueller matrices of diattenuators along x."""
     m = np.zeros((*np.shape(d), 4, 4))
     m[..., 0, 0] = m[..., 1, 1] = 1
     m[..., 0, 1] = m[..., 1, 0] = d
@@ -145,7 +145,7 @@ def test_captures_are_the_command(tmp_path: Path, name: str, captures: int, arra
     run("scheme", name, "-k", str(captures), *sensor, "-o", "theirs.toml")
     assert (tmp_path / "theirs.toml").read_text() == scheme.to_toml()
     run("scheme", "matrix", "theirs.toml", "-o", "A.npy")
-    # Files hold degrees: what was written and read again is off by a rounding.
+    # Files hold degrees, so that a written and reread scheme differs by a rounding error.
     np.testing.assert_allclose(np.load(tmp_path / "A.npy"), ps.design_matrix(scheme), atol=1e-14)
     scheme = ps.Scheme.load(tmp_path / "theirs.toml")
     np.testing.assert_array_equal(np.load(tmp_path / "A.npy"), ps.design_matrix(scheme))
@@ -159,7 +159,7 @@ def test_captures_are_the_command(tmp_path: Path, name: str, captures: int, arra
     assert found.dtype == np.float32
     np.testing.assert_array_equal(np.load(tmp_path / "R.npy"), found)
     np.testing.assert_array_equal(np.load(tmp_path / "E.npy"), spread)
-    # 5 sigma of a mean of N x 16 squares of normal deviates, which the pixels of a matrix share in part: 16 times as wide.
+    # 5 sigma of a mean of N × 16 squared normal deviates. Errors of one matrix may be fully correlated: N in place of 16 N.
     z = (found.reshape(-1, 16) - MATRICES.reshape(-1, 16)) / spread.reshape(-1, 16)
     assert abs((z**2).mean() - 1) < 5 * np.sqrt(2 / len(z))
 
@@ -211,7 +211,7 @@ def test_wrong_captures() -> None:
 
 
 def _captures(rows: int = 3) -> tuple[Any, Any, Any]:
-    """A scheme, matrices that can exist, and what the scheme reads of them."""
+    """Return a scheme, realizable matrices, and their captures."""
     scheme = ps.Scheme.drr(36)
     matrices = retarder(np.linspace(0.1, 1.2, rows), np.linspace(0.3, 1.5, rows))
     return scheme, matrices, ps.simulate(matrices, scheme)
@@ -231,10 +231,10 @@ def test_masked_captures_are_left_out() -> None:
         assert np.abs(ps.reconstruct(given, scheme) - matrices).max() < 1e-4
     weights = np.ma.array(np.ones_like(spoilt), mask=mask)
     assert np.abs(ps.reconstruct(spoilt, scheme, variance=weights) - matrices).max() < 1e-4
-    # A mask that hides nothing changes nothing.
+    # A mask without masked entries changes nothing.
     same = ps.reconstruct(np.ma.array(captures, mask=False), scheme)
     assert (same == ps.reconstruct(captures, scheme)).all()
-    # The power of this test: the spoilt value without its mask.
+    # Negative control: the corrupted value without its mask.
     assert np.abs(ps.reconstruct(spoilt, scheme) - matrices).max() > 1e3
 
 

@@ -1,4 +1,5 @@
-"""Data sets of variants: samples are the renders, parameters those drawn, and what is there is not rendered again."""
+"""Data sets of variants: samples equal the renders, parameters equal the drawn ones, and existing samples are not rendered again.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ def three(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def counted(tmp_path: Path) -> tuple[str, Path]:
-    """A command that notes what it was called with."""
+    """Return a command that logs its arguments."""
     log, script = tmp_path / "calls", tmp_path / "sunstone"
     script.write_text(f'#!/bin/sh\necho "$@" >> "{log}"\nexec "{rendered.command()}" "$@"\n')
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
@@ -46,7 +47,7 @@ def counted(tmp_path: Path) -> tuple[str, Path]:
 
 
 def everything(path: Path) -> dict[str, bytes]:
-    """All files with their bytes, but for the seconds that renders took."""
+    """Return all files with their bytes, without the render times."""
     found = {str(p.relative_to(path)): p.read_bytes() for p in path.rglob("*") if p.is_file()}
     content = json.loads(found["dataset.json"])
     for entry in content["samples"]:
@@ -67,7 +68,7 @@ def test_samples_are_the_renders_and_parameters_those_drawn(three: Path, tmp_pat
             data, one = tree.children[name].to_dataset(), alone.children[name].to_dataset()
             for field in ("mean", "std_error"):
                 assert np.array_equal(data[field].isel(sample=k), one[field]), f"{name}/{field} of {k}"
-            # Planted: the sample of another variant.
+            # Negative control: the sample of another variant.
             assert not np.array_equal(data["mean"].isel(sample=(k + 1) % 3), one["mean"])
             for parameter in ("size", "roughness"):
                 assert float(data[parameter][k]) == float(values[parameter])
@@ -101,7 +102,7 @@ def test_what_is_there_is_not_rendered_again(three: Path, tmp_path: Path, counte
         open_dataset(output)
     partial = open_dataset(output, unfinished=True).children["steady"].to_dataset()
     assert partial.sizes["sample"] == 2 and partial["mean"].notnull().all()
-    # The third was rendered but not put in, as when the process is killed in between.
+    # The third variant is rendered but not stored, as after a kill between both steps.
     settings = {**manifest(output)["settings"]}
     dataset._rendered(rendered.scene(varied=True), output, 2, settings, None, command)
     seen: list[int] = []
@@ -112,14 +113,14 @@ def test_what_is_there_is_not_rendered_again(three: Path, tmp_path: Path, counte
     assert everything(output) == everything(three)
     made(output, command=command)
     assert len(log.read_text().splitlines()) == 4
-    # More variants are added, and nothing else is done.
+    # More variants are added, and nothing else is rendered.
     made(output, 5, command=command)
     assert len(log.read_text().splitlines()) == 6
     assert everything(made(tmp_path / "five.zarr", 5)) == everything(output)
 
 
 def test_a_killed_call_goes_on(three: Path, tmp_path: Path) -> None:
-    """The process and its render are killed again and again; the data set is that of a call that nobody killed."""
+    """The process and its render are killed repeatedly. The data set equals that of an undisturbed call."""
     output = tmp_path / "data.zarr"
     words = f"make({str(rendered.scene(varied=True))!r}, {str(output)!r}, 3, slices={SLICES!r}, spp=32, command={rendered.command()!r})"
     rng, kills = np.random.default_rng(2), 0
@@ -140,7 +141,7 @@ def test_a_killed_call_goes_on(three: Path, tmp_path: Path) -> None:
         process.stdout.close()
         if process.returncode == 0 or kills == 3:
             break
-    # What Zarr leaves of a file that it was writing.
+    # A file that a killed Zarr process leaves.
     (output / "steady").mkdir(exist_ok=True)
     (output / "steady" / f"zarr.{'0f' * 16}.partial").touch()
     made(output)

@@ -1,4 +1,4 @@
-"""Renders by Dask: the bytes of one process, however many workers die meanwhile."""
+"""Renders with Dask: byte-identical to those of one process, although workers die."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pysunstone.distributed import Job, RenderError
 
 COMMAND = command()
 
-# It gives its classes no types.
+# Dask has no type annotations.
 DASK: Any = dask
 
 SCENE = Path(__file__).parents[2] / "scenes" / "mirror_room" / "scene.toml"
@@ -30,7 +30,7 @@ SCENE = Path(__file__).parents[2] / "scenes" / "mirror_room" / "scene.toml"
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     with DASK.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=None) as made:
-        # Whatever is killed, so many come again.
+        # Killed workers are replaced.
         made.adapt(minimum=4, maximum=4)
         yield made
 
@@ -43,14 +43,14 @@ def client(cluster: Any) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """By one process."""
+    """Return the store of a single process."""
     path = tmp_path_factory.mktemp("whole") / "whole.zarr"
     sunstone("render", SCENE, "--spp", 16, "--integrator", "path", "--no-figures", "--threads", 1, "-o", path)
     return path
 
 
 def key(job: Job) -> str:
-    """Under which name a call keeps its parts."""
+    """Return the name under which a call keeps its parts."""
     return distributed._key(sunstone("--version"), Path(job.scene).read_bytes(), job.choices())
 
 
@@ -89,7 +89,7 @@ def test_parts_are_kept_for_the_next_call_and_others_are_not(client: Any, whole:
     kept = folder / key(job)
     sunstone("render", *job.options(), "--part", "2/3", "-o", kept / "2of3")
     stamp = (kept / "2of3" / "part.txt").stat().st_mtime_ns
-    # Planted: another seed's parts.
+    # Negative control: parts of another seed.
     other = folder / key(Job(SCENE, spp=16, seed=5, integrator="path"))
     assert other != kept
     seen: list[int] = []
@@ -105,7 +105,7 @@ def test_parts_are_kept_for_the_next_call_and_others_are_not(client: Any, whole:
 
 
 def test_a_unit_twice_is_one(whole: Path, tmp_path: Path) -> None:
-    """Two workers that make the same at once, one of which is late."""
+    """Two workers make the same unit simultaneously, one of them late."""
     words = tuple(Job(SCENE, spp=2, integrator="path").options())
     unit = Unit(Command(COMMAND, ("render", *words, "--part", "1/8")), str(tmp_path / "parts" / "1of8"), 1)
     both = [threading.Thread(target=unit) for _ in range(2)]
@@ -119,7 +119,7 @@ def test_a_unit_twice_is_one(whole: Path, tmp_path: Path) -> None:
 
 
 def test_rounds_to_an_error_are_those_of_one_process(cluster: Any, client: Any, tmp_path: Path) -> None:
-    """With workers killed meanwhile; and the scheduler and the caller are told how far it is."""
+    """With workers killed; the scheduler and the caller receive progress reports."""
     goal = {"spp": 32, "target_error": 0.05, "target_share": 0.6, "integrator": "path", "slices": ["conventional"]}
     one = tmp_path / "one.zarr"
     words = ["--spp", 32, "--target-error", 0.05, "--target-share", 0.6, "--integrator", "path", "--slices", "conventional"]
@@ -136,9 +136,9 @@ def test_rounds_to_an_error_are_those_of_one_process(cluster: Any, client: Any, 
     assert told[5].samples == 256 * 256 * 32 and told[-1].samples > told[5].samples and told[-1].samples_per_s > 0
     events = [event for _, event in client.get_events(distributed.TOPIC) if event["store"] == str(path)]
     assert [event["samples"] for event in events] == [t.samples for t in told]
-    # A round of one part is a round, too.
+    # Also with a round of one part.
     assert_same(one, distributed.render(SCENE, tmp_path / "single.zarr", parts=1, client=client, **goal))
-    # What is there already is replaced where that is asked for, and not otherwise.
+    # An existing store is replaced only on request.
     with pytest.raises(FileExistsError, match="overwrite"):
         distributed.render(SCENE, path, parts=6, client=client, **goal)
     with pytest.raises(RenderError, match="--target-share"):
@@ -166,14 +166,14 @@ def test_many_renders_have_a_manifest(client: Any, tmp_path: Path) -> None:
     assert len({entry["checksum"] for entry in entries}) == 3
     for entry in entries:
         sunstone("verify", tmp_path / "set" / entry["store"])
-    # Again, from nothing and from what is there: the same manifest.
+    # Repeated from nothing and from existing stores: the same manifest.
     assert distributed.render_many(jobs, tmp_path / "again", client=client).read_bytes() == manifest.read_bytes()
     (tmp_path / "set" / "manifest.json").unlink()
     shutil.rmtree(tmp_path / "set" / "mirror_room_seed2.zarr")
     assert distributed.render_many(jobs, tmp_path / "set", client=client).read_bytes() == (
         tmp_path / "again" / "manifest.json"
     ).read_bytes()
-    # Another render under a name that is there.
+    # Another render under an existing name.
     jobs[0] = Job(SCENE, name="mirror_room_seed1", spp=4, seed=1, slices=["conventional"], integrator="path")
     with pytest.raises(RenderError, match="samples_per_pixel differs"):
         distributed.render_many(jobs, tmp_path / "set", client=client)

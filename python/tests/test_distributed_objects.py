@@ -1,4 +1,4 @@
-"""Renders by Dask into an object store: workers have no file in common, and the bytes are those of one process."""
+"""Renders with Dask into an object store, by workers without a shared file system; byte-identical to those of one process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["bucket"]
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("moto") is None, reason="needs moto[server]")
 
-# It gives its classes no types.
+# Dask has no type annotations.
 DASK: Any = dask
 
 TILE = b"""ply
@@ -59,7 +59,7 @@ albedo = { image = "images/paint.png" }
 
 
 def scene_in(folder: Path) -> Path:
-    """The scene of the other tests, without its name and with files of its own, one of which lies above it."""
+    """Write the scene of the other tests, without its name and with its own files, one of which lies above it."""
     from pysunstone import _native
 
     file = folder / "ball" / "scene.toml"
@@ -75,7 +75,7 @@ def scene_in(folder: Path) -> Path:
 
 
 class Elsewhere(DASK.WorkerPlugin):  # type: ignore[misc]
-    """Puts workers into working folders of their own."""
+    """Gives each worker a separate working folder."""
 
     name = "elsewhere"
 
@@ -86,7 +86,7 @@ class Elsewhere(DASK.WorkerPlugin):  # type: ignore[misc]
 @pytest.fixture(scope="module")
 def cluster(bucket: str) -> Iterator[Any]:
     with pytest.MonkeyPatch.context() as patch:
-        # Of workers that are killed: as long their locks are believed.
+        # Time for which the locks of killed workers stay valid.
         patch.setenv("SUNSTONE_LEASE_S", "2")
         with DASK.LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=None) as made:
             made.adapt(minimum=3, maximum=3)
@@ -102,7 +102,7 @@ def client(cluster: Any) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """By one process."""
+    """Return the store of a single process."""
     folder = tmp_path_factory.mktemp("whole")
     sunstone("render", scene_in(folder), "--no-figures", "--threads", 1, "-o", folder / "whole.zarr")
     return folder / "whole.zarr"
@@ -120,7 +120,7 @@ def test_scene_and_result_travel_while_workers_are_killed(
     file = scene_in(tmp_path / "mine")
 
     def pack_and_remove(scene: Scene) -> Any:
-        # Nothing of it is left for anybody else.
+        # The workers cannot access the scene's files.
         packed = pack(scene)
         shutil.rmtree(tmp_path / "mine")
         return packed
@@ -137,7 +137,7 @@ def test_scene_and_result_travel_while_workers_are_killed(
     assert counts == [(n, 4) for n in range(1, 5)]
     assert_same(whole, download(address, tmp_path / "there.zarr"))
     assert names(f"{address}.parts") == []
-    # Nor is anything left with the workers.
+    # The workers keep no files either.
     left = client.run(lambda dask_worker: [name for name in os.listdir(dask_worker.local_directory) if name.startswith("sunstone-")])
     assert set(map(tuple, left.values())) == {()}
 
@@ -170,7 +170,7 @@ def test_finished_parts_are_found_again(bucket: str, client: Any, whole: Path, t
 
 
 def test_a_unit_twice_is_one(bucket: str, client: Any, tmp_path: Path) -> None:
-    """Two workers that make the same at once: one waits for the other, and finds it made."""
+    """Two workers make the same unit simultaneously: one waits for the other and finds the result."""
     address = f"{bucket}/twice.zarr"
     words = ("render", str(scene_in(tmp_path)), "--no-figures", "--spp", "512", "--part", "1/2")
     unit = Unit(Command(command(), words), address, 1)
@@ -222,7 +222,7 @@ def test_rounds_to_an_error_are_those_of_one_process(bucket: str, cluster: Any, 
     file = scene_in(tmp_path)
     words = ["--spp", 32, "--target-error", 0.02, "--target-slice", "steady", "--slices", "steady"]
     sunstone("render", file, *words, "--no-figures", "--threads", 1, "-o", tmp_path / "one.zarr")
-    # The command alone writes it there, too.
+    # The command alone writes the same store there.
     sunstone("render", file, *words, "--no-figures", "--threads", 1, "-o", f"{bucket}/alone.zarr")
     one = content(tmp_path / "one.zarr")
     assert one == content(download(f"{bucket}/alone.zarr", tmp_path / "alone.zarr"))

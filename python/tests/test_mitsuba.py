@@ -1,4 +1,6 @@
-"""Scenes of Mitsuba: what people write for `mi.load_dict`, rendered by both; what cannot be expressed is named by its key."""
+"""Scenes of Mitsuba, written as for `mi.load_dict` and rendered by both programs. Errors name the key of what cannot be
+expressed.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,7 @@ def quiet(scene: Any, **options: Any) -> ps.Scene:
 
 
 def box() -> dict[str, Any]:
-    """The dict of `mi.cornell_box`, small, with pixels that are boxes."""
+    """Return the dict of `mi.cornell_box`, small, with a box filter."""
     scene: dict[str, Any] = mi.cornell_box()
     scene["integrator"]["max_depth"] = 5
     scene["sensor"]["film"] |= {"width": 20, "height": 20, "rfilter": {"type": "box"}}
@@ -37,20 +39,20 @@ def box() -> dict[str, Any]:
 
 
 def theirs(scene: dict[str, Any]) -> tuple[Any, Any]:
-    """Mean and standard error of red, green, blue, over seeds."""
+    """Return mean and standard error of red, green, blue, over seeds."""
     loaded = mi.load_dict(scene)
     images = np.stack([np.array(mi.render(loaded, spp=THEIR_SPP, seed=seed))[..., :3] for seed in range(SEEDS)])
     return images.mean(0), images.std(0, ddof=1) / SEEDS**0.5
 
 
 def ours(scene: Any) -> tuple[Any, Any]:
-    """The same: 660, 550 and 450 nm stand for red, green and blue."""
+    """Return the same for Sunstone: 660, 550 and 450 nm stand for red, green and blue."""
     made = quiet(scene).render(spp=OUR_SPP, seed=3)["mueller"]
     return made["mean"][:, :, 0, 0, ::-1].astype(float), made["std_error"][:, :, 0, 0, ::-1].astype(float)
 
 
 def off(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[float, float]:
-    """By how many standard errors the mean images differ, worst colour; and the root mean square of that by pixel."""
+    """Return the differences in standard errors: of the mean images (worst colour), and root mean square per pixel."""
     error = np.hypot(a[1], b[1])
     whole = abs((a[0] - b[0]).mean((0, 1))) / np.sqrt((error**2).mean((0, 1)) / error[..., 0].size)
     lit = error > 0
@@ -58,9 +60,9 @@ def off(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[float, float]:
 
 
 def test_a_dict_renders_as_in_mitsuba() -> None:
-    """400 pixels of three colours; errors of 8 batches: z is Student's t of 7 degrees, of standard deviation 1.18."""
+    """400 pixels of three colours; errors of 8 batches: z is Student's t of 7 degrees of freedom, of standard deviation 1.18."""
     scene = box()
-    # As people write: a mesh, an image, another material, a point light, an array, a nested dict.
+    # Typical inputs: a mesh, an image, another material, a point light, an array, a nested dict.
     rng = np.random.default_rng(1)
     scene["image"] = {
         "type": "rectangle",
@@ -85,14 +87,14 @@ def test_a_dict_renders_as_in_mitsuba() -> None:
     reference, found = theirs(scene), ours(scene)
     mean, each = off(found, reference)
     assert mean < 5 and each < 1.5, (mean, each)
-    # Planted: an image turned upside down; a light of 5 % more; red and blue exchanged.
+    # Negative controls: an image turned upside down; 5 % more light; red and blue exchanged.
     assert off((found[0][::-1], found[1]), reference)[1] > 5
     assert off((found[0] * 1.05, found[1]), reference)[0] > 5
     assert off((found[0][..., ::-1], found[1]), reference)[1] > 5
 
 
 def screen(**bitmap: Any) -> dict[str, Any]:
-    """An image of colours under an even sky."""
+    """Return a colour image under a uniform sky."""
     return {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": 2},
@@ -112,7 +114,7 @@ def screen(**bitmap: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("kind", ["exr", "exr raw", "png", "png raw", "bitmap", "bitmap of bytes", "data"])
 def test_images_are_taken_as_mitsuba_takes_them(kind: str, tmp_path: Path) -> None:
-    """Colours under a sky of radiance 1 are those of the image: decoded where its format is encoded, as they are else."""
+    """Colours under a sky of radiance 1 equal those of the image: decoded if the format is encoded, else unchanged."""
     image = np.random.default_rng(2).random((3, 5, 3), dtype=np.float32)
     mi.Bitmap(image).write(str(tmp_path / "i.exr"))
     mi.Bitmap((image * 255).astype(np.uint8)).write(str(tmp_path / "i.png"))
@@ -126,11 +128,11 @@ def test_images_are_taken_as_mitsuba_takes_them(kind: str, tmp_path: Path) -> No
         "data": {"data": mi.TensorXf(image)},
     }
     found = ours(screen(**of[kind]))[0]
-    # Who loads a tensor may take it.
+    # Mitsuba may consume a tensor that it loads.
     fresh = {"data": mi.TensorXf(image)} if kind == "data" else {k: str(v) if k == "filename" else v for k, v in of[kind].items()}
     want = theirs(screen(**fresh))[0]
     assert abs(found - want).max() < 0.12 and abs(found - want).mean() < 0.02
-    # Planted: decoded once more, or not at all; upside down.
+    # Negative controls: decoded twice or not at all; upside down.
     assert abs(want**2.2 - found).mean() > 0.05 and abs(found[::-1] - want).mean() > 0.1
 
 
@@ -164,7 +166,7 @@ def test_what_changes_on_the_way_is_told() -> None:
     with pytest.warns(UserWarning) as told:
         ps.from_mitsuba(scene)
     said = [str(w.message) for w in told]
-    assert any("mesh: a mesh does not tell its material" in s for s in said), said
+    assert any("mesh: a mesh does not expose its material" in s for s in said), said
 
 
 def test_vectorized_variants_are_read() -> None:
@@ -190,7 +192,7 @@ def test_what_cannot_be_expressed_is_named_by_its_key() -> None:
         (changed(ball={"type": "sphere", "radius": float("nan")}), r"ball\.radius: it is nan"),
         (changed(ball={"type": "sphere", "radius": [1, 2]}), r"ball\.radius"),
         (changed(ball={"type": "sphere", "bsdf": {"type": "ref", "id": "none"}}), r"ball\.bsdf.*none"),
-        (changed(ball={"type": "sphere", "bsdf": mi.load_dict({"type": "diffuse"})}), r"ball\.bsdf: a .* does not tell"),
+        (changed(ball={"type": "sphere", "bsdf": mi.load_dict({"type": "diffuse"})}), r"ball\.bsdf: a .* does not expose"),
         (changed(ball={"type": "sphere", "to_world": np.eye(4) * 2}), r"ball\.to_world"),
         (changed(ball={"type": "sphre"}), r"ball.*sphre"),
         (changed(ball={"type": "sphere", "colour": 3.0}), r"ball.*colour"),
@@ -204,7 +206,7 @@ def test_what_cannot_be_expressed_is_named_by_its_key() -> None:
         with pytest.raises(ps.InputError, match=words) as told:
             ps.from_mitsuba(scene)
         assert told.value.message and told.value.fix or "nothing.xml" in str(told.value) or "give the dict" in str(told.value)
-    # All that is wrong is told at once.
+    # All faults are reported in one error.
     with pytest.raises(ps.InputError) as told:
         ps.from_mitsuba(changed(ball=sphere, other={"type": "cone"}))
     assert "ball" in str(told.value) and "other" in str(told.value)

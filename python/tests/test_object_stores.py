@@ -1,4 +1,4 @@
-"""Stores below s3://, on a server of this machine (moto): renders are those of a folder, and open as trees."""
+"""Stores at s3:// addresses, on a local server (moto): renders equal those in a folder, and open as trees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""BRDFs over arrays: closed forms, the command, invariants; planted errors are found."""
+"""BRDFs over arrays, against closed forms, the command and invariants. Negative controls must fail."""
 
 from __future__ import annotations
 
@@ -28,13 +28,17 @@ def hemisphere(n: int, seed: int) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def fresnel(theta: Any, n: complex) -> tuple[Any, Any]:
-    """Amplitude reflectances of Fresnel for s and p, in the sign of E that keeps its direction at normal incidence."""
+    """Return Fresnel's amplitude reflectances for s and p, with E unchanged in direction at normal incidence as the positive
+    sign.
+    """
     cos, out = np.cos(theta), np.sqrt(n**2 - np.sin(theta) ** 2 + 0j)
     return (cos - out) / (cos + out), (n**2 * cos - out) / (n**2 * cos + out)
 
 
 def mueller_of(s: Any, p: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Mueller matrix of diagonal amplitudes, s first; the sense of the third and fourth axis that of the light that leaves."""
+    """Return the Mueller matrix of diagonal amplitudes, s first; the third and fourth axes follow the handedness of the outgoing
+    light.
+    """
     a, b = (abs(s) ** 2 + abs(p) ** 2) / 2, (abs(s) ** 2 - abs(p) ** 2) / 2
     c, d = (s * np.conj(p)).real, (s * np.conj(p)).imag
     zero = np.zeros_like(a)
@@ -49,7 +53,7 @@ def test_a_lambert_surface_is_its_albedo_over_pi() -> None:
     want = np.zeros((4, 4))
     want[0, 0] = 0.6 / np.pi
     assert np.allclose(m, want, atol=1e-7)
-    # Below the surface there is none; lengths do not matter.
+    # Below the surface there is no reflection; lengths of directions are irrelevant.
     assert not pbrdf.evaluate({"diffuse": {"albedo": 0.6}}, wi, wo * [1, 1, -1]).any()
     assert np.array_equal(pbrdf.evaluate(PLASTIC, 7.5 * wi, wo), pbrdf.evaluate(PLASTIC, wi, 0.3 * wo))
 
@@ -62,11 +66,12 @@ def test_smooth_surfaces_follow_fresnel(index: complex) -> None:
     m, out = pbrdf.mirror(of, pbrdf.direction(theta, 40.0))
     assert np.allclose(out, pbrdf.direction(theta, 220.0), atol=1e-12)
     want = mueller_of(*fresnel(np.radians(theta), np.conj(index)))
-    # Both frames have s along the same axis: light that turns back sees right and left exchanged, by the signs of `fresnel` too.
+    # Both frames have s along the same axis. Reflection at normal incidence exchanges right and left, also with the signs of
+    # `fresnel`.
     assert np.allclose(m[:, :2, :2], want[:, :2, :2], atol=2e-6)
     assert np.allclose(abs(m[:, 2:, 2:]), abs(want[:, 2:, 2:]), atol=2e-6)
     assert m[0, 2, 2] < 0 and m[0, 3, 3] < 0
-    # Planted: an index off by 1 %.
+    # Negative control: an index off by 1 %.
     other = mueller_of(*fresnel(np.radians(theta), 1.01 * np.conj(index)))
     assert not np.allclose(m[:, :2, :2], other[:, :2, :2], atol=2e-4)
     if not metal:
@@ -79,7 +84,7 @@ def test_smooth_surfaces_follow_fresnel(index: complex) -> None:
 
 @pytest.mark.parametrize("material", [GOLD, PLASTIC, {"rough_dielectric": {"ior": 1.5, "alpha": 0.4}}])
 def test_brdfs_are_reciprocal_and_can_exist(material: dict[str, Any]) -> None:
-    """Light that runs back: M(i, o) is D M(o, i)ᵀ D, D = diag(1, 1, -1, 1) for frames whose horizontal stays."""
+    """Reversed light: M(i, o) is D M(o, i)ᵀ D, with D = diag(1, 1, -1, 1) for frames whose horizontal stays."""
     wi, wo = hemisphere(2000, 3), hemisphere(2000, 4)
     built = pbrdf.Material(material, wavelengths_nm=NM)
     m, back = built.evaluate(wi, wo), built.evaluate(wo, wi)
@@ -91,12 +96,12 @@ def test_brdfs_are_reciprocal_and_can_exist(material: dict[str, Any]) -> None:
 
     assert m.shape == (2000, 3, 4, 4)
     assert off(back) < 2e-5
-    # Cloude's coherency has no negative eigenvalues: all Stokes vectors stay such vectors.
+    # Cloude's coherency matrix has no negative eigenvalues: physical Stokes vectors stay physical.
     pauli = np.array([[[1, 0], [0, 1]], [[1, 0], [0, -1]], [[0, 1], [1, 0]], [[0, -1j], [1j, 0]]])
     basis = np.einsum("iab,jcd->ijacbd", pauli, pauli.conj()).reshape(4, 4, 4, 4)
     eigen = np.linalg.eigvalsh(np.einsum("...ij,ijab->...ab", m, basis) / 4)
     assert (eigen[..., 0] > -1e-5 * eigen[..., -1] - 1e-12).all()
-    # Planted: one element of one direction; a matrix that takes no account of the frames.
+    # Negative controls: one element of one direction; a matrix without the change of frames.
     wrong = back.copy()
     at = np.unravel_index(m[..., 0, 0].argmax(), m.shape[:2])
     wrong[(*at, 0, 1)] += 1e-3 * largest
@@ -126,7 +131,7 @@ def test_numbers_are_the_commands(tmp_path: Path) -> None:
         found = pbrdf.evaluate(tmp_path / "m.toml", incoming, outgoing, name=name, wavelengths_nm=NM)
         assert np.allclose(found, want, rtol=1e-6, atol=1e-9 * want.max())
         assert np.allclose(pbrdf.frame(outgoing), [d["out"]["frame"] for d in said], atol=1e-12)
-    # Wavelengths in any order and number are each what they are alone.
+    # Wavelengths in any order and number give the same values as one by one.
     nm = [660.0, 450.0, 500.0, 550.0, 601.5, 450.0]
     many = pbrdf.evaluate(GOLD, incoming, outgoing, wavelengths_nm=nm)
     each = [pbrdf.evaluate(GOLD, incoming, outgoing, wavelengths_nm=w) for w in nm]
@@ -158,7 +163,9 @@ TRANSPARENT = {"glass", "pane", "polarizer", "retarder", "crystal", "null"}
 
 @pytest.mark.parametrize("name", MODELS)
 def test_every_model_is_evaluated(name: str) -> None:
-    """Finite everywhere, also along the surface and the normal; BRDFs of rough ones, lobes of smooth ones, which no light is lost by."""
+    """Finite everywhere, also along the surface and the normal. Rough materials have BRDFs; smooth ones have lobes that conserve
+    energy.
+    """
     w = np.random.default_rng(8).normal(size=(2, 300, 3))
     w[0, :4] = [[1, 0, 0], [0, 0, 1], [0, 0, -1], [1e-300, 0, 1]]
     built = pbrdf.Material({"materials": MODELS}, name, wavelengths_nm=[450, 550])

@@ -1,4 +1,4 @@
-"""Phase functions over the angle: closed forms, an independent program, the command; planted errors are found."""
+"""Phase functions over the angle, against closed forms, an independent program and the command. Negative controls must fail."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ANGLES = np.linspace(0.0, 180.0, 721)
 
 
 def integral(s11: Any) -> float:
-    """Over the sphere, by Simpson's rule over the angle."""
+    """Integrate over the sphere, with Simpson's rule over the angle."""
     theta = np.radians(ANGLES)
     f = s11 * np.sin(theta) * 2 * np.pi
     h = theta[1] - theta[0]
@@ -36,10 +36,10 @@ def test_rayleigh_is_its_closed_form() -> None:
     want[:, 2, 2] = want[:, 3, 3] = mu
     want *= 3 / (8 * np.pi)
     assert np.allclose(m.reshape(721, 4, 4), want, atol=1e-6)
-    # Planted: polarized in the plane of scattering.
+    # Negative control: polarized in the scattering plane.
     turned = want * [[1, -1, 1, 1], [-1, 1, 1, 1], [1, 1, 1, 1], [1, 1, 1, 1]]
     assert not np.allclose(m.reshape(721, 4, 4), turned, atol=1e-3)
-    # Air: light at right angles is parallel over perpendicular by the depolarization factor.
+    # Air: at 90°, the ratio of parallel to perpendicular light is the depolarization factor.
     air = phase.evaluate({"rayleigh": {"depolarization": 0.028}}, 90.0)
     assert air.shape == (4, 4)
     assert (air[0, 0] - air[0, 1]) / (air[0, 0] + air[0, 1]) == pytest.approx(0.028, rel=1e-4)
@@ -58,7 +58,7 @@ def test_henyey_and_greenstein_is_its_closed_form(g: float) -> None:
 
 
 def test_spheres_are_miepythons() -> None:
-    """Both name S34 by their own time factor: M23 here is Im S1 S2* of miepython's amplitudes (validation/mie.py)."""
+    """Both use their own time factor for S34: M23 here is Im S1 S2* of miepython's amplitudes (validation/mie.py)."""
     miepython = pytest.importorskip("miepython")
     radius, host = 500.0, 1.33
     index = {450.0: 1.60, 550.0: 1.59, 660.0: 1.58}
@@ -79,7 +79,7 @@ def test_spheres_are_miepythons() -> None:
         s *= 1 / integral(s[:, 0, 0])
         off = abs(m[:, lane] - s) / s[:, :1, :1]
         assert off.max() < 2e-5, off.max()
-        # Planted: the sense of circular polarization; a radius off by 1 %.
+        # Negative controls: the sense of circular polarization; a radius off by 1 %.
         assert (abs(m[:, lane] - np.swapaxes(s, -1, -2)) / s[:, :1, :1]).max() > 0.1
         qext, qsca, _, g = miepython.efficiencies_mx(n / host, x * 1.0)
         assert medium.asymmetry[lane] == pytest.approx(g, rel=1e-6)

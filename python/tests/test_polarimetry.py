@@ -1,4 +1,4 @@
-"""Decomposing, capturing and reconstructing: closed forms, and the command on the same store."""
+"""Decomposition, capture and reconstruction, against closed forms and the command on the same store."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_scalars_are_those_of_known_elements() -> None:
     assert float(found["retardance"][0]) == pytest.approx(0, abs=1e-3)
     product = found["m_delta"].values[0] @ found["m_r"].values[0] @ found["m_d"].values[0]
     assert np.allclose(product, polarizer.values[0], atol=1e-6)
-    # Planted: transposed axes turn the retarder's sense; a scalar of another element.
+    # Negative controls: transposed axes reverse the retarder; a scalar of another element.
     turned = retarder.rename(stokes_out="stokes_in", stokes_in="stokes_out").sunstone.decompose()
     axis = retarder.sunstone.decompose()["retardance_axis"]
     assert np.allclose(turned["retardance_axis"], -axis, atol=1e-6) and abs(axis).max() > 0.9
@@ -103,7 +103,7 @@ def test_captures_are_the_commands_and_reconstruct_what_was_captured(schemes: di
     told = data.sunstone.capture(Told())
     assert told.identical(data.sunstone.capture(schemes["drr36"]))
     assert told.sunstone.reconstruct(Told(), noise=1e-3)["mean"].shape == (16, 20, 3, 4, 4)
-    # Planted: read with another scheme.
+    # Negative control: reconstruction with another scheme.
     wrong = data.sunstone.capture(schemes["drr36"]).isel(capture=slice(25)).sunstone.reconstruct(schemes["drr25"], noise=1e-3)
     right = data.sunstone.capture(schemes["drr36"]).isel(capture=slice(25, None)).assign_coords(capture=range(1, 12))
     assert float(abs(wrong["mean"] - truth).max() / abs(truth).max()) < 2e-5
@@ -124,7 +124,7 @@ def test_what_is_left_out_is_counted(schemes: dict[str, Path]) -> None:
 
 
 def test_errors_are_those_of_the_scheme(schemes: dict[str, Path]) -> None:
-    """Errors of 16 elements add to 196 sigma² for DRR36 (PHYSICS.md), and draws of noise agree within 5 sigma of their count."""
+    """The errors of 16 elements add to 196 sigma² for DRR36 (PHYSICS.md). Noise draws agree within 5 sigma of their count."""
     sigma, draws = 1e-3, 4000
     truth = xr.DataArray(
         np.broadcast_to(np.diag([1.0, 0.6, -0.5, 0.3]), (draws, 4, 4)), dims=("x", "stokes_out", "stokes_in"), attrs={"units": "1"}
@@ -136,7 +136,7 @@ def test_errors_are_those_of_the_scheme(schemes: dict[str, Path]) -> None:
     z = ((found["mean"] - truth) / found["std_error"]).values
     assert abs((z**2).mean() - 1) < 5 * np.sqrt(2 / draws)
     assert (abs(z.mean(0)) < 5 / np.sqrt(draws)).all()
-    # Planted: half of the noise.
+    # Negative control: half of the noise.
     half = captures.sunstone.reconstruct(schemes["drr36"], noise=sigma / 2)
     assert abs((((half["mean"] - truth) / half["std_error"]).values ** 2).mean() - 1) > 1
     free = captures.sunstone.reconstruct(schemes["drr36"])
@@ -168,7 +168,7 @@ def test_what_is_wrong_is_said(schemes: dict[str, Path], monkeypatch: pytest.Mon
 
 
 def test_no_command_is_needed(schemes: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is decomposed, captured and reconstructed is so in this process."""
+    """Decomposition, capture and reconstruction run in this process."""
     data = steady().isel(y=slice(4), x=slice(5)).compute()
     expected = data.sunstone.decompose()
     monkeypatch.delenv("SUNSTONE")
@@ -185,7 +185,7 @@ def test_no_command_is_needed(schemes: dict[str, Path], monkeypatch: pytest.Monk
 
 
 def test_counts_of_photons_have_times(schemes: dict[str, Path]) -> None:
-    """A slice over y, x and t is read by a photon counter, in the slice's own bins."""
+    """A photon counter reads a slice over y, x and t in the slice's own bins."""
     t = xr.DataArray([1000.0, 1500.0, 2000.0], dims="t", attrs={"units": "ps"})
     data = xr.DataArray(
         np.broadcast_to(np.diag([1.0, 0.5, 0.4, 0.3]), (2, 3, 3, 4, 4)), dims=("y", "x", "t", "stokes_out", "stokes_in")
@@ -193,7 +193,7 @@ def test_counts_of_photons_have_times(schemes: dict[str, Path]) -> None:
     counted = data.sunstone.capture(schemes["drr36"], {"spad": {"photons_per_unit": 0.05}}, seed=1)
     assert list(counted) == ["mean"] and counted["mean"].dims == ("capture", "y", "x", "t")
     clean = data.sunstone.capture(schemes["drr36"])["mean"]
-    # The response of the diode moves some of the first bin's light on.
+    # The response of the diode moves some of the first bin's light to later bins.
     assert np.array_equal(counted["t"], t) and float(counted["mean"].mean()) == pytest.approx(float(clean.mean()), rel=0.1)
     binned = data.sunstone.capture(schemes["drr36"], {"cmos": {"binning": 2}}, seed=1)
     assert binned["mean"].sizes["y"] == 1 and "y" not in binned.coords

@@ -1,4 +1,4 @@
-"""Sessions of rigs with instruments of Python: the bytes of the command's, failures and wrong answers told, interruptions survived."""
+"""Rig sessions with Python instruments: bytes equal those of the command, failures are reported, interrupted runs resume."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pysunstone import rig
 
 
 def by_command(folder: Path, plan: str) -> dict[str, bytes]:
-    """What `sunstone rig run` writes."""
+    """Return the files that `sunstone rig run` writes."""
     store = folder / f"{plan}-by-command.zarr"
     sunstone("rig", "run", folder / f"{plan}.toml", "-o", store)
     return rigs.content(store)
@@ -31,7 +31,7 @@ def by_command(folder: Path, plan: str) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
-    """Runs that nothing disturbed, by the command."""
+    """Return undisturbed runs of the command."""
     folder = rigs.write(tmp_path_factory.mktemp("sound"))
     return {plan: by_command(folder, plan) for plan in ("camera", "scan", "tags")}
 
@@ -60,11 +60,11 @@ def test_the_rigs_own_instruments_leave_them_too(tmp_path: Path, sound: dict[str
     session.run(tmp_path / "s.zarr", progress=lambda done, frames: seen.append((done, frames)))
     assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
     assert seen and seen[-1][1] == 60 and seen == sorted(seen)
-    # They come back, and may be used.
+    # The session returns the instruments, which can be used directly.
     assert session["camera"].identify(1.0).model == "area camera"
 
 
-#: A mishap, and what a session does about it.
+#: A fault of the bench, and the session's reaction.
 MISHAPS = [
     ("camera", "dropped_frame", "camera", 7),
     ("camera", "short_frame", "camera", 8),
@@ -95,7 +95,7 @@ def test_mishaps_behind_python_are_fixed(
 
 
 class Failing(rigs.Camera):
-    """Raises at some of its exposures."""
+    """Raises an exception in some of its exposures."""
 
     def __init__(self, of: Any, error: Callable[[], BaseException], at: set[int]) -> None:
         super().__init__(of)
@@ -108,7 +108,7 @@ class Failing(rigs.Camera):
         super().expose()
 
 
-#: Exceptions that pass, and what the session notes.
+#: Temporary exceptions, and the journal's entries for them.
 PASSING: list[tuple[Callable[[], Exception], str]] = [
     (lambda: TimeoutError("no trigger"), "camera: timeout: `expose` raised TimeoutError: no trigger"),
     (lambda: OSError("no such device"), "camera: disconnected: `expose` raised OSError: no such device"),
@@ -183,7 +183,7 @@ def test_a_thermometer_that_fails_is_told_and_no_matter(tmp_path: Path, monkeypa
 
 
 class Lying(rigs.Camera):
-    """Answers what it should not."""
+    """Returns invalid frames."""
 
     def __init__(self, of: Any, lie: Callable[[rig.Frame], Any]) -> None:
         super().__init__(of)
@@ -197,7 +197,7 @@ def of_frame(**changes: Any) -> Callable[[rig.Frame], Any]:
     return lambda f: rig.Frame(**{"pixels": f.pixels, "number": f.number, "timestamp_ns": f.timestamp_ns} | changes)
 
 
-#: Frames that are none, and what is said.
+#: Invalid frames, and the error messages.
 LIES: list[tuple[Callable[[rig.Frame], Any], str]] = [
     (lambda f: None, "its pixels are None; give a NumPy array"),
     (lambda f: f.pixels.astype(float), r"its pixels are float64 of shape \(10, 12\); give a NumPy array \(rows, columns\) of uint8 or uint16"),
@@ -222,13 +222,13 @@ def test_frames_that_are_none_are_told(tmp_path: Path, lie: Callable[[rig.Frame]
 
 
 def replaced(of: Any, method: str, answer: Callable[[Any], Any]) -> Any:
-    """An instrument with one method whose answers are changed."""
+    """Return an instrument with one method whose results are changed."""
     before = getattr(of, method)
     setattr(of, method, lambda *a: answer(before(*a)))
     return of
 
 
-#: Plan, instrument, method, another answer, and what is said.
+#: Plan, instrument, method, changed result, and error message.
 ANSWERS: list[tuple[str, str, str, Callable[[Any], Any], str]] = [
     ("camera", "retarder_2", "read", lambda r: None, "`read` answered None: it has no `angle_deg`; give a finite number of degrees"),
     ("camera", "retarder_2", "read", lambda r: rig.StageReading(np.nan), "`angle_deg` is NaN; give a finite number of degrees"),
@@ -285,7 +285,7 @@ def test_a_file_needs_no_instruments_that_python_gives(tmp_path: Path, sound: di
     with pytest.raises(ps.RenderError, match="`camera` is written in Python; give it to"):
         rig.Session(tmp_path / "camera.toml")
     session = rig.Session(tmp_path / "camera.toml", instruments={"camera": rigs.Camera(lent["camera"])})
-    # Another bench's camera sees another bench: dark, but it runs.
+    # The camera of another bench sees that bench: dark frames, but the run works.
     assert session.run(tmp_path / "s.zarr").taken == 60
 
 
@@ -324,7 +324,7 @@ def test_ctrl_c_ends_it_and_it_goes_on(tmp_path: Path, sound: dict[str, dict[str
     assert 12 <= camera.calls.count("expose") < 60
     frames = [e["frame"] for e in rigs.journal(tmp_path / "s.zarr") if e["event"] == "frame"]
     assert frames == list(range(camera.calls.count("expose"))), "the frame in flight was kept"
-    # By whom it goes on is no matter: by the command here.
+    # Any program can resume the run; here the command.
     sunstone("rig", "run", tmp_path / "camera.toml", "-o", tmp_path / "s.zarr", "--resume")
     assert rigs.content(tmp_path / "s.zarr") == sound["camera"]
 
@@ -409,7 +409,7 @@ def test_a_session_has_its_instruments_alone(tmp_path: Path) -> None:
 
 
 def test_pythons_lock_is_free_between_calls(tmp_path: Path) -> None:
-    """While a camera of Python waits without the lock, other threads go on; and it is called from one thread."""
+    """While a Python camera waits without the GIL, other threads run; and the camera is called from a single thread."""
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     threads: set[int] = set()
 
@@ -439,7 +439,6 @@ def test_pythons_lock_is_free_between_calls(tmp_path: Path) -> None:
 
 def test_its_store_opens_and_is_reconstructed(tmp_path: Path) -> None:
     plan = rigs.write(tmp_path) / "camera.toml"
-    # Short exposures: longer ones are saturated without a sample.
     # Sixteen captures of this scheme do not determine 16 elements.
     plan.write_text(plan.read_text().replace("captures = 6", "captures = 25"))
     session = rig.Session(plan)
@@ -454,7 +453,7 @@ def test_its_store_opens_and_is_reconstructed(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def idle(tmp_path_factory: pytest.TempPathFactory) -> rig.Session:
-    """A session that is not run."""
+    """Return a session that is not run."""
     return rig.Session(rigs.write(tmp_path_factory.mktemp("idle")) / "camera.toml")
 
 
@@ -466,7 +465,7 @@ def test_instruments_keep_their_promises(idle: rig.Session, name: str) -> None:
     assert around and [c.name for c in around] == [c.name for c in own], str(around)
 
 
-#: Instrument, method, another answer, and the checks that find it.
+#: Instrument, method, changed result, and the checks that detect it.
 PLANTED: list[tuple[str, str, Callable[[Any], Any], set[str]]] = [
     ("retarder_2", "identify", lambda i: rig.Identity("", "", ""), {"says who it is"}),
     ("retarder_2", "temperature_c", lambda t: 1000.0, {"has a temperature that can be, or none"}),
@@ -505,7 +504,7 @@ def test_planted_faults_are_found(
 
 
 def test_a_camera_without_patience_is_found(idle: rig.Session) -> None:
-    """One that waits as long as it likes, whatever the deadline."""
+    """A camera that waits for any time, whatever the deadline."""
 
     class Stubborn(rigs.Camera):
         def frame(self, within_s: float) -> Any:
@@ -527,7 +526,7 @@ def test_what_is_no_instrument_is_not_checked() -> None:
 
 
 def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The code of docs/python-rig.md, in a folder that has the files that it names."""
+    """Run the code of docs/python-rig.md in a folder with the files that it names."""
     text = (ROOT / "docs" / "python-rig.md").read_text()
     code = [part.split("```")[0] for part in text.split("```python\n")[1:]]
     assert len(code) >= 2
@@ -559,7 +558,7 @@ def test_one_other_number_in_one_frame_is_seen(tmp_path: Path, sound: dict[str, 
 
 
 def test_protocols_are_types(tmp_path: Path) -> None:
-    """mypy finds a method that is missing, and one of another signature."""
+    """mypy detects a missing method and a different signature."""
     (tmp_path / "lab.py").write_text("""
 from pysunstone import rig, _native
 
@@ -581,10 +580,10 @@ class Wrong(rig.PulsedLaser):
     def state(self, within_s: float) -> int:
         return 3
 """)
-    # NumPy's own types take long to read, and are not looked at.
+    # NumPy's types take long to parse and are not checked.
     (tmp_path / "mypy.ini").write_text("[mypy]\n[mypy-numpy.*]\nfollow_imports = skip\n")
     mypy = [sys.executable, "-m", "mypy", "--cache-dir", tmp_path / "cache", "lab.py"]
-    # Where packages are installed mypy looks by itself, and will not be told to.
+    # mypy searches site-packages by default and rejects it in MYPYPATH.
     home = Path(ps.__file__).parents[1]
     path = {} if home.name == "site-packages" else {"MYPYPATH": str(home)}
     done = subprocess.run(mypy, cwd=tmp_path, env=os.environ | path, capture_output=True, text=True, check=False)
@@ -612,12 +611,12 @@ masks = ["dark", "full"]
 """
 
 
-#: Digital numbers of unit light.
+#: Digital number of unit light.
 SCALE = 4000
 
 
 class Axle(rig.RotationStage):
-    """A stage that is there at once, by steps of a thousandth of a degree."""
+    """A stage that moves without delay, in steps of a thousandth of a degree."""
 
     def __init__(self) -> None:
         self.at, self.homed, self.goals = 77.0, False, [0.0]
@@ -643,7 +642,7 @@ class Axle(rig.RotationStage):
 
 
 class Lamp(rig.PatternProjector):
-    """Has light where a pattern has."""
+    """Emits light if the pattern has any."""
 
     def __init__(self) -> None:
         self.loaded: list[Any] = []
@@ -664,14 +663,16 @@ class Lamp(rig.PatternProjector):
 
 
 def rotated(matrix: Any, degrees: float) -> Any:
-    """The Mueller matrix of an element whose axis is turned (Chipman, Polarized Light and Optical Systems, 6.3)."""
+    """Return the Mueller matrix of an element with rotated axis (Chipman, Polarized Light and Optical Systems, 6.3)."""
     c, s = np.cos(2 * np.radians(degrees)), np.sin(2 * np.radians(degrees))
     turn = np.array([[1, 0, 0, 0], [0, c, s, 0], [0, -s, c, 0], [0, 0, 0, 1]])
     return turn.T @ matrix @ turn
 
 
 class Seen(rig.AreaCamera):
-    """Sees the lamp through two polarizers with quarter-wave plates and a sample between, by Mueller's calculus of NumPy."""
+    """Views the lamp through two polarizers with quarter-wave plates and a sample between, computed with NumPy's Mueller
+    calculus.
+    """
 
     def __init__(self, lamp: Lamp, axles: dict[str, Axle], sample: Any) -> None:
         self.lamp, self.axles, self.sample = lamp, axles, sample
@@ -698,10 +699,10 @@ class Seen(rig.AreaCamera):
 
 
 def test_a_laboratory_of_python_alone_measures_what_is_there(tmp_path: Path) -> None:
-    """No bench, no driver, the wall's clock: a sample between rotating retarders is reconstructed to within the digital steps."""
+    """Without bench and drivers, on the wall clock: a sample between rotating retarders is reconstructed up to quantization."""
     (tmp_path / "rig.toml").write_text(LABORATORY)
     (tmp_path / "plan.toml").write_text(WHOLE)
-    # A diattenuator at 0° behind a rotator of 20°: neither is the same with its signs turned.
+    # A diattenuator at 0° behind a rotator of 20°: both change if the sign of an angle is flipped.
     sample = np.diag([1.0, 1.0, 0.8, 0.8])
     sample[0, 1] = sample[1, 0] = 0.6
     c, s = np.cos(np.radians(40)), np.sin(np.radians(40))
@@ -712,12 +713,12 @@ def test_a_laboratory_of_python_alone_measures_what_is_there(tmp_path: Path) -> 
     )
     outcome = session.run(tmp_path / "s.zarr")
     assert (outcome.taken, outcome.retries) == (72, 0) and lamp.light == 0.0
-    # It turns back at 360° without the overshoot that stages have of which the rig file says nothing.
+    # The stage returns at 360° without overshoot, because the rig file does not describe its backlash.
     assert {round(goal, 6) for goal in axles["retarder_3"].goals} == {25.0 * k % 360 for k in range(36)}
     sunstone("reconstruct", tmp_path / "s.zarr", "-o", tmp_path / "m.zarr")
     found = ps.open_store(tmp_path / "m.zarr")["full/mean"]
     matrix = found.mean(("y", "x")).squeeze().values
-    # Numbers are rounded: a standard deviation of 12^-1/2 each, which the scheme makes more of.
+    # Quantization has a standard deviation of 12^-1/2, which the scheme amplifies.
     bound = 5 * np.sqrt(ps.Scheme.drr(36).quality()["error_variance"] / 12) / SCALE
     assert bound < 0.01
     np.testing.assert_allclose(matrix / matrix[0, 0], sample, atol=bound)

@@ -1,4 +1,4 @@
-"""The bridge to bluesky, with bluesky's own RunEngine and simulated devices of ophyd and ophyd-async."""
+"""The bridge to bluesky, with bluesky's RunEngine and simulated devices of ophyd and ophyd-async."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def session(tmp_path: Path) -> rig.Session:
 
 
 def motor(speed: float) -> SimMotor:
-    """A motor of ophyd-async in degrees, connected where bluesky's loop is."""
+    """Return a motor of ophyd-async in degrees, connected in bluesky's event loop."""
     with init_devices():
         made = SimMotor("motor", instant=speed == 0, units="deg")
 
@@ -81,12 +81,12 @@ def test_a_motor_that_goes_elsewhere_is_found(engine: RunEngine) -> None:
         skewed = Skewed("skewed")
     faults = {c.name for c in rig.check(StageOfDevice(skewed)).faults}
     assert "goes where it is sent, and says so" in faults
-    # It is there at once: nothing to wait for, nothing to stop.
+    # The motor moves without delay, so that no move can time out or be stopped.
     assert "a deadline that is too short is a timeout, and the move goes on" in faults
 
 
 def test_motors_turn_the_stages_of_a_run(engine: RunEngine, session: rig.Session, tmp_path: Path) -> None:
-    """Synchronous and asynchronous ones, among simulated stages."""
+    """Synchronous and asynchronous motors among simulated stages."""
     limits = rig.StageLimits((-720, 720), 400, 8000, 0.001)
     turning, axis = motor(2000.0), ophyd.sim.SynAxis(name="axis")
     session["retarder_2"] = StageOfDevice(turning, limits)
@@ -104,7 +104,7 @@ def test_motors_turn_the_stages_of_a_run(engine: RunEngine, session: rig.Session
 
 
 class Jammed(SimMotor):
-    """Fails every third move."""
+    """Fails in every third move."""
 
     moves = 0
 
@@ -143,7 +143,7 @@ def test_a_device_without_an_answer_is_a_timeout() -> None:
 
 
 class Detector(StandardReadable):
-    """Takes the pictures of one of the rig's own cameras, as a device of ophyd-async."""
+    """Takes images with one of the rig's cameras, as a device of ophyd-async."""
 
     def __init__(self, camera: Any, name: str = "") -> None:
         self.camera = camera
@@ -186,14 +186,14 @@ def test_a_detector_of_ophyd_is_a_camera(session: rig.Session, tmp_path: Path) -
     raw = ps.open_store(tmp_path / "s.zarr")["frames/raw"].values.reshape(60, 10, 12)
     assert len(taken) == before + 60
     np.testing.assert_array_equal(raw.max((1, 2)), np.arange(before, before + 60))
-    # Stripes keep their region of the whole picture.
+    # Stripes are cropped from the whole image.
     assert (raw.min((1, 2)) == 0).sum() > 10
     faults = [c.name for c in rig.check(session["camera"]).faults]
     assert faults == ["a deadline that is too short is a timeout, and the frame comes still"], "it has no exposure to wait for"
 
 
 class Spot(StandardReadable):
-    """Counts with the rig's own counter, as a device of ophyd-async."""
+    """Counts with the rig's counter, as a device of ophyd-async."""
 
     def __init__(self, counter: Any, name: str = "") -> None:
         self.counter = counter
@@ -210,7 +210,7 @@ class Spot(StandardReadable):
 
 
 class Mirror(ophyd.sim.SynAxis):
-    """One of two axes that turn the rig's own mirrors."""
+    """One of two axes that turn the rig's mirrors."""
 
     def __init__(self, galvo: Any, at: list[float], axis: int, name: str) -> None:
         self.galvo, self.at, self.axis = galvo, at, axis
@@ -223,7 +223,7 @@ class Mirror(ophyd.sim.SynAxis):
 
 
 class Shutter(ophyd.sim.SynAxis):
-    """Lets the rig's own laser shine."""
+    """Controls the emission of the rig's laser."""
 
     def __init__(self, laser: Any, name: str) -> None:
         self.laser = laser
@@ -235,7 +235,7 @@ class Shutter(ophyd.sim.SynAxis):
 
 
 def test_devices_scan_as_the_rig_does(engine: RunEngine, tmp_path: Path) -> None:
-    """Mirrors, shutter and counter around those of the simulated rig: the very same counts."""
+    """Mirrors, shutter and counter wrap those of the simulated rig: identical counts."""
     plan = rigs.write(tmp_path) / "scan.toml"
     plan.write_text(plan.read_text().replace("dwell_ms = 2", "dwell_ms = 2\nrate_hz = 1e7"))
     rig.Session(plan).run(tmp_path / "own.zarr")
@@ -271,7 +271,7 @@ def test_a_key_that_is_not_there_is_told(session: rig.Session, tmp_path: Path) -
 
 
 def test_a_run_engine_scans_the_rig(engine: RunEngine, session: rig.Session) -> None:
-    """A stage, a projector and a camera of ours in plans of bluesky: between two polarizers the law of Malus."""
+    """A stage, a projector and a camera of Sunstone in bluesky plans: two polarizers follow the law of Malus."""
     stage = MovableStage(session["polarizer_1"], "polarizer")
     white = [np.full((6, 8), 255, np.uint8)]
     projector = MovableProjector(session["projector"], "pattern", white)
@@ -299,7 +299,7 @@ def test_a_run_engine_scans_the_rig(engine: RunEngine, session: rig.Session) -> 
     assert stop["exit_status"] == "success" and len(events) == 13
     np.testing.assert_allclose([e["polarizer"] for e in events], angles, atol=1e-3)
     assert {e["pattern"] for e in events} == {0}
-    # Retarders at 0° between the turning and the fixed polarizer leave its first harmonic alone.
+    # Retarders at 0° between the rotating and the fixed polarizer do not change the first harmonic.
     light = np.array([np.mean(e["camera"]) for e in events])
     angle = np.radians(angles)
     basis = np.stack([np.ones(13), np.cos(2 * angle), np.sin(2 * angle)], 1)
@@ -331,12 +331,12 @@ def test_a_stage_of_ours_is_stopped_on_its_way(engine: RunEngine) -> None:
 
 
 def test_the_example_of_the_page_runs(engine: RunEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The code of docs/python-rig.md, in a folder that has the files that it names."""
+    """Run the code of docs/python-rig.md in a folder with the files that it names."""
     code = (ROOT / "docs" / "python-rig.md").read_text().split("```py\n")[1].split("```")[0]
     for folder in ("rigs", "scenes"):
         (tmp_path / folder).symlink_to(ROOT / folder)
     monkeypatch.chdir(tmp_path)
-    # One engine to a process: its loop is where devices live.
+    # One engine per process: devices live in its loop.
     assert "engine = RunEngine()\n" in code
     names: dict[str, Any] = {"engine": engine}
     exec(compile(code.replace("engine = RunEngine()\n", ""), "docs/python-rig.md", "exec"), names)  # noqa: S102

@@ -1,4 +1,4 @@
-"""Scenes, and renders of them: the numbers of the command, to the bit."""
+"""Scenes and their renders, bit-identical to those of the command."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import pysunstone as ps
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the scene's file, and its store by the command."""
+    """Return a folder with the scene file and its store, rendered by the command."""
     path = tmp_path_factory.mktemp("scene")
     (path / "scene.toml").write_text(TEXT)
     words = [command(), "render", "scene.toml", "--seed", "3", "-o", "by_command.zarr", "--no-figures"]
@@ -72,7 +72,7 @@ def test_threads_and_ways_do_not_matter(folder: Path) -> None:
             for array in other[name].arrays:
                 np.testing.assert_array_equal(other[name][array], ways[0][name][array])
     assert list(ways[3]) == ["mueller"]
-    # A planted difference is seen.
+    # Negative control: another seed.
     assert (ps.Scene.from_toml(TEXT).render(spp=4, seed=8)["mueller"]["mean"] != ways[0]["mueller"]["mean"]).any()
 
 
@@ -207,7 +207,7 @@ def test_wrong_renders(folder: Path, tmp_path: Path) -> None:
     nothing = ps.Scene.from_dict(document(slices=[]))
     with pytest.raises(ps.InputError, match="slices"):
         nothing.render()
-    # And the scene still renders.
+    # The scene still renders.
     assert scene.render(spp=1)["mueller"]["mean"].any()
 
 

@@ -1,4 +1,4 @@
-"""Stores as trees: what opens, what is refused, and that values are those that were written."""
+"""Stores as trees: what opens, what is refused, and values equal those written."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def copied(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def url() -> Iterator[str]:
-    """The folder of the tests, served."""
+    """Serve the folder of the tests and yield its URL."""
 
     class Quiet(http.server.SimpleHTTPRequestHandler):
         def log_message(self, format: str, *args: object) -> None:
@@ -79,7 +79,7 @@ def test_xarray_opens_every_store_as_a_tree(tmp_path: Path) -> None:
 
 
 def test_a_store_of_an_earlier_version_opens(copied: Path) -> None:
-    """Its sample counts are along y and x, which xarray refuses: the planted fault of the test above."""
+    """Its sample counts are along y and x, which xarray refuses: the negative control of the test above."""
     description = copied / "samples/zarr.json"
     old = json.loads(description.read_text())
     old["dimension_names"] = ["y", "x"]
@@ -97,7 +97,7 @@ def test_a_store_of_an_earlier_version_opens(copied: Path) -> None:
 
 
 def _reseal(path: Path) -> None:
-    """Sizes of descriptions in the manifest, after they were changed."""
+    """Update the sizes of metadata in the manifest."""
     lines = (path / "manifest.txt").read_text().splitlines()
     changed = []
     for line in lines:
@@ -132,7 +132,7 @@ def test_pieces_are_whole_chunks() -> None:
         preferred = mean.encoding["preferred_chunks"]
         for dim, cuts in zip(mean.dims, mean.chunks, strict=True):
             assert all(cut % preferred[dim] == 0 for cut in cuts[:-1]), f"{name} {dim}"
-    # Chunks of 6 MiB grow from the last axis on: 4 along u, 2 along x, which makes 48 MiB of at most 64.
+    # Chunks of 6 MiB grow from the last axis: 4 along u, 2 along x, in total 48 MiB of at most 64 MiB.
     sizes: dict[Hashable, int] = {"y": 256, "x": 256, "v": 8, "u": 256, "stokes_out": 4, "stokes_in": 4, "wavelength": 3}
     stored: dict[Hashable, int] = {"y": 8, "x": 8, "v": 8, "u": 64, "stokes_out": 4, "stokes_in": 4, "wavelength": 3}
     lengths = stores.pieces(sizes, stored, 4)
@@ -168,7 +168,7 @@ def test_a_store_is_read_over_http(url: str) -> None:
 
 
 def test_shards_are_read_over_http(url: str) -> None:
-    """From a server that knows no ranges of bytes."""
+    """From a server without range requests."""
     pytest.importorskip("aiohttp", reason="fsspec reads http with it")
     shards.shard(rendered.store(), rendered.folder() / "served.zarr")
     there, here = (array(open_store(place, chunks=None), "full/mean") for place in (f"{url}/served.zarr", rendered.store()))
@@ -184,7 +184,7 @@ def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
     with pytest.raises(stores.NotAStoreError, match="lists no slices"):
         open_store(tmp_path / "strange.zarr")
     (tmp_path / "zarr.json").write_text("{")
-    with pytest.raises(stores.DamagedStoreError, match="no valid JSON"):
+    with pytest.raises(stores.DamagedStoreError, match="not valid JSON"):
         open_store(tmp_path)
     with pytest.raises(stores.StoreError, match="has no slice `ful`; it has: full, epipolar"):
         open_store(rendered.store(), slices=["ful"])
@@ -205,7 +205,7 @@ def test_a_newer_store_is_refused(copied: Path) -> None:
 
 @pytest.mark.parametrize("fault", ["lost", "cut", "other", "swapped"])
 def test_damage_is_an_error_and_not_zeros(copied: Path, fault: str) -> None:
-    """Zarr alone reads a lost chunk as zeros, and does not notice one in the place of another."""
+    """Zarr alone reads a lost chunk as zeros, and does not detect a swapped chunk."""
     chunks = sorted((copied / "full/mean").glob("c.*"))
     chunk = chunks[0]
     if fault == "lost":
@@ -236,7 +236,7 @@ def test_a_manifest_that_was_cut_is_damage(copied: Path) -> None:
 
 
 def test_an_unfinished_store_says_how_far_it_is(tmp_path: Path) -> None:
-    """A render is killed; consolidated metadata are true of what it leaves, values are NaN where there are none."""
+    """A render is killed. Consolidated metadata match the remaining files; missing values are NaN."""
     path = tmp_path / "killed.zarr"
     scene = tmp_path / "large.toml"
     scene.write_text(rendered.SCENE.replace("resolution = [20, 16]", "resolution = [200, 160]").replace("spp = 64", "spp = 1024"))

@@ -1,5 +1,5 @@
-//! What the tests of whole renders and of the program share: small scenes as text, readers of what was rendered, and
-//! judges of what is said about broken files.
+//! Shared code of the tests of renders and of the program: small scenes as text, readers of results, and
+//! checks of messages about broken files.
 
 #![allow(dead_code)]
 
@@ -14,7 +14,7 @@ use sunstone::transport::scene::Scene;
 #[allow(unused_imports)]
 pub use support::{MIRROR_ROOM, edit, mirror_room, shipped};
 
-/// A scene from text.
+/// Parses a scene.
 pub fn scene(text: &str) -> Scene {
     sunstone::scene::from_text(Path::new("test.toml"), text).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -39,7 +39,7 @@ pub fn read(store: &TensorStore, slice: &str, field: Field) -> Tensor {
         .expect("its values")
 }
 
-/// Every file below `path`, by its relative name.
+/// All files below `path`, by relative name.
 pub fn files(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
         for entry in std::fs::read_dir(at).expect("a folder") {
@@ -57,7 +57,7 @@ pub fn files(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     out
 }
 
-/// Asserts that two stores have the same files with the same bytes, but for the time that rendering took.
+/// Asserts that two stores have the same files with the same bytes, except for the render time.
 pub fn assert_same_store(a: &Path, b: &Path) {
     let (mut a, mut b) = (files(a), files(b));
     assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
@@ -81,7 +81,7 @@ pub fn assert_same_store(a: &Path, b: &Path) {
     }
 }
 
-/// The program, in a folder.
+/// Command that runs the program in a folder.
 pub fn sunstone(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
     command
@@ -103,13 +103,13 @@ pub fn run(folder: &Path, arguments: &[&str], code: i32) -> Output {
     out
 }
 
-/// What a run wrote to standard error.
+/// Standard error of a run.
 pub fn stderr(out: &Output) -> String {
     String::from_utf8_lossy(&out.stderr).into_owned()
 }
 
-/// A broken file: what is broken; the passage and what takes its place; where the fault is (the first line with this
-/// text; with a leading `^` the column of the text too); words that the message must have.
+/// A broken file: name of the fault; passage and its replacement; location of the fault (the first line with
+/// this text; with a leading `^` also its column); words that the message must contain.
 pub type Case = (
     &'static str,
     &'static str,
@@ -118,7 +118,7 @@ pub type Case = (
     &'static str,
 );
 
-/// Line and column of a fault as a case writes it, counted here anew.
+/// Line and column of a fault, computed independently from the mark of a case.
 fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
     let wanted = mark.strip_prefix('^');
     let at = text
@@ -129,8 +129,8 @@ fn place(text: &str, mark: &str) -> (usize, Option<usize>) {
     (line, wanted.map(|_| column))
 }
 
-/// Breaks the sound file `text` as a case says, into `name` in an empty folder; runs the program on it, which must refuse
-/// it, and returns what is wrong with its report, if anything.
+/// Applies a case to the valid file `text`, writes it as `name` into an empty folder, and runs the program,
+/// which must refuse it. Returns the fault of its message, if any.
 pub fn fault(folder: &Path, name: &str, text: &str, case: &Case, arguments: &[&str]) -> Option<String> {
     let &(what, from, to, mark, says) = case;
     let text = edit(text, from, to);

@@ -1,4 +1,4 @@
-//! A hostile case, how it is run, and what is wrong with how the program took it.
+//! A hostile case, its run, and the faults of the program's answer.
 
 use crate::fixtures::Fixtures;
 use std::collections::BTreeMap;
@@ -11,12 +11,12 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// The longest that an answer may take, on a machine that has other work to do.
+/// Longest allowed time of an answer, on a machine with other load.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// The most that may be said about what is wrong, bytes.
+/// Largest allowed message, bytes.
 const FLOOD: u64 = 64 << 10;
 
-/// What is in the folder before a case is run.
+/// Content of the folder before a case runs.
 #[derive(Clone, Debug)]
 pub enum Put {
     Text(String),
@@ -25,48 +25,48 @@ pub enum Put {
     Copy(&'static str),
     /// The first half of a file of the fixtures.
     Half(&'static str),
-    /// Nothing: what was put there before is taken away.
+    /// Nothing: an earlier entry is removed.
     Gone,
     Folder,
     Fifo,
-    /// A link to a path as it stands.
+    /// A symbolic link to this path.
     Link(&'static str),
-    /// A file that claims so many bytes.
+    /// A sparse file of this size.
     Sparse(u64),
 }
 
-/// How a case must end.
+/// Required end of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expect {
     /// Bad input: exit code 2.
     Refused,
-    /// The system refused: exit code 1.
+    /// The system failed: exit code 1.
     Failed,
-    /// Right after all, or harmless: exit code 0.
+    /// Valid or harmless after all: exit code 0.
     Accepted,
 }
 
-/// One call of the program. `{f}` in arguments and texts is the folder of the fixtures.
+/// One call of the program. In arguments and texts, `{f}` is the folder of the fixtures.
 #[derive(Clone, Debug)]
 pub struct Case {
     pub name: String,
     pub files: Vec<(String, Put)>,
     pub arguments: Vec<String>,
     pub expect: Expect,
-    /// What must be said.
+    /// Required words of the message.
     pub says: &'static str,
-    /// Largest file that the child may write, in blocks of 512 bytes: a disk that fills up.
+    /// Largest file that the child may write, in blocks of 512 bytes: simulates a full disk.
     pub limit: Option<u32>,
-    /// Store that must not be called finished after it.
+    /// Store that must not be reported as finished afterwards.
     pub verify: Option<&'static str>,
-    /// Mode of files that are put, and whether nobody runs the program, where the user may do everything.
+    /// Mode of the files that are put; if the user is root, the user `nobody` runs the program.
     pub mode: Option<u32>,
-    /// Outputs that may be there after a failure, because they are finished.
+    /// Outputs that may exist after a failure, because they are finished.
     pub may_leave: &'static [&'static str],
 }
 
 impl Case {
-    /// A call that must be refused; words of `line` are separated by blanks.
+    /// A call that must be refused; blanks separate the words of `line`.
     pub fn new(name: impl Into<String>, line: &str) -> Self {
         Self {
             name: name.into(),
@@ -95,7 +95,7 @@ impl Case {
     }
 }
 
-/// What came of a case.
+/// Result of a case.
 #[allow(clippy::struct_excessive_bools)]
 #[derive(Debug)]
 pub struct Finding {
@@ -112,7 +112,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Something was accepted that no list says is right.
+    /// Whether an input was accepted that no list declares valid.
     fn silent(&self) -> bool {
         self.code == Some(0) && self.expect != Expect::Accepted
     }
@@ -126,7 +126,7 @@ impl Finding {
         self.code == Some(code) && !self.unsaid
     }
 
-    /// What is wrong, if anything.
+    /// The faults of the answer, if any.
     pub fn complaint(&self) -> Option<String> {
         let mut why = vec![];
         if self.panicked {
@@ -162,7 +162,7 @@ impl Finding {
     }
 }
 
-/// The table.
+/// Summary table.
 #[derive(Debug, Default)]
 pub struct Tally {
     pub refused: usize,
@@ -205,7 +205,7 @@ impl fmt::Display for Tally {
     }
 }
 
-/// Runs cases, as many at once as the machine has processors.
+/// Runs cases, as many in parallel as the machine has processors.
 pub fn run_all(cases: &[Case], fixtures: &Fixtures) -> Vec<Finding> {
     let next = AtomicUsize::new(0);
     let found = Mutex::new(vec![]);
@@ -243,7 +243,8 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
     let arguments: Vec<String> = case.arguments.iter().map(|a| a.replace("{f}", &root)).collect();
     let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
     if let Some(blocks) = case.limit {
-        // The shell ignores the signal that a write beyond the limit sends, so that the write fails as on a full disk.
+        // The shell ignores the signal of a write beyond the limit, so that the write fails as on a full
+        // disk.
         command = Command::new("sh");
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
         command.arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_sunstone"));
@@ -331,7 +332,7 @@ fn run(case: &Case, fixtures: &Fixtures) -> Finding {
     }
 }
 
-/// Whether this process may do everything.
+/// Whether this process is root.
 pub fn is_root() -> bool {
     fs::metadata("/proc/self").is_ok_and(|m| m.uid() == 0)
 }
@@ -361,7 +362,7 @@ fn place(path: &Path, put: &Put, fixtures: &Path, root: &str) {
     }
 }
 
-/// Copies a file or a folder with all that is in it.
+/// Copies a file, or a folder with its content.
 pub fn copy(from: &Path, to: &Path) {
     if !from.is_dir() {
         fs::copy(from, to).expect("a copy");
@@ -374,7 +375,7 @@ pub fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Everything below a folder: of files their bytes (of large ones their length), of all else what it is.
+/// Everything below a folder: bytes of files (lengths of large ones), kinds of all other entries.
 pub fn contents(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(root: &Path, at: &Path, out: &mut BTreeMap<PathBuf, Vec<u8>>) {
         for entry in fs::read_dir(at).expect("a folder") {

@@ -1,9 +1,9 @@
-//! Disks that fill up: exit code 1, the file and the reason, and nothing that reads as finished.
+//! Full disks: exit code 1, a message with the file and the reason, and nothing that reads as finished.
 
 use crate::case::{Case, Expect, Put};
 use crate::fixtures::SMALL;
 
-/// Commands whose output is larger than the least limit, and the store they write, if any.
+/// Commands whose output is larger than the smallest limit, and the store they write, if any.
 #[rustfmt::skip]
 const WRITERS: &[(&str, Option<&str>)] = &[
     ("render scene.toml -o out.zarr --no-figures", Some("out.zarr")),
@@ -48,7 +48,7 @@ pub fn cases() -> Vec<Case> {
             }
             if let Some(store) = store {
                 case.verify = Some(store);
-                // An unfinished render is there to be resumed.
+                // An unfinished render stays, so that it can be resumed.
                 case.may_leave = &["out.zarr", ".out.zarr"];
             }
             cases.push(case);

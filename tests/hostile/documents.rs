@@ -1,11 +1,11 @@
-//! Documents other than scenes, each with every key: schemes, detectors, priors, media, materials, calibrations; every value in
-//! turn something that it should not be. And arrays that are none.
+//! Documents other than scenes, each with every key: schemes, detectors, priors, media, materials,
+//! calibrations. Every value is replaced by invalid ones, one at a time. Also invalid arrays.
 
 use crate::case::{Case, Expect, Put};
 use crate::scenes::spoil;
 use std::collections::BTreeSet;
 
-/// Cases that are right after all: `document: key = value` a line.
+/// Cases that are valid after all: one `document: key = value` per line.
 const ACCEPTED: &str = include_str!("accepted_documents.txt");
 
 const SCHEME: &str = r#"name = "x"
@@ -101,7 +101,7 @@ intrinsics = [60, 60, 32, 24]
 resolution = [64, 48]
 "#;
 
-/// A rig with every key of a simulated one, and plans with every key.
+/// A simulated rig with every key, and plans with every key.
 pub const RIG: &str = r#"name = "x"
 wavelength_nm = 550
 [stages.polarizer_1]
@@ -213,7 +213,7 @@ const DOCUMENTS: &[(&str, &str, &str, Format, &str)] = &[
     ("kalibr", KALIBR, "x.json", Format::Json, "import x.json -o out.toml"),
 ];
 
-/// A `.npy` with this header and so many bytes behind it.
+/// A `.npy` file with this header and `bytes` bytes after it.
 fn npy(header: &str, bytes: usize) -> Vec<u8> {
     let header = format!("{header}\n");
     let mut all = b"\x93NUMPY\x01\x00".to_vec();
@@ -233,7 +233,7 @@ const OF_ARRAYS: &[&str] = &[
     "trial x.npy --scheme {f}/drr36.toml -o out.csv",
 ];
 
-/// Headers and bytes of arrays that are none of them.
+/// Headers and bytes of invalid arrays.
 #[rustfmt::skip]
 const ARRAYS: &[(&str, &str, usize)] = &[
     ("of no shape", "{'descr': '<f4', 'fortran_order': False, 'shape': (), }", 4),

@@ -1,4 +1,4 @@
-//! Files that are right, of which cases take one to spoil: made once by the program itself.
+//! Valid files, generated once by the program. Each case damages one of them.
 
 use crate::case::{contents, copy};
 use crate::harness;
@@ -10,7 +10,7 @@ use sunstone::store::numpy;
 use sunstone::transport::material::measured::axes::Axes;
 use sunstone::transport::material::measured::write::write;
 
-/// A scene that is small and right, with all files that a scene can name.
+/// A small valid scene, with all files that a scene can refer to.
 pub const SMALL: &str = r#"name = "small"
 wavelengths_nm = [450, 550, 660]
 render = { spp = 2, tile = 4, max_depth = 3 }
@@ -42,10 +42,10 @@ name = "picture"
 view.photo = { slice = "mueller" }
 "#;
 
-/// Variants of it.
+/// Variants of the scene.
 const VARY: &str = "\n[vary.shade]\npath = \"materials.white.diffuse.albedo\"\nvalues = [[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]]\n";
 
-/// A figure of it.
+/// A figure of the scene.
 const FIGURE: &str = r#"columns = 1
 [scenes.small]
 file = "SCENE"
@@ -57,10 +57,10 @@ view.photo = { slice = "mueller" }
 caption = "{pixels} pixels"
 "#;
 
-/// Matrices of the arrays: enough not to fit a disk that is nearly full.
+/// Number of matrices in the arrays: too many for a nearly full disk.
 const PIXELS: usize = 60;
 
-/// A camera of OpenCV.
+/// A calibration of a camera by OpenCV.
 const CALIBRATION: &str = "image_width: 64\nimage_height: 48\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [60, 0, 32, 0, 60, 24, 0, 0, 1]\n\
 distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, 0, 0, 0, 0]\n";
 
@@ -147,7 +147,7 @@ impl Fixtures {
             .collect();
         let shape = [PIXELS, 4, 4];
         numpy::save(&at.join("M.npy"), &shape, &matrices).expect("an array");
-        // As bright as its camera can tell.
+        // Dimmed so that its camera does not saturate.
         let dim: Vec<f32> = matrices.iter().map(|m| 0.02 * m).collect();
         numpy::save(&at.join("dim.npy"), &shape, &dim).expect("an array");
         let errors = |v: f32| vec![v; PIXELS * 16];
@@ -186,13 +186,13 @@ impl Fixtures {
         folder()
     }
 
-    /// All that is there.
+    /// All files.
     pub fn snapshot(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         contents(self.path())
     }
 }
 
-/// A folder in memory where the system has one.
+/// A folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
     let made = tempfile::tempdir_in("/dev/shm")
         .or_else(|_| tempfile::tempdir())

@@ -1,9 +1,10 @@
-//! Every file that a command or a scene reads, in turn missing, empty, a folder, a pipe, endless, cut short, or something else.
+//! Every file that a command or a scene reads is replaced by a missing, empty, endless, truncated or
+//! different file, a folder or a pipe.
 
 use crate::case::{Case, Expect, Put};
 use crate::fixtures::SMALL;
 
-/// Commands with `{x}` where the spoilt file is named, the name that it has, and the file of the fixtures that is right.
+/// Commands with `{x}` in place of the damaged file, its name, and the valid file of the fixtures.
 #[rustfmt::skip]
 const READERS: &[(&str, &str, &str)] = &[
     ("render {x} -o out.zarr", "x.toml", "scene.toml"),
@@ -73,8 +74,8 @@ const READERS: &[(&str, &str, &str)] = &[
     ("phase eval {x}", "x.toml", "media.toml"),
 ];
 
-/// Files that a scene names: a key and a value that takes the place of `materials.white`'s or of the shape, the name, and the
-/// file that is right.
+/// Files that a scene refers to: a key, a value that replaces that of `materials.white` or of the shape, the
+/// name, and the valid file.
 #[rustfmt::skip]
 const NAMED: &[(&str, &str, &str, &str)] = &[
     ("[0.7, 0.7, 0.7]", "{ image = \"x.png\" }", "x.png", "image.png"),
@@ -87,7 +88,7 @@ const NAMED: &[(&str, &str, &str, &str)] = &[
     ("polarization = \"mueller\"", "projector = { mask = \"x.png\" }", "x.png", "mask.png"),
 ];
 
-/// Spoilt files that are right after all.
+/// Damaged files that are valid after all.
 #[rustfmt::skip]
 const ACCEPTED: &[&str] = &[
     "project {f}/scene.toml {x}: x.csv is empty",

@@ -1,8 +1,8 @@
-//! Every option of every command, in turn something that it should not be.
+//! Every option of every command, with invalid values, one at a time.
 
 use crate::case::{Case, Expect};
 
-/// Values that no option takes for what they are, and those that some do.
+/// Values that no option accepts, and values that some options accept.
 const VALUES: [&str; 14] = [
     "nan",
     "inf",
@@ -20,7 +20,7 @@ const VALUES: [&str; 14] = [
     "0x10",
 ];
 
-/// Commands with `{v}` for an option's value, and the values of [`VALUES`] that are right after all.
+/// Commands with `{v}` in place of an option's value, and the values of [`VALUES`] that are valid after all.
 #[rustfmt::skip]
 const OPTIONS: &[(&str, &[&str])] = &[
     ("render {f}/scene.toml -o out.zarr --spp {v}", &[]),
@@ -160,7 +160,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
     ("import {f}/mitsuba/scene.xml -o out.toml -D wavelengths_nm={v}", &[]),
 ];
 
-/// Calls that are wrong in ways of their own.
+/// Calls with special faults.
 #[rustfmt::skip]
 const ODD: &[&str] = &[
     "", "no-such-command", "render", "render --spp", "merge {f}/s.zarr -o out.zarr", "merge {f}/s.zarr {f}/s.zarr -o out.zarr",
@@ -207,7 +207,7 @@ pub fn cases() -> Vec<Case> {
     for (line, right) in OPTIONS {
         for value in VALUES {
             let mut case = Case::new(format!("{line}: {value:?}"), line);
-            // Behind a sign, a value would be taken for an option of its own.
+            // A value with a leading sign would be parsed as a separate option.
             let joined = value.starts_with('-');
             let mut arguments: Vec<String> = vec![];
             for word in &case.arguments {

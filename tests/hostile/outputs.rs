@@ -1,10 +1,11 @@
-//! Every output, in turn an input, a folder, a device, a pipe, an address, misnamed, or where nothing can be.
+//! Every output is replaced by an input, a folder, a device, a pipe, an address, a wrong name, or an
+//! impossible path.
 
 use crate::case::{Case, Expect, Put};
 use std::path::Path;
 
-/// Commands with `{o}` for the output; its extension, or `/` for a folder and `zarr` for a store; the argument that is an
-/// input which could be overwritten.
+/// Commands with `{o}` in place of the output; its extension, or `/` for a folder and `zarr` for a store; the
+/// argument that is an input which could be overwritten.
 #[rustfmt::skip]
 const WRITERS: &[(&str, &str, &str)] = &[
     ("render {i} -o {o} --no-figures", "zarr", "scene.toml"),
@@ -64,7 +65,7 @@ const WRITERS: &[(&str, &str, &str)] = &[
     ("phase eval {i} -o {o}", "csv", "media.toml"),
 ];
 
-/// Two outputs that would be one file.
+/// Two outputs with the same path.
 #[rustfmt::skip]
 const TWICE: &[&str] = &[
     "reconstruct {f}/I.npy --scheme {f}/drr36.toml -o out.npy --errors ./out.npy",
@@ -75,7 +76,7 @@ const TWICE: &[&str] = &[
     "learn -k 9 --data {f}/tables --bands 550 --folds 0 --starts 1 --iterations 1 --adam-steps 1 -o out.toml --save-prior ./out.toml",
 ];
 
-/// Extensions that nothing is written as by any command, or by few.
+/// Extensions that no command, or few commands, write.
 const EXTENSIONS: [&str; 8] = ["tif", "jpg", "h5", "hdr", "gif", "npy", "csv", "toml"];
 
 fn named(extension: &str) -> String {
@@ -103,7 +104,7 @@ pub fn cases() -> Vec<Case> {
                 &line.replace("{i}", &name),
             );
             let mut case = case;
-            // A name may be empty, and so is no word of the line.
+            // A name may be empty; then it is not a word of the line.
             case.arguments
                 .iter_mut()
                 .for_each(|a| *a = a.replace("{o}", output));
@@ -122,7 +123,7 @@ pub fn cases() -> Vec<Case> {
             let fix = "--features object-stores";
             (make("an address", &format!("s3://bucket/{out}")).says(fix), fix)
         } else if writes_below_addresses {
-            // They write below addresses, but not of these.
+            // These commands write to addresses, but not of this kind.
             (
                 make("an address", &format!("nowhere://bucket/{out}")).says("s3://"),
                 "read only",
@@ -142,7 +143,7 @@ pub fn cases() -> Vec<Case> {
         cases.push(make("a pipe", &out).put(out.clone(), Put::Fifo));
         cases.push(make("below a file", &format!("f/{out}")).put("f", Put::Text("x".into())));
         let mut nowhere = make("in /proc", &format!("/proc/{out}")).expect(Expect::Failed);
-        // What was written before is right.
+        // Outputs written before the failure are valid.
         nowhere.may_leave = &["out.", "renders"];
         cases.push(nowhere);
         if folder {
@@ -159,7 +160,7 @@ pub fn cases() -> Vec<Case> {
                 make("a folder of something", &out).put(format!("{out}/f"), Put::Text("precious".into())),
             );
         }
-        // Their formats go by the name.
+        // The name determines the format.
         let by_name = line.starts_with("probe") || line.starts_with("pbrdf slice");
         let known = |e: &str| e == *extension || by_name && ["npy", "csv"].contains(&e);
         for other in EXTENSIONS.iter().filter(|e| !known(e)) {
@@ -211,7 +212,7 @@ pub fn cases() -> Vec<Case> {
         )
         .put("scenes", Put::Folder),
     );
-    // All of it is told before the first render.
+    // All faults are reported before the first render.
     let apply = "apply metamerism --preview --seeds 1 --scenes scenes";
     for (renders, output) in [
         ("renders", "scenes"),

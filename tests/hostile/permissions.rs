@@ -1,9 +1,10 @@
-//! Files and folders that may not be read or written. Where the user may do everything, nobody runs the program, if that can be.
+//! Files and folders without read or write permission. If the user is root, the user `nobody` runs the
+//! program, if possible.
 
 use crate::case::{Case, Expect, Put, is_root};
 use std::process::{Command, Stdio};
 
-/// Commands that read a file that may not be read.
+/// Commands that read a file without read permission.
 #[rustfmt::skip]
 const READERS: &[(&str, &str)] = &[
     ("render x.toml -o out.zarr", "x.toml"),
@@ -26,7 +27,7 @@ const READERS: &[(&str, &str)] = &[
     ("apply metamerism --preview --scenes {f}/scenes --renders renders -o out --capture x.toml", "x.toml"),
 ];
 
-/// Commands that write into a folder that may not be written.
+/// Commands that write into a folder without write permission.
 #[rustfmt::skip]
 const WRITERS: &[&str] = &[
     "render {f}/scene.toml -o d/out.zarr --no-figures",
@@ -58,7 +59,7 @@ const WRITERS: &[&str] = &[
     "apply metamerism --preview --seeds 1 --scenes {f}/scenes --renders d/renders -o d/out",
 ];
 
-/// Whether the program can be run by somebody who may not do everything.
+/// Whether the program can run as a user without root's rights.
 fn possible() -> bool {
     let nobody = || {
         Command::new("setpriv")

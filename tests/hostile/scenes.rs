@@ -1,4 +1,4 @@
-//! Every value of a scene that has every key, in turn something that it should not be.
+//! A scene with every key; every value is replaced by invalid ones, one at a time.
 
 use crate::case::{Case, Expect, Put};
 use std::collections::BTreeSet;
@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 /// A scene with every key of the syntax.
 const SCENE: &str = include_str!("scene.toml");
-/// Cases that are right after all: `key = value` a line.
+/// Cases that are valid after all: one `key = value` per line.
 const ACCEPTED: &str = include_str!("accepted.txt");
 
 /// A step into a document.
@@ -24,7 +24,7 @@ fn shown(path: &[Step]) -> String {
     path.iter().map(word).collect::<Vec<_>>().join(".")
 }
 
-/// All places of a document, but of a list of plain values the first alone.
+/// All paths of a document; of a list of plain values only the first entry.
 fn places(value: &Value, at: &mut Vec<Step>, out: &mut Vec<Vec<Step>>) {
     if !at.is_empty() {
         out.push(at.clone());
@@ -49,7 +49,7 @@ fn places(value: &Value, at: &mut Vec<Step>, out: &mut Vec<Vec<Step>>) {
     }
 }
 
-/// Whether three numbers stand at a place.
+/// Whether the value at a path is three numbers.
 fn is_vector(scene: &Value, path: &[Step]) -> bool {
     let mut value = scene;
     for step in path {
@@ -65,7 +65,7 @@ fn is_vector(scene: &Value, path: &[Step]) -> bool {
         .is_some_and(|l| l.len() == 3 && l.iter().all(number))
 }
 
-/// Puts a value at a place, or takes away what is there.
+/// Sets the value at a path, or removes it.
 fn set(value: &mut Value, path: &[Step], new: Option<Value>) {
     let (last, way) = path.split_last().expect("a place");
     let mut parent = value;
@@ -85,7 +85,7 @@ fn set(value: &mut Value, path: &[Step], new: Option<Value>) {
     }
 }
 
-/// What takes the place of a value, by name.
+/// Replacement values, by name.
 fn spoilt() -> Vec<(&'static str, Option<Value>)> {
     vec![
         ("nan", Some(Value::Float(f64::NAN))),
@@ -102,14 +102,14 @@ fn spoilt() -> Vec<(&'static str, Option<Value>)> {
     ]
 }
 
-/// A document once for every place and every spoilt value, with `place = value`.
+/// The document, once for every path and every replacement value, with `path = value`.
 pub fn spoil(document: &Value) -> Vec<(String, Value)> {
     let mut all = vec![];
     places(document, &mut vec![], &mut all);
     let mut out = vec![];
     for place in all {
         for (name, value) in spoilt() {
-            // A direction that is none, where there is one.
+            // A zero direction only replaces directions.
             if name == "zeros" && !is_vector(document, &place) {
                 continue;
             }
@@ -135,7 +135,7 @@ pub fn cases() -> Vec<Case> {
             Expect::Refused
         };
         let text = toml::to_string(&value).expect("TOML");
-        // Figures are read where they are drawn.
+        // Figures are parsed by the command that draws them.
         let command = if key.starts_with("figures") {
             "render scene.toml -o s.zarr"
         } else {

@@ -1,8 +1,9 @@
-//! Stores whose files are missing, pipes, devices, cut short or something else: never an answer of what is not there.
+//! Stores whose files are missing, pipes, devices, truncated or different. No command may answer with missing
+//! data.
 
 use crate::case::{Case, Expect, Put};
 
-/// Commands that read all of the store `s.zarr`, but for `info`, which reads less.
+/// Commands that read the whole store `s.zarr`, except `info`, which reads less.
 #[rustfmt::skip]
 const READERS: &[&str] = &[
     "verify s.zarr",
@@ -15,7 +16,7 @@ const READERS: &[&str] = &[
     "denoise s.zarr {f}/t.zarr -o out.zarr",
 ];
 
-/// Files of a store that all of them need.
+/// Files of a store that all commands need.
 const FILES: &[&str] = &[
     "zarr.json",
     "mueller/zarr.json",
@@ -44,7 +45,7 @@ pub fn cases() -> Vec<Case> {
             for (what, put) in spoilt {
                 let name = format!("s.zarr/{file}");
                 let case = Case::new(format!("{line}: {file} is {what}"), line);
-                // Of a finished store verify says what is damaged, with its own code.
+                // For a finished store, verify reports the damage, with a separate exit code.
                 let case = if line.starts_with("verify") && *file != "manifest.txt" {
                     case.expect(Expect::Failed)
                 } else {

@@ -1,4 +1,4 @@
-//! Renders into memory hold the numbers that renders into stores do.
+//! Renders into memory contain the same numbers as renders into stores.
 
 use crate::harness::{mirror_room, rendered, scene};
 use sunstone::render::Unwatched;
@@ -6,7 +6,8 @@ use sunstone::tensor::field::Field;
 use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{self, Share};
 
-/// Tiles that do not divide the image, binned cameras with a smaller last box, light outside the time bins, matrices, listed rows.
+/// Tiles that do not divide the image, binned cameras with a smaller last bin, light outside the time bins,
+/// matrices, listed rows.
 const SLICES: &str = r#"
 [[slices]]
 name = "mueller"
@@ -57,7 +58,7 @@ fn arrays_and_stores_agree_in_every_field() {
     assert_eq!(fields, 4 * 3 + 2 * 2);
 }
 
-/// Whatever a slice tells apart of the light of a pixel, its total is the same, and so is that total's error.
+/// The total of a pixel and its error are the same, whatever axes a slice resolves.
 #[test]
 fn errors_of_totals_do_not_depend_on_what_is_told_apart() {
     let slices = r#"
@@ -97,7 +98,7 @@ camera = { binned = 3 }
             "{total}, {each:?}"
         );
     }
-    // Pixels are independent: 9 of them in a box.
+    // Pixels are independent; a bin has 9 of them.
     let coarse = get("coarse", Field::TotalStdError);
     for (i, binned) in coarse.iter().enumerate() {
         let box_of = (0..9).map(|k| (i / 6 * 3 + k / 3) * 18 + i % 6 * 3 + k % 3);

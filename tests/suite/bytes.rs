@@ -1,10 +1,12 @@
-//! Chunk files keep their bytes from version to version: five scenes as shipped, at few samples, against committed checksums.
+//! Chunk files are byte-identical between versions: five shipped scenes with few samples, against committed
+//! checksums.
 //!
-//! `bytes.txt` has a line per scene: its name, samples per pixel, and the SHA-256 over all files of the store but `zarr.json`s and the manifest,
-//! sorted by relative path, of path, a zero byte, length (u64, little-endian) and bytes of each. A change of these bytes is a
-//! change of what users get, so make it knowingly, say so, and print the new lines with
-//! `cargo test --release --test suite bytes -- --ignored --nocapture`
-//! (of another program than the one just built where `SUNSTONE_PROGRAM` names it).
+//! `bytes.txt` has a line per scene: its name, samples per pixel, and a SHA-256 over all files of the store
+//! except `zarr.json` files and the manifest. The hash covers, in the order of relative paths, the path, a
+//! zero byte, the length (u64, little-endian) and the bytes of each file. A change of these bytes changes
+//! users' results: make it deliberately, document it, and print the new lines with `cargo test --release
+//! --test suite bytes -- --ignored --nocapture` (`SUNSTONE_PROGRAM` selects another program than the one just
+//! built).
 
 use crate::harness::files;
 use sha2::{Digest, Sha256};

@@ -1,4 +1,4 @@
-//! `sunstone calibrate` as a user meets it: from images to the tables of a scene, and what is refused.
+//! `sunstone calibrate` from the user's point of view: from images to the tables of a scene, and refusals.
 
 use crate::harness::{run, stderr};
 use std::path::Path;
@@ -42,7 +42,8 @@ fn board() -> Board {
     Board::new(7, 6, 0.025).expect("a board")
 }
 
-/// What each of the points of each camera pixel sees: how bright the board is there, and which projector pixel lights it.
+/// For each sample point of each camera pixel: the brightness of the board there, and the projector pixel
+/// that illuminates it.
 fn seen(pose: &Pose) -> Vec<(f64, Option<[u32; 2]>)> {
     let [camera, projector] = devices();
     let (board, back) = (board(), pose.inverse());
@@ -74,7 +75,7 @@ fn seen(pose: &Pose) -> Vec<(f64, Option<[u32; 2]>)> {
     all
 }
 
-/// Writes an image; `light` is that of a projector pixel.
+/// Writes an image; `light` is the light of a projector pixel.
 fn photograph(path: &Path, seen: &[(f64, Option<[u32; 2]>)], light: impl Fn([u32; 2]) -> f64) {
     let pixel = |points: &[(f64, Option<[u32; 2]>)]| {
         let sum: f64 = points
@@ -89,7 +90,7 @@ fn photograph(path: &Path, seen: &[(f64, Option<[u32; 2]>)], light: impl Fn([u32
 
 const TARGET: [&str; 6] = ["--columns", "7", "--rows", "6", "--square", "25mm"];
 
-/// A scene whose devices are those of a calibration.
+/// A scene with the devices of a calibration.
 fn scene_of(at: &Path, name: &str, projector: bool) {
     let device = |kind: &str| format!("[{kind}]\ncalibration = \"{name}\"\n");
     let mut text = device("camera");
@@ -128,7 +129,7 @@ fn a_camera_and_a_projector_from_their_images() {
         }
         views.push(view);
     }
-    // The camera by itself, from the white images.
+    // The camera alone, from the white images.
     let whites: Vec<String> = views.iter().map(|v| format!("{v}/000.png")).collect();
     let mut arguments = vec!["calibrate", "board", "-o", "camera.toml", "--fix-k3"];
     arguments.extend(TARGET);
@@ -143,7 +144,7 @@ fn a_camera_and_a_projector_from_their_images() {
     };
     near(&found.camera.device().expect("a camera"), &camera, 1.0);
     scene_of(at, "camera.toml", false);
-    // Both.
+    // Camera and projector.
     for output in ["pair.toml", "pair.json"] {
         let mut arguments = vec![
             "calibrate",

@@ -1,4 +1,4 @@
-//! `sunstone capture` and `sunstone trial`: from stores and arrays to readings, back, and compared.
+//! `sunstone capture` and `sunstone trial`: from stores and arrays to captures and back, with comparisons.
 
 use crate::commands::{refused, rendered, run};
 use std::fs::File;
@@ -51,7 +51,7 @@ fn schemes(folder: &Path) {
         "scheme qrpr -k 12 --sensor polarizer-array -o array12.toml",
     );
     sunstone(folder, "scheme drr -k 10 -o drr10.toml");
-    // Plates that are right at 550 nm alone.
+    // Plates that are exact only at 550 nm.
     let text = std::fs::read_to_string(folder.join("drr36.toml")).expect("a scheme");
     let text = text.replace(
         "retardance_deg = 90.0",
@@ -89,7 +89,7 @@ fn what_is_captured_is_reconstructed() {
         assert_eq!(shape, [6, 8, 3, 4, 4]);
         assert!(worst(&truth, &back) < 1e-5, "{scheme}: {}", worst(&truth, &back));
     }
-    // A camera, with its variances; some light is too much for it.
+    // A camera with its variances; some pixels saturate.
     let camera = "[cmos]\nphotons_per_unit = 1.2e6\n";
     std::fs::write(d.join("camera.toml"), camera).expect("space");
     sunstone(
@@ -123,7 +123,7 @@ fn what_is_captured_is_reconstructed() {
     assert_eq!(read(&d.join("I.npy")).0, [12, 4, 3, 4, 3]);
 }
 
-/// A slice brings its wavelengths and time bins; a diode counts in them.
+/// A slice provides its wavelengths and time bins; a photon counter counts in these bins.
 #[test]
 fn slices_are_captured_along_their_axes() {
     let folder = rendered();
@@ -163,7 +163,7 @@ fn slices_are_captured_along_their_axes() {
             "{found} {want}"
         );
     }
-    // One wavelength that is selected is known.
+    // A single selected wavelength is known.
     sunstone(
         d,
         "capture out/room.zarr image -k wavelength=450 --scheme plates.toml -o I.npy",
@@ -191,7 +191,8 @@ fn slices_are_captured_along_their_axes() {
     assert!(counts.iter().all(|v| v.is_finite()));
 }
 
-/// Row by row: the noise that is put in comes out as the closed form says, more captures are better, the camera's figure too.
+/// For each row: the error equals the closed form for the given noise, more captures are better, also with a
+/// camera.
 #[test]
 fn schemes_are_tried() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -217,7 +218,7 @@ fn schemes_are_tried() {
     for (r, row) in rows.iter().enumerate().take(2) {
         assert_eq!((row[2], row[4]), ("16", "least squares"));
         let (predicted, rmse, error) = (number(r, 5), number(r, 6), number(r, 7));
-        // The standard error of 8 tries is itself uncertain; the mean of squares is over 18 432 numbers.
+        // The standard error of 8 trials is itself uncertain; the mean of squares is over 18,432 numbers.
         assert!((rmse / predicted - 1.0).abs() < 0.06, "{rmse} {predicted}");
         assert!(error < 0.03 * rmse && number(r, 9) == 0.0);
     }

@@ -1,4 +1,4 @@
-//! The capture chain of applications: the rig of a seed, its calibration by known samples, and what the command refuses.
+//! The capture chain of applications: the rig of a seed, its calibration from known samples, and refusals.
 
 use crate::harness::{run, stderr};
 use std::path::Path;
@@ -18,8 +18,8 @@ fn chain(more: &str) -> Chain {
     from_toml(Path::new("chain.toml"), &text).expect("a chain")
 }
 
-/// Axes, retardances and extinctions of 8 rigs from noisy captures of air, a mirror and a polarizer: errors are far below what was
-/// planted, and what a table says is calibrated is what was found.
+/// Axes, retardances and extinctions of 8 rigs from noisy captures of air, a mirror and a polarizer. Errors
+/// are far below the imperfections, and a table that states a calibration agrees with the result.
 #[test]
 fn rigs_are_calibrated_by_known_samples() {
     let chain = chain("[cmos]\nbracket = [1, 0.1]\n");
@@ -47,7 +47,7 @@ fn rigs_are_calibrated_by_known_samples() {
         }
     }
     assert!(left < 1e-3 * planted, "{left} of {planted}");
-    // Two samples leave a rotation open, or are too few: the third is not there for nothing.
+    // Two samples leave one rotation undetermined, or are too few: the third is necessary.
     let real = chain.laboratory.optics.of(&plan, 1);
     let air = calibrated(&plan, &real, &samples[..1], &noise, &[550.0], 1).expect("a calibration");
     let off = |s: &Scheme| (s.generator()[0].axis_offset - real.generator()[0].axis_offset).abs();

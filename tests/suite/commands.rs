@@ -1,4 +1,5 @@
-//! The command line as a user meets it: render, info, probe, figure, export, merge and schema on one small scene.
+//! The command line from the user's point of view: render, info, probe, figure, export, merge and schema on a
+//! small scene.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -54,7 +55,7 @@ fn sunstone(dir: &Path, arguments: &[&str]) -> Output {
         .expect("the program starts")
 }
 
-/// Runs a command that must succeed, and returns what it printed.
+/// Runs a command that must succeed, and returns its output.
 pub fn run(dir: &Path, arguments: &[&str]) -> String {
     let out = sunstone(dir, arguments);
     let stderr = String::from_utf8_lossy(&out.stderr);
@@ -95,7 +96,7 @@ fn a_chain_of_commands() {
         "{info}"
     );
 
-    // Of the scene: what it holds, and nothing to warn of; a mirror that the projector shines on is something.
+    // Output for a scene: its content and no warnings, also about the mirror that the projector illuminates.
     let about = run(d, &["info", "room/scene.toml"]);
     assert!(
         about.contains("integrator         path") && about.contains("1 quadrics"),
@@ -133,7 +134,7 @@ fn a_chain_of_commands() {
         "{about}"
     );
 
-    // T_p printed by the program is the sum over the image.
+    // The T_p that the program prints is the sum over the image.
     let printed = run(
         d,
         &[
@@ -161,7 +162,7 @@ fn a_chain_of_commands() {
         .sum(AxisKind::Y);
     assert!((m00 / f64::from(sum.data[0]) - 1.0).abs() < 1e-5);
 
-    // A pattern of ones is the full-on image, half drive is half of it.
+    // A pattern of ones gives the image of full drive; half drive gives half of it.
     for drive in [255_u8, 128] {
         let file = d.join("pattern.png");
         image::GrayImage::from_pixel(8, 6, image::Luma([drive]))
@@ -247,7 +248,7 @@ fn a_chain_of_commands() {
         ],
     );
     assert!(d.join("p.png").exists());
-    // The extension is the format, and so is the option for the scene's figures.
+    // The extension determines the format, as does the option for the scene's figures.
     let view = [
         "figure",
         "out/room.zarr",

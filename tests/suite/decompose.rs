@@ -43,7 +43,7 @@ pub fn values(array: &NumpyArray) -> Vec<f64> {
     }
 }
 
-/// A quarter-wave retarder, an ideal depolarizer and something impossible, as an array of 3 x 1.
+/// A quarter-wave retarder, an ideal depolarizer and an unphysical matrix, as an array of 3 x 1.
 #[test]
 fn arrays_in_arrays_out() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -77,7 +77,7 @@ fn arrays_in_arrays_out() {
     assert_eq!(retardance[1], 0.0);
     assert!(retardance[2].is_nan());
     assert_eq!(values(&found["depolarization"])[..2], [0.0, 1.0]);
-    // Errors, and chosen arrays.
+    // Errors, and selected arrays.
     save(d, "e", &[3, 1, 4, 4], &[0.01; 48]);
     let only = [
         "decompose",
@@ -92,13 +92,13 @@ fn arrays_in_arrays_out() {
     run(d, &only);
     let found = arrays(&d.join("q.npz"));
     assert_eq!(found.len(), 3);
-    // The phase of a retarder is known as well as the four elements that hold its sine and cosine allow.
+    // The error of a retarder's phase follows from the four elements that contain its sine and cosine.
     let error = values(&found["retardance_error"])[0];
     assert!(error > 0.005 && error < 0.01, "{error}");
     assert_eq!(values(&found["entropy"])[..2], [0.0, 1.0]);
 }
 
-/// A stored image gives what its matrices give one by one, with errors; along the axes that it has.
+/// A stored image gives the same results as its matrices one by one, with errors, along its axes.
 #[test]
 fn slices_of_stores() {
     let folder = rendered();
@@ -159,7 +159,7 @@ fn slices_of_stores() {
     assert_eq!(found["retardance"].shape.iter().product::<usize>() % 5, 0);
 }
 
-/// What is not an array of matrices is refused with a fix, and nothing is written.
+/// Input that is not an array of matrices is refused with a fix, and nothing is written.
 #[test]
 fn other_inputs_are_refused() {
     let folder = rendered();

@@ -1,4 +1,5 @@
-//! Denoised stores: nearer to the converged render than what they were made of, off by what they state, physical, and no truth.
+//! Denoised stores: closer to the converged render than their input, with honest errors, physical, and never
+//! accepted as a reference.
 
 use crate::harness::{assert_same_store, mirror_room, read, run, stderr, sunstone};
 use std::path::Path;
@@ -22,13 +23,13 @@ time = { start_ps = 13000, bin_ps = 200, bins = 80 }
 "#;
 
 const SIZE: usize = 64;
-/// Elements and wavelengths of a pixel.
+/// Elements times wavelengths of a pixel.
 const NUMBERS: usize = 48;
 /// Samples of the converged render over those of the others.
 const CONVERGED: f64 = 64.0;
 
 fn render(at: &Path, seed: &str, spp: &str, store: &str) {
-    // Independent samples, so that errors say what the noise of fewer is.
+    // Independent samples, so that errors also describe the noise of fewer samples.
     let options = [
         "--seed",
         seed,
@@ -49,25 +50,27 @@ fn fields(at: &Path, store: &str, slice: &str) -> [Vec<f64>; 2] {
     [Field::Mean, Field::StdError].map(|f| numbers(read(&store, slice, f)))
 }
 
-/// What a denoised slice is against the converged one.
+/// Comparison of a denoised slice with the converged one.
 #[derive(Debug)]
 struct Judged {
-    /// Mean squared error before over after, of all numbers; the converged render's own noise is taken off.
+    /// Mean squared error before over after, of all numbers, without the converged render's own noise.
     gain: f64,
-    /// The same without the twentieth of the pixels that the converged render is least sure of, and of the surer half.
+    /// The same without the 5 % of the pixels with the largest errors in the converged render, and of the
+    /// half with the smallest.
     quiet: f64,
     half: f64,
-    /// Root mean square of what it is off by over what it states, of all numbers and of M00.
+    /// Root mean square deviation over the stated error, of all numbers and of M00.
     z: f64,
     z00: f64,
-    /// Σ M00 over that of the converged render, less one.
+    /// Σ M00 over that of the converged render, minus one.
     bias: f64,
-    /// The same of what was denoised.
+    /// The same for the input.
     before: f64,
-    /// Part of the steps between neighbours that is kept, of those that 16 samples show; and how many there are.
+    /// Fraction of the steps between neighbours that is kept, of those visible with 16 samples; and their
+    /// number.
     step: f64,
     edges: usize,
-    /// Least eigenvalue of the coherency over m00.
+    /// Smallest eigenvalue of the coherency matrix over m00.
     least: f64,
 }
 
@@ -79,7 +82,7 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
         .map(|i| all.iter().map(|r| r[i]).sum::<f64>() / all.len() as f64)
         .collect();
     let square = |a: &[f64], i: usize| (a[i] - truth[i]).powi(2);
-    // The pixels that the converged render is least sure of come last.
+    // Sorted by the error of the converged render; the largest come last.
     let doubt = |p: usize| {
         unsure[p * NUMBERS..(p + 1) * NUMBERS]
             .iter()
@@ -101,7 +104,7 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
         (sum / n).sqrt()
     };
     let light = |a: &[f64]| a.chunks(NUMBERS).map(|m| m[1]).sum::<f64>();
-    // Pairs of neighbours in a row, at 550 nm, whose step stands out of the noise of 16 samples three times and more.
+    // Pairs of neighbours in a row, at 550 nm, whose step exceeds three times the noise of 16 samples.
     let step = |a: &[f64], p: usize| a[(p + 1) * NUMBERS + 1] - a[p * NUMBERS + 1];
     let noise = |p: usize| unsure[p * NUMBERS + 1].hypot(unsure[(p + 1) * NUMBERS + 1]) * CONVERGED.sqrt();
     let pairs: Vec<usize> = (0..SIZE * SIZE - 1)
@@ -128,8 +131,9 @@ fn judge(at: &Path, made: &str, renders: &[&str], slice: &str) -> Judged {
     }
 }
 
-/// 64 x 64 pixels of 16 samples against 1024 samples. A few tens of pixels on the shiny knot carry most of the squared error and
-/// have no equals to be averaged with, so that the whole gains far less than all but the twentieth with most noise.
+/// 64 x 64 pixels with 16 samples against 1024 samples. A few tens of pixels on the shiny knot carry most of
+/// the squared error and have no similar pixels to average with. So the gain over all pixels is far smaller
+/// than without the noisiest 5 %.
 #[test]
 fn nearer_to_the_truth_and_off_by_what_is_stated() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -145,7 +149,7 @@ fn nearer_to_the_truth_and_off_by_what_is_stated() {
         for slice in ["mueller", "nonepipolar"] {
             let judged = judge(at, made, renders, slice);
             println!("{made} {slice}: {judged:.4?}");
-            // Two renders are held against the mean of both, which is twice as good already.
+            // Two renders are compared with their mean, which has half of the error variance.
             let least_gain = 4.0 - renders.len() as f64;
             assert!(judged.gain > 1.1 && judged.quiet > least_gain && judged.half > least_gain);
             assert!((0.7..1.4).contains(&judged.z) && (0.7..1.4).contains(&judged.z00));
@@ -154,7 +158,7 @@ fn nearer_to_the_truth_and_off_by_what_is_stated() {
             assert!(judged.least > -1e-5);
         }
     }
-    // Light in flight, whose bins few samples reach each: less is gained, and nothing lost.
+    // Light in flight, with few samples per bin: the gain is smaller, and nothing gets worse.
     for (made, renders) in [("one.zarr", &["a.zarr"][..]), ("two.zarr", &["a.zarr", "b.zarr"])] {
         let [truth, unsure] = fields(at, "converged.zarr", "flight");
         let [mean, error] = fields(at, made, "flight");
@@ -177,7 +181,7 @@ fn nearer_to_the_truth_and_off_by_what_is_stated() {
         println!("{made} flight: gain {:.3}, z {z:.3}", before / after);
         assert!(before > after && (0.7..1.4).contains(&z));
     }
-    // Weights that do not ask what pixels look like find no favour.
+    // Negative control: weights that ignore the similarity of pixels fail.
     let mut flat = fields(at, "a.zarr", "mueller")[0].clone();
     let [truth, _] = fields(at, "converged.zarr", "mueller");
     let old = flat.clone();
@@ -225,7 +229,7 @@ fn bits_depend_on_neither_threads_nor_bands() {
         assert!(done.expect("the program runs").success());
     }
     assert_same_store(&at.join("one.zarr"), &at.join("three.zarr"));
-    // The smallest bands there are, of 16 rows.
+    // The smallest possible bands, of 16 rows.
     let inputs = ["a.zarr", "b.zarr"].map(|name| at.join(name));
     denoise_in_bands(&inputs, &at.join("bands.zarr"), false, 1).expect("a store");
     let [whole, bands] = ["one.zarr", "bands.zarr"].map(|s| TensorStore::open(&at.join(s)).expect("a store"));
@@ -239,7 +243,7 @@ fn bits_depend_on_neither_threads_nor_bands() {
             );
         }
     }
-    // Rows that do not lie side by side do not mix: row 6 alone gives the same as beside others.
+    // Rows that are not adjacent do not mix: row 6 alone gives the same as with other rows.
     let rows = read(&whole, "rows", Field::Mean);
     let lone = SMALL.replace("rows = [1, 2, 6]", "rows = [6]");
     std::fs::write(at.join("scene.toml"), mirror_room(40, 16, 8, 8, &lone)).expect("a scene");
@@ -269,7 +273,7 @@ fn it_is_marked_and_no_truth() {
         info.contains("denoised") && info.contains("non-local means") && info.contains("a.zarr"),
         "{info}"
     );
-    // What looks at it goes on.
+    // Commands that display or analyze the store accept it.
     run(at, &["verify", "d.zarr"], 0);
     run(at, &["figure", "d.zarr", "--format", "svg"], 0);
     let text = std::fs::read_to_string(at.join("d.figures/photo.svg")).expect("a figure");
@@ -280,7 +284,7 @@ fn it_is_marked_and_no_truth() {
         &["probe", "d.zarr", "mueller", "--sum", "y", "-o", "sum.zarr"],
         0,
     );
-    // What takes it for truth does not.
+    // Commands that would use it as a reference refuse it.
     run(at, &["scheme", "drr", "-k", "36", "-o", "drr.toml"], 0);
     let refused: [&[&str]; 7] = [
         &["merge", "d.zarr", "a.zarr", "-o", "m.zarr"],
@@ -312,7 +316,7 @@ fn it_is_marked_and_no_truth() {
         assert!(!at.join("m.zarr").exists(), "{arguments:?}");
     }
     run(at, &["merge", "a.zarr", "b.zarr", "-o", "m.zarr"], 0);
-    // A slice that is no image is copied; one without errors stays as it is.
+    // A slice without an image is copied; one without errors stays unchanged.
     run(
         at,
         &["probe", "a.zarr", "mueller", "--sum", "y", "-o", "profile.zarr"],
@@ -325,7 +329,7 @@ fn it_is_marked_and_no_truth() {
         read(&from, "mueller", Field::Mean).data,
         read(&to, "mueller", Field::Mean).data
     );
-    // Sample counts are those of both.
+    // Sample counts are the sum of both.
     let made = TensorStore::open(&at.join("d.zarr")).expect("a store");
     assert!(
         made.read_samples([0, 0], [16, 16])

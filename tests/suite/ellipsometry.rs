@@ -8,7 +8,7 @@ use sunstone::polarimetry::capture::element::Ray;
 use sunstone::polarimetry::capture::scheme_file::load;
 use sunstone::store::numpy::NumpyArray;
 
-/// Elements of pixel number `p`.
+/// Elements of pixel `p`.
 fn truth(p: usize) -> [f64; 16] {
     std::array::from_fn(|e| {
         if e == 0 {
@@ -19,7 +19,7 @@ fn truth(p: usize) -> [f64; 16] {
     })
 }
 
-/// Captures of pixels by a scheme of the folder, as numpy would save them.
+/// Captures of pixels by a scheme of the folder, saved like with numpy.
 fn captured(d: &Path, scheme: &str, shape: &[usize], pixels: usize) {
     let scheme = load(&d.join(scheme)).expect("a scheme");
     let design = DesignMatrix::new(&scheme, &Ray::axial(550.0));
@@ -36,7 +36,8 @@ fn matrices(d: &Path) -> NumpyArray {
     NumpyArray::read(&d.join("m.npy")).expect("matrices")
 }
 
-/// Captures of an intensity sensor and of a polarizer array come back as matrices, whatever the shape of the pixels.
+/// Captures of an intensity sensor and of a polarizer array are reconstructed to the matrices, for any shape
+/// of the pixels.
 #[test]
 fn captures_come_back_as_matrices() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -80,12 +81,12 @@ fn captures_come_back_as_matrices() {
         assert!(off.fold(0.0, f64::max) < 1e-9);
         let errors = NumpyArray::read(&d.join("e.npy")).expect("errors");
         assert_eq!(errors.shape, found.shape);
-        // Nothing is left over without noise.
+        // Without noise there are no residuals.
         assert!(values(&errors).iter().all(|e| *e < 1e-9));
     }
 }
 
-/// What is learned is a scheme at the bound, found again from the same seed.
+/// The learned scheme reaches the bound, and the same seed gives the same scheme.
 #[test]
 fn learned_schemes_are_at_the_bound() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -122,7 +123,8 @@ fn learned_schemes_are_at_the_bound() {
     run(d, &["scheme", "plot", "a.toml", "-o", "p.png"]);
 }
 
-/// With a prior learned from the same materials, six captures by a polarizer array are enough to be near.
+/// With a prior learned from the same materials, six captures with a polarizer array suffice for a good
+/// estimate.
 #[test]
 fn priors_go_from_learning_to_reconstruction() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -185,7 +187,7 @@ fn priors_go_from_learning_to_reconstruction() {
     }
 }
 
-/// Wrong requests say what to do, with exit code 2, and leave nothing.
+/// Invalid requests give a message with a fix and exit code 2, and write nothing.
 #[test]
 fn wrong_requests_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");

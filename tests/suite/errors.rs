@@ -1,8 +1,8 @@
-//! Broken input: exit code 2, the place, a fix, and nothing written.
+//! Broken input: exit code 2, the location, a fix, and nothing written.
 
 use crate::harness::{Case, edit, fault, files, mirror_room, run, shipped, stderr};
 
-/// A scene that is right; every test below breaks one thing in it.
+/// A valid scene; every test below breaks one item.
 const SCENE: &str = r#"name = "box"
 wavelengths_nm = [450, 550, 660]
 
@@ -197,7 +197,7 @@ fn a_scene_needs_a_light() {
     );
 }
 
-/// A folder that holds the sound scene `s.toml`.
+/// A folder with the valid scene `s.toml`.
 fn folder_with_a_scene() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = mirror_room(8, 8, 1, 8, "[[slices]]\nname = \"a\"\n");
@@ -228,7 +228,7 @@ fn outputs_are_not_overwritten_by_mistake() {
     );
     assert!(files(&at.join("a.zarr")) != before);
 
-    // What is no store is never replaced, and a file is no folder.
+    // A folder that is not a store is never replaced, and a file is not a folder.
     std::fs::create_dir(at.join("photos")).expect("a folder");
     std::fs::write(at.join("photos/cat.jpg"), "cat").expect("a file");
     first(&["render", "s.toml", "-o", "photos", "--force"], 2);
@@ -285,7 +285,7 @@ fn the_schema_is_json_and_knows_the_keys() {
     for key in scene.keys() {
         assert!(known.contains(&key), "the schema lacks `{key}`");
     }
-    // serde names all keys that it accepts when it meets another.
+    // serde lists all accepted keys when it meets an unknown one.
     std::fs::write(
         folder.path().join("s.toml"),
         edit(SCENE, "name = \"box\"", "zzz = 1"),

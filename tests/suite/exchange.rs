@@ -1,4 +1,4 @@
-//! `export --mitsuba` and `import` as commands: what they write, and that they write nothing when they refuse.
+//! The commands `export --mitsuba` and `import`: their output, and that refusals write nothing.
 
 use crate::harness::{MIRROR_ROOM, edit, files, mirror_room, run, stderr};
 
@@ -19,7 +19,7 @@ fn a_scene_goes_to_mitsuba_and_back() {
         "four meshes and the scene: {:?}",
         written.keys()
     );
-    // What is there stays, unless it is told otherwise.
+    // Existing files stay, unless the user asks to replace them.
     let out = run(
         at,
         &["export", MIRROR_ROOM, "--mitsuba", "out", "--wavelength", "550"],
@@ -44,7 +44,7 @@ fn a_scene_goes_to_mitsuba_and_back() {
     assert!(xml.contains("name=\"wavelengths_nm\" value=\"550\""), "{xml}");
     run(at, &["import", "out/scene.xml"], 0);
     run(at, &["import", "out/scene.xml"], 2);
-    // From another folder, files are named from there.
+    // From another folder, paths of files are relative to it.
     run(at, &["import", "out/scene.xml", "-o", "room.toml"], 0);
     let toml = std::fs::read_to_string(at.join("room.toml")).expect("the scene file");
     assert!(toml.contains("file = \"out/mesh_007.ply\""), "{toml}");

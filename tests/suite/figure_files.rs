@@ -1,4 +1,5 @@
-//! Figure files: what is wrong with one is told at its place, the same files give the same bytes, and what was rendered stays.
+//! Figure files: faults are reported with their location, equal files give equal bytes, and existing renders
+//! are reused.
 
 use crate::harness::{edit, fault, files, run, stderr, sunstone};
 use std::path::Path;
@@ -90,7 +91,7 @@ fn faults_are_told_at_their_place() {
         }
         let folder = tempfile::tempdir().expect("a folder");
         let arguments = ["figure", "f.toml", "--preview", "-o", "out.png"];
-        // Depth and captions are known of a rendered scene alone: renders may stay.
+        // Depth and captions are known only for a rendered scene, so renders may stay.
         let elsewhere = tempfile::tempdir().expect("a folder");
         let renders = elsewhere.path().join("renders");
         let renders = ["--renders", renders.to_str().expect("UTF-8")];
@@ -100,7 +101,7 @@ fn faults_are_told_at_their_place() {
     assert!(found.is_empty(), "{} faults:\n{}", found.len(), found.join("\n"));
 }
 
-/// Methods and variants that an application does not have are told before anything is rendered.
+/// Unknown methods and variants of an application are reported before anything is rendered.
 #[test]
 fn applications_are_checked_before_they_are_run() {
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
@@ -117,7 +118,7 @@ fn applications_are_checked_before_they_are_run() {
     }
 }
 
-/// What curves lack is told before anything is rendered.
+/// Faults of curves are reported before anything is rendered.
 #[test]
 fn curves_are_checked_before_they_are_run() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
@@ -191,12 +192,12 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
             "{format}"
         );
     }
-    // A scene that changed is rendered anew, and looks otherwise.
+    // A changed scene is rendered again and looks different.
     let scene = scenes.path().join("scene.toml");
     std::fs::write(&scene, edit(SCENE, "radius = 0.8", "radius = 0.7")).expect("a scene");
     assert!(make("d.png", "r").contains("(1 renders made now)"));
     assert_ne!(read("a.png"), read("d.png"));
-    // All of a folder, and both sizes.
+    // All figures of a folder, in both sizes.
     run(
         folder.path(),
         &["figure", "--all", ".", "--renders", "r", "-o", "all"],
@@ -205,7 +206,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     assert!(read("all/f.png").len() > 1000);
 }
 
-/// Of a picture that is black all over captions say so, and no white value that nobody saw.
+/// For a black picture, the caption says that nothing is positive, instead of a white value.
 #[test]
 fn nothing_positive_is_told() {
     let (_scenes, text) = sound();
@@ -246,7 +247,7 @@ fn inputs_are_not_outputs() {
         assert_eq!(files(folder.path()), before, "{out}");
     }
     assert_eq!(std::fs::read_to_string(&scene).expect("the scene"), SCENE);
-    // What is for figure files alone is refused of stores, and the other way round.
+    // Options for figure files are refused for stores, and vice versa.
     run(folder.path(), &["figure", "store.zarr", "--preview"], 2);
     run(
         folder.path(),
@@ -257,7 +258,7 @@ fn inputs_are_not_outputs() {
     assert_eq!(out.status.code(), Some(2));
 }
 
-/// Ends a render after so many tiles.
+/// Stops a render after a given number of tiles.
 struct Impatient(AtomicUsize);
 
 impl Watch for Impatient {
@@ -274,7 +275,7 @@ impl Watch for Impatient {
 fn a_render_that_was_stopped_goes_on() {
     let (_scenes, text) = sound();
     let folder = tempfile::tempdir().expect("a folder");
-    // More tiles than one.
+    // More than one tile.
     let text = edit(&text, "pixels = 16, spp = 4", "pixels = 128, spp = 4");
     let source = Source::of_text(&folder.path().join("f.toml"), &text).expect("a figure");
     let settings = |renders: &str| Settings {
@@ -300,8 +301,8 @@ fn a_render_that_was_stopped_goes_on() {
     assert_eq!(draw(&cut).rendered, 0);
 }
 
-/// Processes at one folder of renders end alike, one that only looks whether they are finished disturbs nobody, and what is no
-/// render under a render's name is told with its fix.
+/// Processes that share a folder of renders give equal results. A process that only checks whether renders
+/// are finished disturbs no other. A path with a render's name that is not a render is reported with a fix.
 #[test]
 fn renders_are_shared_and_damage_is_told() {
     let (_scenes, text) = sound();

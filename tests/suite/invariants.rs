@@ -1,6 +1,6 @@
-//! One render, many slices: what must agree does, and every Mueller matrix can exist.
+//! One render, many slices: slices agree with each other, and every Mueller matrix is realizable.
 //!
-//! Slices of one render are filled by the same samples, so sums over their axes agree to rounding.
+//! The same samples fill all slices of a render, so sums over their axes agree up to rounding.
 
 use crate::harness::{mirror_room, read, rendered, scene};
 use glam::DVec2;
@@ -16,7 +16,7 @@ use sunstone::tensor::field::Field;
 /// Camera and projector pixels along an edge.
 const N: usize = 32;
 
-/// Relative agreement asked for: f32 sums of thousands of bins.
+/// Required relative agreement: f32 sums of thousands of bins.
 const AGREE: f64 = 1e-5;
 
 const SLICES: &str = r#"
@@ -124,7 +124,7 @@ struct Render {
     store: TensorStore,
 }
 
-/// A drive value for a projector pixel: some dark, some full, the rest in between.
+/// Drive of a projector pixel: some dark, some full, the rest in between.
 fn drive(u: u32, v: u32) -> u8 {
     [0, 255, 51, 200, 127, 9][((u * 7 + v * 5) % 6) as usize]
 }
@@ -160,14 +160,14 @@ fn error(slice: &str) -> Tensor {
     read(&RENDER.store, slice, Field::StdError)
 }
 
-/// M00 of the element that value `i` belongs to.
+/// M00 of the matrix that value `i` belongs to.
 fn m00(t: &Tensor, i: usize) -> f64 {
     let w = t.extent(AxisKind::Wavelength);
     let stride = t.extent(AxisKind::StokesOut) * t.extent(AxisKind::StokesIn) * w;
     f64::from(t.data[i / stride * stride + i % w])
 }
 
-/// Asserts `got` = `want` to [`AGREE`] of M00, where M00 is that of `want`; `least` values must not be zero.
+/// Asserts `got` = `want` to [`AGREE`] of M00 of `want`; at least `least` values must not be zero.
 fn assert_agree(what: &str, got: &Tensor, want: &Tensor, least: usize) {
     assert_eq!(got.shape(), want.shape(), "{what}");
     let mut worst = 0.0_f64;
@@ -204,7 +204,7 @@ fn pixels(t: &Tensor, rows: &[usize], columns: &[usize]) -> Tensor {
     out
 }
 
-/// Means over boxes of `n` camera pixels, of `f` of the values.
+/// Means of `f` of the values over boxes of `n` camera pixels.
 fn boxes(t: &Tensor, n: usize, f: impl Fn(f64) -> f64) -> Tensor {
     let [h, w] = [t.shape()[0], t.shape()[1]];
     let inner = t.data.len() / (h * w);
@@ -304,7 +304,8 @@ fn parts_of_the_projector_are_parts_of_all() {
     of("projector_block", &all(20)[9..], &all(25)[5..]);
 }
 
-/// Distance of projector pixel (u, v)'s centre from the image of camera pixel (x, y)'s ray, by two of its points.
+/// Distance of projector pixel (u, v)'s centre from the image of camera pixel (x, y)'s ray, computed from two
+/// of its points.
 fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
     let projector = &scene.projector.as_ref().expect("a projector").pinhole;
     let d = scene.camera.direction(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
@@ -322,7 +323,8 @@ fn from_the_line(scene: &Scene, [x, y]: [usize; 2], [u, v]: [usize; 2]) -> f64 {
         .abs()
 }
 
-/// Every s' in the band, found by hand, is in its column and row of the band's slices, and nothing else is.
+/// Every s' in the band, found by direct computation, is in its column and row of the band's slices, and no
+/// other is.
 #[test]
 fn an_epipolar_band_is_resolved_along_its_line() {
     let scene = scene(&mirror_room(N as u32, N as u32, 64, 16, ""));
@@ -349,7 +351,7 @@ fn an_epipolar_band_is_resolved_along_its_line() {
             }
         }
     }
-    // Distances are known to 1e-5 pixels or so: none may be closer to the edge.
+    // Distances are known to about 1e-5 pixels: none may be closer to the edge.
     assert!(nearest > 1e-5, "{nearest}");
     assert!(inside > 50_000, "{inside} pairs");
     assert_agree("along u", &by_u, &want_u, 2000);
@@ -358,7 +360,7 @@ fn an_epipolar_band_is_resolved_along_its_line() {
     assert_agree("along v, summed", &by_v.sum(AxisKind::V), &whole, 9000);
 }
 
-/// Indirect light has paths of its own: that it is the same is for statistics to say (`tests/transport/selected.rs`).
+/// Indirect light uses separate paths; a statistical test compares it (`tests/transport/selected.rs`).
 #[test]
 fn direct_coaxial_light_is_the_diagonal_of_all() {
     for (got, whole) in [
@@ -489,12 +491,12 @@ fn a_finished_render_has_no_discarded_samples() {
     assert!(samples.iter().all(|n| *n == 64));
 }
 
-/// Every stored Mueller matrix is a mean of those of paths, and mixtures of realizable matrices are realizable, noise
-/// or not: only f32 rounding may push an eigenvalue of Cloude's H below zero.
+/// Every stored Mueller matrix is a mean of those of paths, and mixtures of realizable matrices are
+/// realizable, with or without noise: only f32 rounding may give an eigenvalue of Cloude's H below zero.
 ///
-/// The looser statistical bound is checked as well: errors e_ij of the elements change H by E = ¼ Σ e_ij σ_i ⊗ σ_j*,
-/// eigenvalues by at most ‖E‖₂ ≤ ‖E‖_F = ½ √Σ e_ij² (Weyl; the products of Pauli matrices are orthogonal with norm 2),
-/// so five standard errors of an eigenvalue are at most 2.5 √Σ std_error².
+/// The looser statistical bound is also checked: errors e_ij of the elements change H by E = ¼ Σ e_ij σ_i ⊗
+/// σ_j*, and eigenvalues by at most ‖E‖₂ ≤ ‖E‖_F = ½ √Σ e_ij² (Weyl; the products of Pauli matrices are
+/// orthogonal with norm 2). So five standard errors of an eigenvalue are at most 2.5 √Σ std_error².
 #[test]
 fn every_mueller_matrix_is_realizable() {
     let mut checked = 0;

@@ -1,6 +1,8 @@
-//! Killed at any instant, by ones, twos and threes on one path: no store that lies, and in the end the bytes of an undisturbed run.
+//! One to three processes that write one store are killed at random times. A store is never falsely reported
+//! as finished, and in the end its bytes equal those of an undisturbed run.
 //!
-//! A few trials here; `SUNSTONE_KILLS=200 cargo test --release --test suite kills -- --nocapture` makes so many of each kind.
+//! A few trials by default; `SUNSTONE_KILLS=200 cargo test --release --test suite kills -- --nocapture` sets
+//! the number of each kind.
 
 use crate::harness::{assert_same_store, files, mirror_room, run, stderr, sunstone};
 use std::path::Path;
@@ -28,7 +30,7 @@ fn trials() -> u32 {
         .unwrap_or(12)
 }
 
-/// What became of the stores that killed processes left.
+/// States of the stores that killed processes leave.
 #[derive(Debug, Default)]
 struct Outcomes {
     nothing: u32,
@@ -36,7 +38,7 @@ struct Outcomes {
     finished: u32,
 }
 
-/// Starts some processes at once and kills them at a random time of up to `longest`.
+/// Starts some processes in parallel and kills them at a random time of up to `longest`.
 fn kill_some(at: &Path, commands: &[&[&str]], random: &mut Stream, longest: Duration) {
     let mut children: Vec<Child> = commands
         .iter()
@@ -60,7 +62,7 @@ fn kill_some(at: &Path, commands: &[&[&str]], random: &mut Stream, longest: Dura
     }
 }
 
-/// A store that is called finished is what was written; one that is not does not read as if it were.
+/// A store that is reported as finished has the written content; an unfinished one does not read as finished.
 fn check(at: &Path, store: &str, outcomes: &mut Outcomes) {
     let path = at.join(store);
     if !path.exists() {
@@ -76,14 +78,14 @@ fn check(at: &Path, store: &str, outcomes: &mut Outcomes) {
     }
 }
 
-/// How long a command takes undisturbed, and half as long again.
+/// 1.5 times the duration of an undisturbed command.
 fn duration(at: &Path, arguments: &[&str]) -> Duration {
     let begun = Instant::now();
     run(at, arguments, 0);
     begun.elapsed().mul_f64(1.6)
 }
 
-/// Nothing but what is named is left in a folder.
+/// Asserts that a folder contains only the named entries.
 fn only(at: &Path, names: &[&str]) {
     let mut left: Vec<String> = std::fs::read_dir(at)
         .expect("a folder")
@@ -111,7 +113,7 @@ fn renders() {
         kill_some(at, &some, &mut random, longest);
         let before = (outcomes.nothing, outcomes.finished);
         check(at, "s.zarr", &mut outcomes);
-        // Other work on the machine comes and goes, and with it the time that a render takes.
+        // Other load on the machine varies, and with it the time of a render.
         if outcomes.finished > before.1 {
             longest = longest.mul_f64(0.8);
         } else if outcomes.nothing > before.0 {
@@ -154,7 +156,7 @@ fn merges_and_exports() {
     let mut outcomes = Outcomes::default();
     let inputs = [files(&at.join("a.zarr")), files(&at.join("b.zarr"))];
     for trial in 0..trials() {
-        // Every second one replaces a store that is there.
+        // Every second trial replaces an existing store.
         if trial % 2 == 0 {
             let _ = std::fs::remove_dir_all(at.join("s.zarr"));
         }
@@ -225,7 +227,7 @@ fn copies_into_shards() {
     println!("{} copies into shards killed: {outcomes:?}", trials());
 }
 
-/// Of several at one place, one writes and the others are told who does.
+/// Of several processes at one path, one writes and the others report which one.
 #[test]
 fn one_writes() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! `sunstone layers`: what a user finds in the files, and what is left alone.
+//! `sunstone layers`: content of the files, and files that are left alone.
 
 use crate::commands::{refused, run};
 use serde_json::Value;
@@ -37,7 +37,7 @@ fn member(zip: &Path, name: &str) -> Vec<u8> {
     bytes
 }
 
-/// Header and numbers of `.npy`'s bytes.
+/// Header and data of the bytes of a `.npy` file.
 fn parted(bytes: &[u8]) -> (String, Vec<u8>) {
     assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
     let n = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -79,7 +79,7 @@ fn layers_are_written_as_arrays_and_as_a_store() {
         header.contains("'<f4'") && header.contains("(8, 12, 3,"),
         "{header}"
     );
-    // The store: what xarray needs, and nothing that verify misses.
+    // The store has the metadata that xarray needs and passes verify.
     run(at, &["layers", "scene.toml", "-o", "truth.zarr"]);
     let group = json(&at.join("truth.zarr/zarr.json"));
     assert_eq!(group["attributes"]["layers"].as_array().map(Vec::len), Some(10));

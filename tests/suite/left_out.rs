@@ -1,4 +1,5 @@
-//! What commands leave out is counted and printed; where nothing is left they end with exit code 2 and write nothing.
+//! Commands count and print what they leave out; if nothing remains, they end with exit code 2 and write
+//! nothing.
 
 use crate::commands::refused;
 use crate::decompose::save;
@@ -43,7 +44,7 @@ fn counts(path: &Path) -> (Vec<usize>, Vec<u32>) {
     (shape, npy.into_vec().expect("counts"))
 }
 
-/// Resolution 97 ps, period 100 ns: bin 1030 is cut by the period's end, and dtime 1040 is beyond it.
+/// Resolution 97 ps, period 100 ns: the period ends inside bin 1030, and dtime 1040 is beyond it.
 #[test]
 fn photons_at_the_end_of_a_period_and_beyond_it_are_counted() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -120,7 +121,7 @@ fn lines_that_run_backwards_are_turned_around() {
             );
         }
     }
-    // An image of another size than the header's has other pixels.
+    // An image whose size differs from the header's has other pixels.
     let said = refused(
         d,
         &["ptu", "histogram", "f.ptu", "-o", "other.npy", "--pixels", "4,3"],
@@ -131,7 +132,7 @@ fn lines_that_run_backwards_are_turned_around() {
     );
 }
 
-/// Markers that never come, no sync pulses, no photons, other channels: each has its message.
+/// Missing markers, sync pulses or photons, and other channels: each has its own message.
 #[test]
 fn photons_of_which_none_can_be_counted_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -172,7 +173,7 @@ fn photons_of_which_none_can_be_counted_are_refused() {
     }
 }
 
-/// Two diagonal matrices; of the second all elements are `bad`.
+/// Two diagonal matrices; in the second all elements are `bad`.
 fn matrices(folder: &Path, name: &str, bad: [f64; 2]) {
     let of = |bad: f64| {
         (0..16).map(move |e| {
@@ -202,7 +203,8 @@ fn arrays_of_which_nothing_is_left_are_refused() {
     );
     let said = stderr(&run(d, &capture("one.npy"), 0));
     assert!(said.contains("36 of 72 intensities"), "{said}");
-    // The captures of the second pixel are unknown; with saturation at 0.001 those of the first are left out, too.
+    // The captures of the second pixel are unknown; with saturation at 1e-9 those of the first are left out,
+    // too.
     let back = ["reconstruct", "I.npy", "--scheme", "drr36.toml", "-o", "M.npy"];
     let said = stderr(&run(d, &back, 0));
     assert!(said.contains("1 of 2 pixels are not determined"), "{said}");
@@ -221,7 +223,7 @@ fn arrays_of_which_nothing_is_left_are_refused() {
     );
     let said = stderr(&run(d, &decompose("one.npy"), 0));
     assert!(said.contains("1 of 2 matrices"), "{said}");
-    // A file that is there keeps its content.
+    // An existing file keeps its content.
     let before = std::fs::read(d.join("I.npy")).expect("a file");
     refused(d, &capture("none.npy"));
     assert_eq!(std::fs::read(d.join("I.npy")).expect("a file"), before);
@@ -231,7 +233,7 @@ fn arrays_of_which_nothing_is_left_are_refused() {
     }
 }
 
-/// A bare number is metres, and a board of many metres is likely one of millimetres.
+/// A number without a unit is in metres; a board of many metres probably means millimetres.
 #[test]
 fn large_lengths_need_a_unit() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -257,7 +259,7 @@ fn large_lengths_need_a_unit() {
         let said = refused(d, &board(square));
         assert!(said.contains(why), "{square}: {said}");
     }
-    // With a unit, or small, the length is accepted: what is missing is the image.
+    // With a unit, or if small, the length is accepted: then the error is the missing image.
     for square in ["25m", "25mm", "0.3m", "0.2", "0.025"] {
         let said = refused(d, &board(square));
         assert!(said.contains("missing.png"), "{square}: {said}");
@@ -289,7 +291,7 @@ fn large_lengths_need_a_unit() {
         ],
     );
     assert!(said.contains("run.zarr"), "{said}");
-    // A calibration that does not say its unit, with a baseline of 120.5.
+    // A calibration without a unit, with a baseline of 120.5.
     let calibration = r#"{"K": [[500, 0, 300], [0, 500, 200], [0, 0, 1]], "D": [0, 0, 0, 0],
         "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "T": [120.5, 0, 0]}"#;
     std::fs::write(d.join("k.json"), calibration).expect("space");

@@ -1,7 +1,7 @@
-//! The program and its files as a user meets them, whole renders, and the order of the sources.
+//! Tests of the program and its files from the user's point of view, and of whole renders.
 //!
-//! One program, not one a file: each would link the library again and compile anew what it uses of it. Those that watch
-//! the memory of their process stay apart.
+//! They form a single test program: one per file would link the library again and compile the used parts
+//! again. Tests that measure the memory of their process are separate.
 
 mod arrays;
 mod bytes;

@@ -1,4 +1,4 @@
-//! Stores of two seeds pool into the one that all their samples would have made.
+//! Stores of two seeds merge to the result of all their samples.
 
 use crate::harness::{mirror_room, read, run, stderr};
 use std::path::Path;
@@ -6,7 +6,7 @@ use sunstone::store::zarr::TensorStore;
 use sunstone::tensor::field::Field;
 
 const SPP: f64 = 64.0;
-/// Groups of samples that are independent.
+/// Number of independent groups of samples.
 const GROUPS: f64 = 32.0;
 
 const SLICES: &str = r#"
@@ -67,7 +67,8 @@ fn two_seeds_pool_exactly() {
                 "{slice}: {} not {want}",
                 m[i]
             );
-            // Σ(x - m)² of all groups: that of each half about its mean, and of the means about the common one.
+            // Σ(x - m)² of all groups: that of each half about its mean, and of the means about the common
+            // one.
             let squares = (ea * ea + eb * eb) * GROUPS * (GROUPS - 1.0)
                 + GROUPS * ((ma - want).powi(2) + (mb - want).powi(2));
             let want = match slice {
@@ -135,7 +136,7 @@ fn what_does_not_belong_together_is_refused() {
     assert!(stderr(&run(at, &["merge", "a.zarr", "b.zarr", "-o", "ab.zarr"], 2)).contains("ab.zarr"));
 }
 
-/// What plain paths found is not mixed with what all paths found, nor gone on with as if it were.
+/// Results of plain paths are neither mixed with those of all paths nor resumed with them.
 #[test]
 fn other_paths_are_not_mixed() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Parts of a render, joined, are the whole: every byte of every file, however it is cut.
+//! The parts of a render, merged, equal the whole render: every byte of every file, for any division.
 
 use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
 use std::path::{Path, PathBuf};
@@ -11,7 +11,8 @@ use sunstone::store::zarr::{TensorStore, verify};
 use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Scene;
 
-/// Time bins, an epipolar band, labels, camera bins, and a block that no tile begins with: its chunks are of four tiles.
+/// Time bins, an epipolar band, labels, camera bins, and a block that does not begin with a tile: its chunks
+/// cover four tiles.
 const SLICES: &str = r#"
 [[slices]]
 name = "sum"
@@ -79,7 +80,7 @@ fn cuts(tiles: u32, stream: &mut Stream) -> Vec<Part> {
     cuts
 }
 
-/// Cuts a scene at random `times` times, joins the parts in another order, and compares with the whole.
+/// Divides a scene at random `times` times, merges the parts in another order, and compares with the whole.
 fn parts_are_the_whole(scene: &Scene, seed: u64, times: u32) {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
@@ -116,7 +117,7 @@ fn parts_of_walks_from_both_ends_are_the_whole() {
     parts_are_the_whole(&scene(&room("bidirectional")), 3, 3);
 }
 
-/// Checksums of all files of a part, but for its root's description, which says how long it took.
+/// Checksums of all files of a part, except for its root's metadata, which contain the render time.
 fn values(part: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(part.join("part.txt")).expect("a manifest");
     let lines = text
@@ -125,7 +126,8 @@ fn values(part: &Path) -> Vec<String> {
     lines.map(str::to_owned).collect()
 }
 
-/// Walks from the light that parts make together, at once or one after the other: no byte differs, and each walk is made once.
+/// Light subpaths that parts share, in parallel or one after the other: no byte differs, and each subpath is
+/// traced once.
 #[test]
 fn light_that_is_shared_is_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -158,7 +160,8 @@ fn light_that_is_shared_is_the_same() {
                 .find(|name| name.ends_with(&format!("-{n}of{of}.light")))
         };
         let file = |n: u32| light.join(share_of(n).expect("a share"));
-        // Planted: a share of another seed in place of one is seen, so light is read and not made.
+        // Negative control: a share of another seed changes the result, so light is read and not traced
+        // again.
         let first = std::fs::read(file(1)).expect("a share");
         let mut other = crate::harness::scene(&room(integrator));
         other.settings.seed += 1;
@@ -173,7 +176,7 @@ fn light_that_is_shared_is_the_same() {
         let planted = name("planted");
         one(2, &planted);
         assert_ne!(values(&planted), values(&paths[1]));
-        // One whose maker died is made again, and one that is damaged is not believed.
+        // A lost share is traced again, and a damaged one is not used.
         std::fs::remove_file(file(1)).expect("a share");
         let again = name("again");
         one(2, &again);
@@ -192,7 +195,7 @@ fn light_that_is_shared_is_the_same() {
     }
 }
 
-/// As shipped: media, glass, crystals, a lens of a hundred mirrors; by whichever paths they ask for.
+/// Shipped scenes: media, glass, crystals, a lens of a hundred mirrors, with their own integrators.
 #[test]
 fn parts_of_shipped_scenes_are_the_whole() {
     for (seed, name) in (10..).zip(["milky_tank", "fruits", "crystals", "disco_ball", "coins_mirror"]) {
@@ -211,7 +214,7 @@ fn small(name: &str) -> Scene {
     sunstone::scene::from_text(&path, &(text + SLICES)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// A part says what it is, and is nothing else to anybody.
+/// A part identifies itself as a part, and no command accepts it as a finished render.
 #[test]
 fn a_part_is_no_finished_render() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -244,7 +247,7 @@ fn a_part_is_no_finished_render() {
     }
     let store = TensorStore::open(&at.join("p2")).expect("a store");
     assert!(!store.is_finished() && store.part() == Some(share(2, 3)));
-    // What there is of it can be had, and the rest is not zero.
+    // The finished pixels can be read, and the others are not zero.
     run(at, &["probe", "p2", "sum", "--partial", "-o", "sum.npy"], 0);
     let partial = TensorStore::open_partial(&at.join("p2")).expect("a store");
     let sum = partial
@@ -254,7 +257,7 @@ fn a_part_is_no_finished_render() {
         .expect("values");
     let missing = sum.data.iter().filter(|v| v.is_nan()).count();
     assert_eq!(missing, sum.data.len() / 3 * 2);
-    // One byte less, and it is not joined.
+    // A part that lacks a byte is not merged.
     for number in [1, 3] {
         let option = format!("{number}/3");
         run(
@@ -280,7 +283,7 @@ fn a_part_is_no_finished_render() {
     assert!(!at.join("all").exists());
 }
 
-/// Only all parts of one render, each once, are joined.
+/// Only all parts of one render, each once, are merged.
 #[test]
 fn wrong_sets_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -318,13 +321,13 @@ fn wrong_sets_are_refused() {
         &["both have tile", "leave one of them out"],
     );
     refused(&["p1", "half"], &["both have tile 0"]);
-    // Planted: one part is of another seed, or of other samples.
+    // Negative controls: one part has another seed, or other samples.
     refused(&["p1", "seed", "p3"], &["different renders", "`seeds` differs"]);
     refused(&["p1", "p2", "seed", "p3"], &["`seeds` differs"]);
     refused(&["p1", "spp", "p3"], &["per_pixel` differs"]);
     refused(&["p1", "p2", "p3", "other"], &["part 1 of 3", "is not a part"]);
     refused(&["other", "p1"], &["is not a part"]);
-    // The same part twice is one part, if it is the same.
+    // The same part twice counts once if both are equal.
     scene.settings.spp = 4;
     part(&scene, SHARES[1], &at("twin"));
     merge(
@@ -340,7 +343,7 @@ fn wrong_sets_are_refused() {
     };
     let text = merge(&SHARES.map(|_| at("p1")), &at("no"), partial).map_err(|e| e.to_string());
     assert!(text.expect_err("refused").contains("--partial"));
-    // Planted: a twin that is not, by one number.
+    // Negative control: a copy that differs in one number.
     std::fs::remove_dir_all(at("joined")).expect("a folder");
     let twin = TensorStore::open_for_write(&at("twin")).expect("a store");
     let sum = twin.slice("sum").expect("a slice");
@@ -351,14 +354,14 @@ fn wrong_sets_are_refused() {
         &["p1", "twin", "p2", "p3"],
         &["both part 2 of 3", "sum/mean/c.0.1.0"],
     );
-    // Planted: a number in a tile of another part.
+    // Negative control: a number in a tile of another part.
     sum.write(Field::Mean, &[0, 0, 1], &[1, 1, 1], &[7.0])
         .expect("a number");
     twin.finish().expect("a part");
     refused(&["p1", "twin", "p3"], &["another part has too"]);
 }
 
-/// More machines than tiles: some have nothing to do, and it is a part all the same.
+/// More machines than tiles: some parts are empty but still valid parts.
 #[test]
 fn more_parts_than_tiles_are_the_whole() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -379,7 +382,7 @@ fn more_parts_than_tiles_are_the_whole() {
     assert_same_store(&at("whole"), &at("joined"));
 }
 
-/// Killed, a part goes on where it was; as another part it does not.
+/// A killed part resumes, but not as another part.
 #[test]
 fn a_killed_part_resumes_to_the_same_bytes() {
     let folder = tempfile::tempdir().expect("a folder");

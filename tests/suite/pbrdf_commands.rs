@@ -1,4 +1,5 @@
-//! `sunstone pbrdf` as a user meets it: evaluate a material, make tables, look at them, cut them, draw them.
+//! `sunstone pbrdf` from the user's point of view: evaluate a material, write tables, inspect, cut and draw
+//! them.
 
 use crate::harness::{files, run, stderr};
 use serde_json::Value;
@@ -36,7 +37,7 @@ fn handbook_values_are_printed() {
         all.extend(arguments.split_whitespace());
         json(folder.path(), &all)
     };
-    // Gold at 60°, the convention's pinned numbers.
+    // Gold at 60°: the pinned numbers of the conventions.
     let gold = eval("--name gold --in 60,20 --mirror");
     for (i, j, want) in [
         (0, 0, 0.792_257),
@@ -49,7 +50,8 @@ fn handbook_values_are_printed() {
     }
     assert_eq!(gold["out"]["phi_deg"], 200.0);
     assert_eq!(gold["kind"], "mirror");
-    // Power into glass at 45°: 1 less Fresnel's reflectance of index 1.5, each wavelength by its own angle.
+    // Power into glass at 45°: 1 minus Fresnel's reflectance for index 1.5, each wavelength with its own
+    // angle.
     let glass = eval("--name glass --in 45,0 --refract");
     assert!((element(&glass, 2, 0, 0) - (1.0 - 0.050_239_9)).abs() < 2e-6);
     let theta = |lane: usize| glass["out"][lane]["theta_deg"].as_f64().expect("an angle");
@@ -57,7 +59,7 @@ fn handbook_values_are_printed() {
         let want = 180.0 - (45.0_f64.to_radians().sin() / n).asin().to_degrees();
         assert!((theta(lane) - want).abs() < 1e-4);
     }
-    // The same power the other way, and none beyond the critical angle.
+    // The same power in the opposite direction, and none beyond the critical angle.
     let back = 180.0 - theta(2);
     let out = eval(&format!("--name glass --in {},0 --refract", 180.0 - back));
     assert!((element(&out, 2, 0, 0) - (1.0 - 0.050_239_9)).abs() < 2e-6);
@@ -70,7 +72,7 @@ fn handbook_values_are_printed() {
     }
     let pdf = white["pdf"].as_f64().expect("a density");
     assert!((pdf - 0.5 / std::f64::consts::PI).abs() < 1e-6);
-    // Many at once are the same as one by one.
+    // Many directions in one call give the same results as one by one.
     std::fs::write(folder.path().join("d.csv"), "60, 10, 20, 100\n\n0,0,30,0\n").expect("a file");
     let many = eval("--name white --directions d.csv");
     assert_eq!(many.as_array().map(Vec::len), Some(2));
@@ -99,7 +101,7 @@ fn tables_are_made_and_read() {
         "{info}"
     );
     assert!(info.contains("450, 500, 550, 600, 650"), "{info}");
-    // White is the same everywhere: 0.65/π at 550 nm, nothing polarized.
+    // White is constant: 0.65/π at 550 nm, unpolarized.
     let band = info
         .lines()
         .find(|l| l.trim_start().starts_with("550"))
@@ -146,7 +148,7 @@ fn tables_are_made_and_read() {
     assert_eq!(npy.shape(), [19, 4, 4]);
     let values: Vec<f32> = npy.into_vec().expect("numbers");
     assert!((f64::from(values[0]) - row[4]).abs() < 1e-6 * row[4]);
-    // At θh = 0 light and viewer are mirrored about the normal: the table's source says the same.
+    // At θh = 0 light and viewer are mirrored about the normal: the table's source gives the same.
     let source = json(
         at,
         &[
@@ -154,7 +156,7 @@ fn tables_are_made_and_read() {
         ],
     );
     assert!((element(&source, 1, 0, 0) - row[4]).abs() < 1e-4 * row[4]);
-    // 660 nm lies beyond the table: its last band serves, and that is said once.
+    // 660 nm is outside the table: its last band is used, and this is reported once.
     std::fs::write(
         at.join("red.toml"),
         "[materials]\nm.measured.file = 't/white.pbsdf'\n",
@@ -192,7 +194,8 @@ fn tables_are_made_and_read() {
     }
 }
 
-/// Components of tables and of the stand-ins: shares fall and sum to all, arrays are the picture's numbers.
+/// Components of tables and of the stand-ins: variance fractions decrease and sum to 1, and the arrays equal
+/// the numbers in the picture.
 #[test]
 fn principal_components_are_found() {
     let folder = folder();
@@ -255,7 +258,7 @@ fn principal_components_are_found() {
     }
 }
 
-/// Wrong requests, and a word that the answer must have; nothing is written.
+/// Invalid requests, with a word that the message must contain; nothing is written.
 #[test]
 fn wrong_requests_are_refused() {
     let folder = folder();

@@ -1,8 +1,8 @@
-//! `sunstone phase` as a user meets it, and files of media that are wrong.
+//! `sunstone phase` from the user's point of view, and faulty files of media.
 
 use crate::harness::{Case, fault, run, stderr};
 
-/// A file that is right; the tests below break one thing in it.
+/// A valid file; the tests below break one item.
 const MEDIA: &str = r#"wavelengths_nm = [450, 550, 660]
 
 [media.air.homogeneous]
@@ -71,7 +71,7 @@ fn every_broken_file_is_told_where_and_how_to_fix_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let told = |case: &Case| {
         let from = case.1;
-        // The medium that the fault is in: the last heading above it.
+        // The medium with the fault: the last heading above it.
         let above = &MEDIA[..MEDIA.find(from).expect("the passage")];
         let name = above
             .rfind("[media.")
@@ -156,7 +156,7 @@ fn matrices_are_printed_as_csv() {
     assert!((rows[0][2] - (0.375 * delta / pi + 0.25 * (1.0 - delta) / pi)).abs() < 1e-7);
     let [s11, s12] = [rows[1][2], rows[1][3]];
     assert!(((s11 - s12) / (s11 + s12) - 0.028).abs() < 1e-6 && s12 > 0.0);
-    // Lists are interpolated, wavelengths come in any number and order.
+    // Lists are interpolated; any number and order of wavelengths is allowed.
     let [head, rows] = numbers(&eval("haze --wavelengths 605,450,500,550,660 --angles 3"));
     assert_eq!((head.len(), rows.len()), (5, 15));
     assert_eq!(head[0][..2], [605.0, 1.0003]);
@@ -165,7 +165,7 @@ fn matrices_are_printed_as_csv() {
         rows.iter().take(3).map(|r| r[0]).collect::<Vec<_>>(),
         [0.0, 90.0, 180.0]
     );
-    // Coefficients of what particles make are known with their cross sections; those of `phase.mie` stay as given.
+    // Coefficients of particles are printed with their cross sections; those of `phase.mie` stay as given.
     let [head, _] = numbers(&eval("dust --angles 2"));
     assert!(
         head.iter()
@@ -184,7 +184,7 @@ fn matrices_are_printed_as_csv() {
     for name in ["beads", "drink", "stone", "hand"] {
         assert_eq!(numbers(&eval(&format!("{name} --angles 2")))[1].len(), 6);
     }
-    // To a file, which is what would have been printed.
+    // To a file, with the same content as the printed output.
     let told = eval("air --angles 5 -o air.csv");
     assert_eq!(told.trim(), "air.csv");
     let written = std::fs::read_to_string(folder.path().join("air.csv")).expect("a file");

@@ -1,4 +1,4 @@
-//! A render's bytes depend neither on threads nor on interruptions.
+//! The bytes of a render depend neither on threads nor on interruptions.
 
 use crate::harness::{assert_same_store, mirror_room, run, scene, stderr, sunstone};
 use std::path::Path;
@@ -33,7 +33,7 @@ fn text(spp: u32) -> String {
     mirror_room(64, 32, spp, 4, SLICES)
 }
 
-/// With paths from the camera, and with walks from both ends, whose light falls into any tile.
+/// With camera paths, and with bidirectional paths, whose light can reach any tile.
 #[test]
 fn threads_change_no_byte() {
     threads_change_nothing(&text(8));
@@ -53,7 +53,7 @@ impl Watch for Impatient {
     }
 }
 
-/// What an earlier run finished is not asked for again, and no light is lost or counted twice.
+/// Work that an earlier run finished is not repeated, and no light is lost or counted twice.
 #[test]
 fn walks_from_the_light_survive_an_interruption() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -134,7 +134,7 @@ fn a_killed_render_resumes_to_the_same_bytes() {
     let done = lines(&store);
     assert!((5..TILES).contains(&done), "{done} tiles were finished");
 
-    // Neither begun anew by mistake, nor mixed with other slices or settings.
+    // The render is neither restarted by mistake nor mixed with other slices or settings.
     let refused = |more: &[&str]| {
         let arguments = [&["render", "scene.toml", "-o", "killed.zarr"], more].concat();
         stderr(&run(at, &arguments, 2))

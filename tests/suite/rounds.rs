@@ -1,4 +1,5 @@
-//! Renders to an error: the same bytes however they are made, errors that are honest, and means that are right.
+//! Renders to a target error: byte-identical for any division of the work, with honest errors and unbiased
+//! means.
 
 use crate::harness::{assert_same_store, mirror_room, read, run, scene, stderr};
 use std::path::Path;
@@ -58,7 +59,8 @@ fn target(path: &Path, resume: bool) -> Target {
     }
 }
 
-/// A tile of any number of samples is that of a plain render of this number, to the bit, walks from the light included.
+/// A tile with any number of samples equals that of a plain render with this number, to the bit, also with
+/// light subpaths.
 #[test]
 fn a_tile_is_that_of_a_plain_render_of_its_samples() {
     for integrator in ["path", "caustics", "bidirectional"] {
@@ -105,7 +107,7 @@ impl Watch for Impatient {
     }
 }
 
-/// Whole, stopped again and again, or in parts that are joined, with one thread or two: the same bytes.
+/// Whole, repeatedly stopped, or in merged parts, with one thread or two: the same bytes.
 #[test]
 fn however_it_is_made_it_is_the_same() {
     for integrator in ["path", "caustics"] {
@@ -133,7 +135,7 @@ fn however_it_is_made_it_is_the_same() {
         );
         assert!(counts.iter().max() > counts.iter().min());
 
-        // It pools with a plain render of another seed, and the goal is not said of both.
+        // It merges with a plain render of another seed; the result does not state the goal.
         scene.settings.seed = 77;
         Render::new(&scene).to_store(&at("plain")).expect("a render");
         scene.settings.seed = 0;
@@ -165,7 +167,7 @@ fn however_it_is_made_it_is_the_same() {
         }
         assert!(stops >= 3, "{stops}");
         assert_same_store(&at("whole"), &at("stopped"));
-        // It is there, and nothing is rendered again; of another goal it is another render.
+        // A finished store is not rendered again; with another goal it is another render.
         let again = whole
             .render(&mut scene, &target(&at("stopped"), true))
             .expect("a store");
@@ -202,7 +204,7 @@ fn however_it_is_made_it_is_the_same() {
     }
 }
 
-/// Totals and their errors of each pixel.
+/// Totals and their errors for each pixel.
 #[derive(Clone)]
 struct Image {
     means: Vec<f64>,
@@ -219,7 +221,7 @@ impl Image {
         }
     }
 
-    /// Weighted sums of images that are independent.
+    /// Weighted sums of independent images.
     fn pooled(images: &[Self], weights: &[f64]) -> Self {
         let sum: f64 = weights.iter().sum();
         let of = |f: &dyn Fn(&Self, f64) -> f64| {
@@ -239,7 +241,7 @@ impl Image {
     }
 }
 
-/// What many renders say against the truth.
+/// Comparison of many renders with the truth.
 #[derive(Debug)]
 struct Verdict {
     /// Mean deviation of lit pixels, each in errors of the truth, over the error of this mean.
@@ -255,7 +257,7 @@ impl Verdict {
         let lit: Vec<usize> = (0..all.means.len())
             .filter(|p| all.means[*p] > 0.01 * bright)
             .collect();
-        // What is known well tells most.
+        // Pixels with small errors get the largest weights.
         let off = |i: &Image| {
             lit.iter()
                 .map(|p| (i.means[*p] - all.means[*p]) / all.errors[*p])
@@ -287,9 +289,9 @@ impl Verdict {
     }
 }
 
-/// Over 64 seeds, means are those of plain renders with other seeds (5 sigma), and deviations are as large as stated errors say. Where
-/// single pixels stop at their own errors, means are wrong; where weights ignore the numbers of samples, errors are: the same
-/// verdict finds both.
+/// Over 64 seeds, means equal those of plain renders with other seeds (5 sigma), and deviations agree with
+/// the stated errors. Negative controls: if single pixels stop by their own errors, means are biased; if
+/// weights ignore the numbers of samples, errors are wrong. The same comparison detects both.
 #[test]
 fn errors_are_honest() {
     const SEEDS: u64 = 64;
@@ -321,7 +323,7 @@ fn errors_are_honest() {
             Image::of(&mean, &error)
         })
         .collect();
-    // Plain renders: the truth, and what is done to them below.
+    // Plain renders: the truth, and the input of the negative controls below.
     let image = |arrays: &Arrays| {
         let [mean, error] =
             [Field::Mean, Field::TotalStdError].map(|f| arrays.get("sum", f).expect("it").data);
@@ -339,7 +341,7 @@ fn errors_are_honest() {
     assert!(verdict.is_honest() && rounds > 2.0, "{verdict:?}");
 
     let sets = plain.chunks(ROUNDS as usize);
-    // The same numbers of samples in the same tiles, but others.
+    // The same numbers of samples in the same tiles, from another seed.
     let same: Vec<Image> = counts
         .iter()
         .zip(50_000..)
@@ -433,7 +435,8 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
     }
 }
 
-/// What lies where rounds would be stays, whatever is asked for; and who renders them is not robbed of them.
+/// Foreign files at the path of the rounds stay, whatever the options; and rounds that another process writes
+/// are not removed.
 #[test]
 fn nothing_else_is_removed_and_one_renders() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -456,7 +459,7 @@ fn nothing_else_is_removed_and_one_renders() {
         "{told}"
     );
     assert!(at("s.rounds/thesis.tex").exists() && !at("s").exists());
-    // While somebody is at it, --force removes nothing.
+    // While a process writes them, --force removes nothing.
     std::fs::create_dir_all(at("t.rounds/0.zarr")).expect("a folder");
     let held = sunstone::base::lock::Lock::take(&at("t.rounds")).expect("nobody is there");
     let told = stderr(&with(&["t", "--force"], 2));

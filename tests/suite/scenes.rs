@@ -1,5 +1,5 @@
-//! The scenes that ship with the program: they load, meshes and what refracts or holds a medium are closed, both devices
-//! see what the scene is about, and each twin differs from its scene in materials and media alone.
+//! The shipped scenes: they load; meshes, and shapes that refract or contain a medium, are closed; both
+//! devices see the main objects; and each twin differs from its scene only in materials and media.
 
 use glam::{DVec2, Vec3, Vec3A, vec3};
 use std::collections::HashMap;
@@ -12,7 +12,7 @@ use sunstone::transport::material::Material;
 use sunstone::transport::scene::Scene;
 use toml::{Table, Value};
 
-/// A scene, its twin, and balls (centre, radius in metres) round what both devices must see.
+/// A scene, its twin, and balls (centre, radius in metres) around objects that both devices must see.
 struct Shipped {
     folder: &'static str,
     twin: &'static str,
@@ -28,7 +28,7 @@ const SHIPPED: &[Shipped] = &[
     Shipped {
         folder: "coins_mirror",
         twin: "diffuse.toml",
-        // The coins, and the middle of the mirror.
+        // The coins, and the centre of the mirror.
         seen: &[
             ([-0.055, 0.001, -0.015], 0.021),
             ([-0.02, 0.001, 0.03], 0.021),
@@ -119,8 +119,8 @@ fn every_scene_is_known_here() {
     sunstone::scene::load(&gold).unwrap_or_else(|e| panic!("{e}"));
 }
 
-/// True if the ball is in the device's image, at least `pixels` wide, and the first opaque thing on the way to its
-/// centre, or the first surface at all that belongs to it, is in the ball.
+/// Checks that the ball is in the device's image, at least `pixels` wide, and visible: the first opaque
+/// surface on the way to its centre, or the first surface of the object itself, is in the ball.
 fn sees(scene: &Scene, device: &Pinhole, centre: Vec3A, radius: f32, pixels: f64) -> Result<(), String> {
     let (at, _) = device.project(centre).ok_or("it is out of the image")?;
     let distance = (centre - device.origin).length();
@@ -174,7 +174,7 @@ fn scenes_and_twins_load_and_show_what_they_are_about() {
             for figure in ["photo", "epipolar", "nonepipolar", "mueller"] {
                 assert!(figures.contains(&figure), "{}: {figure}", path.display());
             }
-            // Epipolar lines run along rows, near enough to tell them from columns.
+            // Epipolar lines run approximately along rows.
             let baseline = (projector.pinhole.origin - scene.camera.origin).normalize();
             let along = baseline.dot(scene.camera.right());
             assert!(along.abs() > 0.9, "{}: {along}", path.display());
@@ -182,7 +182,7 @@ fn scenes_and_twins_load_and_show_what_they_are_about() {
     }
 }
 
-/// What a scene and its twin share.
+/// The part that a scene and its twin share.
 fn without_materials(mut scene: Table) -> Table {
     for key in ["name", "materials", "media"] {
         scene.remove(key);
@@ -223,8 +223,8 @@ fn twins_differ_in_materials_and_media_alone() {
     }
 }
 
-/// Volume in cubic metres; an error if an edge does not join exactly two triangles that run along it in opposite
-/// directions. Vertices in one place count as one.
+/// Volume in cubic metres; an error if an edge does not join exactly two triangles that traverse it in
+/// opposite directions. Vertices at equal positions count as one.
 fn closed_volume(mesh: &Mesh) -> Result<f64, String> {
     let mut welded = HashMap::new();
     let ids: Vec<usize> = mesh
@@ -232,7 +232,7 @@ fn closed_volume(mesh: &Mesh) -> Result<f64, String> {
         .iter()
         .map(|p| {
             let next = welded.len();
-            // Adding zero makes -0 and 0 the same.
+            // Adding zero makes -0 and 0 equal.
             *welded
                 .entry((p + Vec3::ZERO).to_array().map(f32::to_bits))
                 .or_insert(next)
@@ -269,7 +269,7 @@ fn worst_normal(mesh: &Mesh) -> f32 {
     cosines.fold(1.0, f32::min)
 }
 
-/// True if the shape is closed, with its front outward.
+/// Checks that the shape is closed, with its front outward.
 fn check_closed(folder: &str, shape: &Table) -> Result<(), String> {
     let (kind, value) = shape.iter().next().unwrap();
     match kind.as_str() {
@@ -327,7 +327,7 @@ fn an_open_or_inverted_mesh_is_noticed() {
     assert!(closed_volume(&inverted).unwrap() < 0.0);
 }
 
-/// Loads a file that holds one mesh.
+/// Loads a file with a single mesh.
 fn mirror_room_mesh(file: &str) -> import::MeshPart {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes/mirror_room");
     let mut model = import::load(&folder.join(file)).unwrap();
@@ -335,7 +335,7 @@ fn mirror_room_mesh(file: &str) -> import::MeshPart {
     model.parts.remove(0)
 }
 
-/// A mesh of the mirror room is closed and has the size that it should.
+/// Checks that a mesh of the mirror room is closed and has the expected size.
 fn check(
     file: &str,
     triangles: std::ops::Range<usize>,
@@ -366,8 +366,8 @@ fn check(
 
 #[test]
 fn knot_is_closed() {
-    // Pappus: pi a^2 L = 9.0e-3 m^3 for a tube of radius a = 34 mm round a knot of length L = 2.43 m, less 2.6 % for
-    // its sixteen flat sides.
+    // Pappus: pi a^2 L = 9.0e-3 m^3 for a tube of radius a = 34 mm around a knot of length L = 2.43 m, minus
+    // 2.6 % for its sixteen flat sides.
     check(
         "knot.glb",
         6000..10_000,

@@ -1,4 +1,5 @@
-//! Variants of scene files as a user meets them: rendered, told apart, refused where they are mixed; and applications of them.
+//! Variants of scene files from the user's point of view: rendered, distinguished, refused if mixed; and
+//! applications.
 
 use crate::harness::{assert_same_store, read, run, stderr};
 use serde_json::json;
@@ -57,7 +58,7 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
     let render = |scene: &str, more: &[&str], code| {
         run(at, &[&["render", scene, "--no-figures"], more].concat(), code)
     };
-    // As it is written the scene is the same with [vary] and without: its hash, and its numbers.
+    // Without a selected variant the scene is the same with and without [vary]: its hash and its numbers.
     render("plain.toml", &["-o", "plain.zarr"], 0);
     render("varied.toml", &[], 0);
     let attributes = |store: &str| TensorStore::open(&at.join(store)).expect("a store").attributes();
@@ -67,7 +68,7 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
     );
     assert!(!attributes("out/s.zarr").contains_key("variant"));
     assert_eq!(mean(&at.join("plain.zarr")), mean(&at.join("out/s.zarr")));
-    // Light of one bounce is in proportion to the albedo.
+    // Light of one bounce is proportional to the albedo.
     for (k, albedo) in [("0", 0.25), ("1", 0.75)] {
         render("varied.toml", &["--variant", k], 0);
         let store = format!("out/s_variant{k}.zarr");
@@ -81,10 +82,10 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
             attributes("plain.zarr")["scene_sha256"]
         );
     }
-    // The same variant twice is the same store.
+    // The same variant twice gives the same store.
     render("varied.toml", &["--variant", "1", "-o", "again.zarr"], 0);
     assert_same_store(&at.join("again.zarr"), &at.join("out/s_variant1.zarr"));
-    // Another variant neither resumes it nor is pooled with it.
+    // Another variant neither resumes it nor merges with it.
     let said = stderr(&render(
         "varied.toml",
         &["--variant", "0", "--resume", "-o", "again.zarr"],
@@ -102,7 +103,7 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
         2,
     ));
     assert!(said.contains("different scenes"), "{said}");
-    // What is wrong with a variant is told at its place in [vary]; there are no more than four.
+    // Faults of a variant are reported with their location in [vary]; there are at most four variants.
     let said = stderr(&render("varied.toml", &["--variant", "3", "-o", "no.zarr"], 2));
     let line = format!("name = \"s\"\n{SCENE}{VARY}")
         .lines()
@@ -128,7 +129,7 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
     assert!(String::from_utf8_lossy(&told.stdout).contains("\"number\":1"));
 }
 
-/// All that an application asks of its scene is there, for every variant that it names.
+/// Every scene of an application has what the application requires, for every variant that it uses.
 #[test]
 fn scenes_of_applications_have_their_variants() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
@@ -185,7 +186,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     for name in ["table.csv", "scores.csv", "report.json", "score_rgb.png"] {
         assert!(report.join(name).is_file(), "{name}");
     }
-    // The bound is above all, and colour tells little: the fruit are metamers.
+    // The bound is above all methods, and colour gives little information: the fruits are metamers.
     let table = std::fs::read_to_string(report.join("table.csv")).expect("a table");
     let area = |method: &str| -> f64 {
         let line = table
@@ -202,11 +203,11 @@ fn applications_are_listed_run_resumed_and_refused() {
         "{table}"
     );
     assert!(area("-(2,2) epipolar") > area("RGB"), "{table}");
-    // Again: nothing is rendered, and nothing is otherwise.
+    // Repeated: nothing is rendered, and the result is the same.
     let again = run(at, &arguments, 0);
     let again = String::from_utf8_lossy(&again.stdout).into_owned();
     assert_eq!(again.replace("(0 renders", "(20 renders"), first);
-    // A render that was lost is made again, to the same numbers.
+    // A lost render is repeated, with the same numbers.
     let renders = at.join("out/apply/renders");
     let one = std::fs::read_dir(&renders)
         .expect("renders")
@@ -221,7 +222,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     figures_keep_what_was_fitted(at, scenes);
 }
 
-/// Methods are fitted anew where a render is another one or what was kept is damaged, and not otherwise; the figure is the same.
+/// Methods are fitted again only if a render changed or the stored fit is damaged; the figure is the same.
 fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
     let panel = "view.apply = { name = \"metamerism\", picture = \"score\", variant = 8, method = \"RGB\" }";
     let figure =
@@ -240,14 +241,14 @@ fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
     };
     let first = draw();
     assert_eq!(draw(), first);
-    // Damaged: it is made anew.
+    // A damaged fit is repeated.
     let mut damaged = first.2.clone();
     let last = damaged.len() - 1;
     damaged[last] ^= 1;
     std::fs::write(&fit, &damaged).expect("writes");
     let fixed = draw();
     assert_eq!((&fixed.0, &fixed.2), (&first.0, &first.2));
-    // Another render, which took another time: the same light, and so the same numbers under another key.
+    // Another render with a different render time: the same light, and so the same numbers with another key.
     let renders = std::fs::read_dir(at.join("out/apply/renders")).expect("renders");
     let mut stores = renders.map(|e| e.expect("one").path()).filter(|p| p.is_dir());
     std::fs::remove_dir_all(stores.next().expect("a store")).expect("removes");
@@ -256,9 +257,9 @@ fn figures_keep_what_was_fitted(at: &Path, scenes: &str) {
     assert_ne!(anew.2, first.2);
 }
 
-/// Where seeds are of a detector, each variant's light is rendered once; and from scene file to table, errors are those of closed
-/// forms: 0.5e-3 √(440/15/16) of fifteen learnt captures with an array, and that of 36 captures of DRR (196 noise variances) three times
-/// the former's with as many.
+/// If seeds affect only a detector, each variant's light is rendered once. From scene file to table, errors
+/// equal closed forms: 0.5e-3 √(440/15/16) for fifteen learned captures with an array, and 0.5e-3 √(196/16) for 36
+/// captures of DRR.
 #[test]
 fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -287,7 +288,8 @@ fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
             .and_then(|v| v.parse().ok())
             .expect("a number")
     };
-    // Ten variants of 48 x 36 x 3 matrices: a relative spread of 1e-3 at most, where few directions hold most of the error.
+    // Ten variants of 48 x 36 x 3 matrices: a relative spread of at most 1e-3, where few directions carry
+    // most of the error.
     let near = |found: f64, variance: f64| (found / (0.5 * (variance / 16.0).sqrt()) - 1.0).abs() < 5e-3;
     assert!(
         near(mean("error, 15 captures", "L-QRPR-P"), 440.0 / 15.0),
@@ -296,7 +298,8 @@ fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
     assert!(near(mean("error, 36 captures", "DRR"), 196.0), "{table}");
 }
 
-/// A wall behind a pane of glass, and a ball between: shares, numbers and texture coordinates in closed form.
+/// A wall behind a pane of glass, with a ball in between: fractions, numbers and texture coordinates in
+/// closed form.
 #[test]
 fn truth_maps_look_through_glass() {
     let text = r#"
@@ -328,7 +331,8 @@ material = "ball"
     built.keep_texture_coordinates();
     let object = truth::object(&built);
     assert_eq!((object.at(32, 32)[0], object.at(2, 60)[0]), (2.0, 0.0));
-    // The ball fills a cone of sine 0.05 / 0.5: a disk of radius f tan(asin(0.1)) pixels, nine rays a pixel.
+    // The ball fills a cone of sine 0.05 / 0.5: a disk of radius f tan(asin(0.1)) pixels, nine rays per
+    // pixel.
     let focal = 32.0 / 20.0_f64.to_radians().tan();
     let area = std::f64::consts::PI * (focal * 0.1_f64.asin().tan()).powi(2);
     let ball: f64 = truth::material(&built, &["ball"]).data.iter().sum();
@@ -338,7 +342,8 @@ material = "ball"
         wall.data.iter().all(|v| *v == 1.0),
         "all rays end at one of the two"
     );
-    // In the pane a ray at θ goes on at sin θ' = sin θ / 1.5: it meets the wall 0.3 (tan θ - tan θ') nearer to the axis.
+    // In the pane a ray at θ continues at sin θ' = sin θ / 1.5: it meets the wall 0.3 (tan θ - tan θ') nearer
+    // to the axis.
     let texture = truth::texture(&built);
     for x in [4, 50, 63] {
         let across = (x as f64 + 0.5 - 32.0) / focal;
@@ -351,7 +356,7 @@ material = "ball"
             assert!((found - expected).abs() < 1e-5, "{found} {expected}");
         }
     }
-    // As layers: the ball's nearest point is 0.45 m away, and where the calibration says.
+    // As layers: the ball's nearest point is 0.45 m away, at the position from the calibration.
     let set = layers(
         &built,
         Options {
@@ -373,7 +378,8 @@ material = "ball"
     assert!(truth::layer(&set, "colour").is_none());
 }
 
-/// A corner of two walls, where light between them is noise of few samples; variants differ by next to nothing.
+/// A corner of two walls, where interreflected light is noisy with few samples; the variants are nearly
+/// equal.
 const CORNER: &str = r#"
 name = "corner"
 camera = { resolution = [32, 32], fov_x_deg = 30, pose.look_at = { origin = [0, 1, 3], target = [0, 0, 0], up = [0, 1, 0] } }
@@ -388,8 +394,9 @@ slices = [{ name = "photo" }]
 vary.shade = { path = "materials.wall.diffuse.albedo", values = [0.7, 0.701] }
 "#;
 
-/// Noise of two variants is that of two renders: what methods learn from has nothing of what they are judged on. As the studio once rendered
-/// them, with one seed for all (which is how it renders a file without a number), it is the same.
+/// The noise of two variants is independent, so that training data do not share noise with test data. With
+/// one seed for all variants, as the studio once rendered them (and still renders a file without a number),
+/// the noise is equal.
 #[test]
 fn variants_of_one_seed_have_their_own_noise() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -414,11 +421,11 @@ fn variants_of_one_seed_have_their_own_noise() {
     let own = [noise(0, Some(0)), noise(1, Some(1))];
     let shared = [noise(0, None), noise(1, None)];
     assert!(correlation(&shared[0], &shared[1]) > 0.9);
-    // The sum of independent products has the standard deviation that the products themselves tell.
+    // The sum of independent products has the standard deviation that follows from the products themselves.
     let products: Vec<f64> = own[0].iter().zip(&own[1]).map(|(a, b)| a * b).collect();
     let sum = products.iter().sum::<f64>();
     let deviation = products.iter().map(|p| p * p).sum::<f64>().sqrt();
     assert!(sum.abs() < 5.0 * deviation, "{sum} of {deviation}");
-    // Which is not so for want of noise.
+    // There is noise.
     assert!(deviation > 0.0);
 }

@@ -1,4 +1,4 @@
-//! What tests share that render: scenes as text, and stores in temporary folders.
+//! Shared code of tests that render: scenes as text, and stores in temporary folders.
 
 use std::path::Path;
 use sunstone::render::{Target, Unwatched, render};
@@ -8,10 +8,10 @@ use sunstone::tensor::field::Field;
 use sunstone::transport::scene::Scene;
 use tempfile::TempDir;
 
-/// The scene of mirrors, metal and glass that ships with the program.
+/// The shipped scene of mirrors, metal and glass.
 pub const MIRROR_ROOM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/mirror_room/scene.toml");
 
-/// `text` with one passage replaced; it must be there.
+/// Replaces one passage of `text`, which must exist.
 #[must_use]
 pub fn edit(text: &str, from: &str, to: &str) -> String {
     assert!(text.contains(from), "the scene has no `{from}` to edit");
@@ -24,8 +24,8 @@ pub fn shipped() -> String {
     std::fs::read_to_string(MIRROR_ROOM).expect("the shipped scene")
 }
 
-/// The mirror room with square images of `camera` and `projector` pixels, and other slices and figures. Its meshes
-/// are named by absolute paths, so the text works in any folder.
+/// The mirror room with square images of `camera` and `projector` pixels, and other slices and figures. Its
+/// meshes have absolute paths, so that the text works in any folder.
 #[must_use]
 pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &str) -> String {
     let all = shipped();
@@ -49,7 +49,7 @@ pub fn mirror_room(camera: u32, projector: u32, spp: u32, tile: u32, slices: &st
     text + slices
 }
 
-/// A finished render; its files live as long as it does.
+/// A finished render; its files are deleted with it.
 pub struct Rendered {
     pub store: TensorStore,
     _folder: TempDir,
@@ -72,13 +72,13 @@ impl Rendered {
     }
 }
 
-/// Renders the scene; panics with the scene's text if it is refused.
+/// Renders a scene from text; panics with the text if it is refused.
 #[must_use]
 pub fn render_text(text: &str) -> Rendered {
     render_scene(&scene_of(text))
 }
 
-/// The scene; panics with its text if it is refused.
+/// Parses a scene; panics with its text if it is refused.
 #[must_use]
 pub fn scene_of(text: &str) -> Scene {
     sunstone::scene::from_text(Path::new("test.toml"), text)

@@ -1,5 +1,6 @@
-//! A tank of cloudy water behind glass without connections: a light of finite size that paths from the camera meet by chance, for
-//! sizes that shrink, against the point of light that manifolds and walks from both ends connect to.
+//! A tank of cloudy water behind glass, without connections. Camera paths hit an emitter of finite size at
+//! random; its size shrinks towards the point light that manifold connections and bidirectional paths connect
+//! to.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -14,7 +15,7 @@ use sunstone::transport::scene::Integrator;
 
 const LAMP: DVec3 = DVec3::new(0.09, 0.4, 0.45);
 
-/// The tank, seen through one broad pixel, with a plate of Lambert's kind in the water.
+/// The tank, seen through one wide pixel, with a Lambertian plate in the water.
 fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     let spp = spp * samples_factor();
     format!(
@@ -32,7 +33,7 @@ fn tank(spp: u32, seed: u32, light: &str, object: &str) -> String {
     )
 }
 
-/// Intensity, and the two linear parts, of what unpolarized light makes, with their errors.
+/// Intensity and the two linear Stokes elements for unpolarized light, with their errors.
 fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
@@ -56,7 +57,8 @@ fn stokes(text: &str, integrator: Integrator) -> [[f64; 2]; 3] {
     })
 }
 
-/// A ball of radius r and even radiance is seen from afar as a point of intensity π r² times that; what is left falls with r².
+/// A ball of radius r and constant radiance acts at a distance as a point of intensity π r² times the
+/// radiance; the difference decreases with r².
 #[test]
 fn shrinking_lights_become_points() {
     let at = format!("{:?}", LAMP.to_array());
@@ -69,14 +71,14 @@ fn shrinking_lights_become_points() {
         stokes(&tank(spp, seed, "", &ball), Integrator::Path)
     };
     let (large, small) = (ball(0.2, 30_000, 1), ball(0.1, 100_000, 2));
-    // Shining on the tank alone, wherever in it evenly.
+    // Illuminates only the tank, uniformly.
     let point = format!(
         "[[emitters]]\nspot = {{ position = {at}, direction = [-0.09, -0.33, -0.45], intensity = 1.0, cutoff_deg = 25, beam_deg = 24 }}\n"
     );
     let connected = stokes(&tank(8000, 3, &point, ""), Integrator::Bidirectional);
     for i in 0..3 {
         let [[a, x], [b, y], [c, z]] = [large[i], small[i], connected[i]];
-        // To a radius of nothing.
+        // Extrapolated to radius zero.
         let (want, error) = ((4.0 * b - a) / 3.0, (16.0 * y * y + x * x).sqrt() / 3.0);
         println!(
             "S{i}: radius 0.2 {a:.5} ± {x:.5}, 0.1 {b:.5} ± {y:.5}, none {want:.5} ± {error:.5}; connected {c:.5} ± {z:.5}"

@@ -1,11 +1,12 @@
-//! Attributes of PLY meshes as albedos, in closed form: white light from everywhere shows each albedo as it is.
+//! Attributes of PLY meshes as albedos, in closed form: under uniform white light each albedo is visible
+//! directly.
 
 use crate::support::render_text;
 use std::path::Path;
 use sunstone::scene::from_text;
 use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, Wavelength, X, Y};
 
-/// Two triangles of the unit square; `more` is the object's and the material's rest.
+/// Two triangles of the unit square; `more` has the remaining keys of the object and the material.
 fn scene(folder: &Path, material: &str, more: &str) -> String {
     let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
         property float color_0\nproperty float color_1\nproperty float color_2\nproperty float weight_0\n\
@@ -25,13 +26,13 @@ fn scene(folder: &Path, material: &str, more: &str) -> String {
     )
 }
 
-/// Red, green and blue in the middle of pixel (i, j), the mean of samples all over it.
+/// Red, green and blue of pixel (i, j), the mean of samples over the pixel.
 fn seen(text: &str, [i, j]: [usize; 2]) -> [f32; 3] {
     let image = render_text(text).mean("image");
     [2, 1, 0].map(|l| image.at(&[(Y, j), (X, i), (Wavelength, l), (StokesOut, 0), (StokesIn, 0)]))
 }
 
-/// Colours of vertices are linear over a triangle, so that the mean over a pixel is the value in its middle.
+/// Colours of vertices are linear over a triangle, so that the mean over a pixel is the value at its centre.
 #[test]
 fn colours_of_vertices_are_mixed() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -66,7 +67,7 @@ fn colours_of_vertices_are_mixed() {
     }
 }
 
-/// Faces have one colour each; a number may be a weight.
+/// Each face has one colour; a number may be a weight.
 #[test]
 fn faces_have_a_colour_and_numbers_are_weights() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! Bidirectional paths against paths from the camera, wherever those can do it, and every strategy alone.
+//! Bidirectional paths against camera paths, where those find all light, and each strategy alone.
 
 use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, head, mirror, mueller, plate, project};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -9,7 +9,8 @@ use sunstone::tensor::array::Tensor;
 use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// Camera and projector of 16 x 16 pixels over a box of 2 m, and slices that hold all that a path carries.
+/// Camera and projector of 16 x 16 pixels in front of a box of 2 m, and slices that resolve everything a path
+/// carries.
 pub fn devices(spp: u32, depth: u32, seed: u32) -> String {
     format!(
         "[render]\nspp = {spp}\nmax_depth = {depth}\nseed = {seed}\nrr_depth = 3\ntile = 16\n\
@@ -34,7 +35,7 @@ pub const WALLS: &str = "
 
 pub fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> Rendered {
     let mut scene: Scene = scene_of(text);
-    // Ways through interfaces where these tests ask for them alone.
+    // Manifold connections only for tests that request them.
     let manifold = scene.settings.manifold && text.contains("manifold = true");
     scene.set_integrator(integrator);
     scene.settings.manifold = manifold || integrator == Integrator::Caustics;
@@ -42,8 +43,9 @@ pub fn with(text: &str, integrator: Integrator, strategy: Option<[u32; 2]>) -> R
     render_scene(&scene)
 }
 
-/// Asserts that two renders agree in every element of every slice within five standard errors, and that enough of
-/// the elements say something: their errors are below `share` of the largest value. Returns the largest deviation.
+/// Asserts that two renders agree in every element of every slice within five standard errors, and that at
+/// least `least` elements are significant: their errors are below `share` of the largest value. Returns the
+/// largest deviation.
 pub fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) -> f32 {
     let mut most = 0.0_f32;
     for slice in ["m", "t", "p"] {
@@ -54,8 +56,8 @@ pub fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) -> f32
         for i in 0..x.data.len() {
             let sigma = dx.data[i].hypot(dy.data[i]);
             let diff = (x.data[i] - y.data[i]).abs();
-            // What both find to be zero, and rounding where nothing varies. Of small elements that few samples reach, the
-            // error is not known.
+            // Skips elements that both renders find to be zero, and rounding errors. The error of small
+            // elements with few samples is unreliable.
             let known = |value: f32, error: f32| error < 0.05 * value.abs();
             let sampled = known(x.data[i], dx.data[i]) && known(y.data[i], dy.data[i]);
             if diff > 1e-6 * top && (sampled || diff > 3e-3 * top) {
@@ -78,7 +80,7 @@ pub fn assert_agree(a: &Rendered, b: &Rendered, share: f32, least: usize) -> f32
     most
 }
 
-/// Paths from the camera alone and from both ends.
+/// Camera paths against bidirectional paths.
 fn compare(text: &str, share: f32, least: usize) {
     let path = with(text, Integrator::Path, None);
     let both = with(text, Integrator::Bidirectional, None);
@@ -94,7 +96,7 @@ fn diffuse_box() {
     compare(&(devices(128, 5, 1) + DIFFUSE + WALLS), 0.02, 20);
 }
 
-/// Each strategy alone is the light of its number of interactions.
+/// Each strategy alone gives the light with its number of interactions.
 #[test]
 fn every_strategy_alone() {
     let text = devices(256, 4, 2)
@@ -157,7 +159,7 @@ fn surfaces_of_all_kinds() {
     compare(&text, 0.05, 40);
 }
 
-/// Rough glass: transmission from both sides, with its squared indices.
+/// Rough glass: transmission from both sides, with the squared indices.
 #[test]
 fn rough_glass() {
     let text = devices(256, 4, 4)
@@ -172,7 +174,7 @@ fn rough_glass() {
 pub const FOG: &str =
     "[media.fog.homogeneous]\nscattering = [0.4, 0.7, 1.0]\nabsorption = [0.1, 0.05, 0.2]\n";
 
-/// A medium in the whole box around a diffuse ball, by Rayleigh's and by a forward-peaked phase function.
+/// A medium in the whole box around a diffuse ball, with Rayleigh's and with a forward-peaked phase function.
 #[test]
 fn media_without_boundary() {
     for phase in [
@@ -192,14 +194,14 @@ fn media_without_boundary() {
     }
 }
 
-/// A flat mirror throws the projector's light on a wall that the camera sees: as from the projector's mirror image. Paths
-/// from the camera never find it.
+/// A flat mirror reflects the projector's light onto a wall that the camera sees: as from the projector's
+/// mirror image. Camera paths never find this light.
 #[test]
 fn mirror_throws_light_on_a_wall() {
     thrown_on_a_wall(60.0, 120_000, "");
 }
 
-/// So it does for pixels so narrow that no walk from the light meets what they see.
+/// The same for pixels so narrow that no light subpath hits the surface they see.
 #[test]
 fn mirror_throws_light_into_a_narrow_pixel() {
     for focal_px in [60.0, 600.0, 6000.0] {
@@ -207,10 +209,10 @@ fn mirror_throws_light_into_a_narrow_pixel() {
     }
 }
 
-/// The wall through one pixel before so long a lens.
+/// The wall through one pixel of a lens with this focal length.
 fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
     let lamp = Device::look_at([0.8, 0.1, 0.6], DVec3::new(0.0, 0.0, -0.3), [32, 32], 120.0);
-    // Its image behind the mirror in the plane x = 0.
+    // The projector's image behind the mirror in the plane x = 0.
     let flip = |v: DVec3| DVec3::new(-v.x, v.y, v.z);
     let image = Device {
         origin: flip(lamp.origin),
@@ -219,7 +221,7 @@ fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
         down: flip(lamp.down),
         ..lamp.clone()
     };
-    // Where its axis meets the wall x = 1.5.
+    // The point where its axis meets the wall x = 1.5.
     let point = image.origin + image.forward * ((1.5 - image.origin.x) / image.forward.x);
     let camera = Device::look_at([0.4, 1.2, 1.5], point, [1, 1], focal_px);
     let text = head(spp, 4, 3)
@@ -238,7 +240,7 @@ fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
             .at(&[(AxisKind::Bounces, 2)]),
         0.0
     );
-    // Over the pixel, everything is as at its centre within a per mille, but the light's own falloff: quadrature.
+    // Over the pixel, everything is constant within 0.1 %, except the falloff of the light: quadrature.
     let (mut want, n) = (M::zeros(), 40);
     for k in 0..n * n {
         let at = |i: i32| (f64::from(i) + 0.5) / f64::from(n);
@@ -283,7 +285,8 @@ fn thrown_on_a_wall(focal_px: f64, spp: u32, more: &str) {
     assert!(near > 0.999 * whole, "{near} of {whole} at bin {time}");
 }
 
-/// A mirror, a glass ball, a glossy coat under glass and a window in a box, lit by a projector and a point.
+/// A mirror, a glass ball, a glossy coat under glass and a window in a box, lit by a projector and a point
+/// light.
 pub fn redirecting(spp: u32, seed: u32) -> String {
     devices(spp, 6, seed).replace("[render]", "[render]\nmanifold = true")
         + DIFFUSE
@@ -297,8 +300,8 @@ pub fn redirecting(spp: u32, seed: u32) -> String {
            "
 }
 
-/// Plain paths, and few samples of what mirrors and glass send on first, are all that paths from both ends find; neither
-/// finds it alone.
+/// Plain paths, plus a few samples of light redirected by mirrors and glass, find all light of bidirectional
+/// paths; neither part alone does.
 #[test]
 fn redirected_light_and_plain_paths_are_all_light() {
     let text = redirecting(2048, 8);
@@ -311,7 +314,7 @@ fn redirected_light_and_plain_paths_are_all_light() {
     );
     let most = assert_agree(&parts, &whole, 0.05, 20);
     println!("largest deviation {most:.2} sigma");
-    // The comparison sees what paths alone miss.
+    // Negative control: the comparison detects the light that plain paths miss.
     let plain = with(&text.replace("manifold = true", ""), Integrator::Path, None);
     let seen = std::panic::catch_unwind(AssertUnwindSafe(|| assert_agree(&plain, &whole, 0.05, 20)));
     assert!(seen.is_err());
@@ -334,7 +337,7 @@ fn lenses() {
             1,
         );
     compare(&text, 0.02, 15);
-    // They do blur: what each projector pixel lights is spread over more of the image.
+    // Negative control: the lenses blur, so that the light of each projector pixel covers more of the image.
     let lit = |text: &str| {
         let text = text.replace(
             "projector = { binned = 8 }",
@@ -351,8 +354,9 @@ fn lenses() {
     assert!(blurred > 3 * sharp / 2 && sharp > 3, "{blurred} {sharp}");
 }
 
-/// Light that the projector sends through something is what a camera in its place would see of a projector in the camera's:
-/// T(s, s') f'² = D T'(s', s)ᵀ D f². What the light's walk finds against what the camera's walk finds.
+/// Light from the projector through an object equals what a camera in the projector's place would see of a
+/// projector in the camera's place: T(s, s') f'² = D T'(s', s)ᵀ D f². This compares light subpaths with
+/// camera subpaths.
 #[test]
 fn exchanged_devices_find_the_same() {
     let wall = DVec3::new(0.0, 0.0, -0.6);
@@ -379,7 +383,7 @@ fn exchanged_devices_find_the_same() {
             "crystal = { name = \"quartz\", axis = [0.3, 0.9, 0.1] }",
             "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.11] }",
         ),
-        // A wave and a half: thick ones depolarize what comes through rough faces.
+        // Thickness of 1.5 waves: thick crystals depolarize light that passes rough faces.
         (
             "crystal = { name = \"quartz\", axis = [0.3, 0.9, 0.1], roughness = 0.2 }",
             "cube = { min = [-1, -1, 0.1], max = [1, 1, 0.1001] }",
@@ -402,7 +406,8 @@ fn exchanged_devices_find_the_same() {
         };
         let there = with(&text(&beside, &behind), Integrator::Bidirectional, None);
         let back = with(&text(&behind, &beside), Integrator::Path, None);
-        // The camera looked for through the interface, from the light's side, and weighed against the camera's own walks.
+        // Connections to the camera through the interface, from the light's side, weighted against camera
+        // subpaths.
         let mut scene = scene_of(&text(&behind, &beside));
         (scene.settings.integrator, scene.settings.manifold) = (Integrator::Bidirectional, true);
         let weighed = render_scene(&scene);

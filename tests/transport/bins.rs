@@ -1,5 +1,6 @@
-//! Time bins of 25 ps and exact s', pixel by pixel, of paths from both ends: against quadrature in f64 where light is scattered
-//! once, in a medium, through glass and over a mirror, and against paths from the camera where it is scattered often.
+//! Time bins of 25 ps and exact s', per pixel, of bidirectional paths: against f64 quadrature for single
+//! scattering, in a medium, through glass and over a mirror, and against camera paths for multiple
+//! scattering.
 //!
 //! The variable `SAMPLES` multiplies the numbers of samples.
 
@@ -25,17 +26,17 @@ fn samples(spp: u32) -> u32 {
     spp * samples_factor()
 }
 
-/// Bins of a slice: means and standard errors, pixel by pixel.
+/// Bins of a slice: means and standard errors, per pixel.
 struct Bins {
     mean: Vec<f64>,
     error: Vec<f64>,
 }
 
-/// Time bins, and projector pixels, of light with so many interactions, of all light without.
+/// Time bins, and projector pixels, of light with a number of interactions, or of all light.
 fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2] {
     let mut scene = scene_of(text);
     scene.set_integrator(integrator);
-    // Ways through interfaces where the scene asks for them alone.
+    // Manifold connections only for scenes that request them.
     scene.settings.manifold = text.contains("manifold = true");
     let mut arrays = Arrays::default();
     render(&scene, &[], schedule::Share::default(), &mut arrays, &Unwatched).expect("arrays take everything");
@@ -52,7 +53,7 @@ fn bins(text: &str, integrator: Integrator, bounces: Option<usize>) -> [Bins; 2]
     })
 }
 
-/// The head of a scene with such slices.
+/// The head of a scene with these slices.
 fn text(spp: u32, depth: u32, seed: u32, devices: [&Device; 2], start_ps: f64, bounces: bool) -> String {
     let spp = samples(spp);
     format!(
@@ -64,17 +65,17 @@ fn text(spp: u32, depth: u32, seed: u32, devices: [&Device; 2], start_ps: f64, b
         + &devices[1].keys("projector")
 }
 
-/// Some light that a point of a pixel gets.
+/// A contribution to a point of a pixel.
 struct Share {
     radiance: f64,
     time_ps: f64,
-    /// Where on the projector's image it starts.
+    /// Position on the projector's image where it starts.
     at: [f64; 2],
-    /// What a sample that finds it may bring.
+    /// Possible value of a sample that finds it.
     hit: f64,
 }
 
-/// What is planted: a shift in time, and one of s'.
+/// Planted errors: a shift in time, and one of s'.
 #[derive(Clone, Copy)]
 struct Fault {
     ps: f64,
@@ -83,7 +84,8 @@ struct Fault {
 
 const NONE: Fault = Fault { ps: 0.0, px: 0.0 };
 
-/// What quadrature of n × n points of every pixel puts into both kinds of bins, and the most that a sample of a pixel brings.
+/// Values of both kinds of bins by quadrature over n × n points of every pixel, and the largest value of a
+/// sample of a pixel.
 fn quadrature(
     n: u32,
     start_ps: f64,
@@ -105,7 +107,7 @@ fn quadrature(
                 let radiance = share.radiance / f64::from(n * n);
                 let [u, v] = [share.at[0] + fault.px, share.at[1]].map(f64::floor);
                 let inside = 0.0..f64::from(SIZE);
-                // Light that leaves the image by the planted shift alone was there.
+                // Light that leaves the image only because of the planted shift is dropped.
                 if !inside.contains(&share.at[0]) || !inside.contains(&share.at[1]) {
                     return;
                 }
@@ -122,12 +124,12 @@ fn quadrature(
     ([t, p], hits)
 }
 
-/// What a comparison found.
+/// Result of a comparison.
 #[derive(Debug, Default, Clone, Copy)]
 struct Found {
     bins: usize,
     lit: usize,
-    /// Bins of many hits, and the sum of z² over them.
+    /// Bins with many hits, and the sum of z² over them.
     known: usize,
     chi2: f64,
     most: f64,
@@ -143,18 +145,18 @@ impl Found {
         }
     }
 
-    /// No bin is 5 sigma off, and those of many hits together are not either: z² has a mean of 1 and, errors being estimated from
-    /// as few as [`MANY`] hits, a variance of 3.
+    /// No bin deviates by 5 sigma, and neither do those with many hits together: z² has a mean of 1 and,
+    /// because errors are estimated from as few as [`MANY`] hits, a variance of 3.
     fn agrees(&self) -> bool {
         let n = self.known as f64;
         self.most < 5.0 && self.lit <= self.bins && self.chi2 < n * 1.05 + 5.0 * (3.0 * n).sqrt()
     }
 }
 
-/// Hits from which an error is known to 15 %.
+/// Number of hits at which an error is known to 15 %.
 const MANY: f64 = 25.0;
 
-/// Renders against quadrature. What quadrature of half as many points finds says how well it is known itself.
+/// Compares renders with quadrature. The result for half as many points gives the quadrature's own error.
 fn against(
     of: &[Bins; 2],
     spp: u32,
@@ -163,7 +165,7 @@ fn against(
     fault: Fault,
     see: impl Fn(f64, f64, &mut dyn FnMut(Share)),
 ) -> [Found; 2] {
-    // As fine as samples lie.
+    // As fine as the samples.
     let points = (f64::from(points) * f64::from(samples(1)).sqrt()) as u32;
     let (rough, _) = quadrature(points / 2, start_ps, fault, &see);
     let (fine, hits) = quadrature(points, start_ps, fault, &see);
@@ -178,7 +180,8 @@ fn against(
             if want[i] == 0.0 && got.mean[i] == 0.0 {
                 continue;
             }
-            // Of few hits the error is that of their expected number, and of half a hit at least, if only that of a hit that missed.
+            // With few hits the error is that of their expected number, at least half a hit, even if that hit
+            // is missing.
             let hit = hits[i / inner] / f64::from(samples(spp));
             let expected = want[i] / hit;
             let likely = if expected > MANY { 0.5 } else { expected.max(0.5) };
@@ -195,7 +198,8 @@ fn against(
     })
 }
 
-/// Holds bidirectional bins to quadrature, and lets it find half a bin and one pixel of s'.
+/// Compares bidirectional bins with quadrature. Negative controls: shifts by half a bin and by one pixel of
+/// s' must be detected.
 fn holds(
     what: &str,
     of: &[Bins; 2],
@@ -223,7 +227,7 @@ fn holds(
     }
 }
 
-/// The radiance of a Lambert wall z = 0 at a point.
+/// The radiance of a Lambertian wall z = 0 at a point.
 fn wall(projector: &Device, p: DVec3) -> (f64, f64, [f64; 2]) {
     let to = projector.origin - p;
     let (at, factor) = projector.project(p);
@@ -236,7 +240,7 @@ fn white() -> String {
     ) + &plate(DVec3::ZERO, DVec3::Z, 5.0, "white")
 }
 
-/// A wall that the camera sees through a pane of glass.
+/// A wall seen through a pane of glass.
 #[test]
 fn through_glass_as_quadrature_says() {
     let camera = Device::look_at([0.3, 0.1, 2.0], DVec3::new(-0.2, 0.0, 0.0), [SIZE; 2], 14.0);
@@ -250,7 +254,7 @@ fn through_glass_as_quadrature_says() {
         let d = camera.direction(x, y);
         let sideways = d - DVec3::Z * d.z;
         let inner = (1.0 - sideways.length_squared() / 2.25).sqrt();
-        // Two ways through air along d, one of 0.1 m across glass.
+        // Two segments in air along d, one of 0.1 m across glass.
         let air = 1.9 / -d.z;
         let p = camera.origin + d * air + (sideways / 1.5 - DVec3::Z * inner) * (0.1 / inner);
         let (radiance, far, at) = wall(&projector, p);
@@ -265,7 +269,7 @@ fn through_glass_as_quadrature_says() {
     });
 }
 
-/// A wall that the camera sees in a mirror.
+/// A wall seen in a mirror.
 #[test]
 fn over_a_mirror_as_quadrature_says() {
     let camera = Device::look_at([0.0, 0.1, 1.3], DVec3::new(1.0, 0.1, 0.6), [SIZE; 2], 24.0);
@@ -295,13 +299,13 @@ fn over_a_mirror_as_quadrature_says() {
 
 const HALF: f64 = 0.06;
 
-/// Where a ray that starts in the cube of 0.12 m about the origin leaves it.
+/// Exit distance of a ray that starts in the cube of 0.12 m about the origin.
 fn way_out(p: DVec3, d: DVec3) -> f64 {
     let out = (DVec3::splat(HALF) * d.signum() - p) / d;
     out.min_element()
 }
 
-/// Light that molecules scatter once.
+/// Light scattered once by molecules.
 #[test]
 fn in_a_medium_as_quadrature_says() {
     let camera = Device::look_at([0.2, 0.1, 2.5], DVec3::ZERO, [SIZE; 2], 366.0);
@@ -314,7 +318,7 @@ fn in_a_medium_as_quadrature_says() {
     const STEPS: u32 = 400;
     holds("medium", &of, spp, start, 8, |x, y, put| {
         let d = camera.direction(x, y);
-        // Into the cube by its upper face.
+        // Into the cube through its upper face.
         let near = (camera.origin.z - HALF) / -d.z;
         let entry = camera.origin + d * near;
         let depth = way_out(entry, d);
@@ -337,8 +341,9 @@ fn in_a_medium_as_quadrature_says() {
     });
 }
 
-/// What a hit brings to each bin: k hits of h among n samples have the mean k h/n and the squared error k h²/n². The most of that in
-/// the bins around: of few hits, all may be weak ones, and their error knows nothing of the rest.
+/// Contribution of a hit to each bin: k of h hits among n samples have the mean k h/n and the squared error k
+/// h²/n². Uses the largest contribution in the surrounding bins: a few hits may all be weak, and their error
+/// then ignores strong ones.
 fn hits(of: &Bins) -> Vec<f64> {
     const AROUND: usize = 8;
     let one = |i: usize| of.error[i] * of.error[i] / of.mean[i].max(f64::MIN_POSITIVE);
@@ -351,7 +356,8 @@ fn hits(of: &Bins) -> Vec<f64> {
     (0..n).map(most).collect()
 }
 
-/// Two renders, bin by bin. Each error is at least that of as many hits as the better known mean is worth, and of one.
+/// Compares two renders bin by bin. Each error is at least that of the number of hits that the more precise
+/// mean implies, and of one hit.
 fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
     let mut found = Found {
         bins: a.mean.len(),
@@ -375,7 +381,8 @@ fn versus(a: &Bins, b: &Bins, fault: usize) -> Found {
     found
 }
 
-/// Paths from both ends against paths from the camera, in time and s'; half a bin and one pixel of s' are found.
+/// Compares bidirectional paths with camera paths, in time and s'. Shifts by half a bin and by one pixel of
+/// s' must be detected.
 fn agree(what: &str, path: &str, both: &str) {
     let start = |by: f64| format!("start_ps = {:?}", START + by);
     let a = bins(path, Integrator::Path, None);
@@ -429,8 +436,8 @@ fn paths_agree_in_a_medium() {
     agree("medium", &of(3), &of(4));
 }
 
-/// A pane before the camera, which paths from there go through, and a mirror beside its view. Neither is lit by the projector
-/// itself: what they would throw on walls is found from both ends alone.
+/// A pane in front of the camera, which camera paths pass, and a mirror outside its view. The projector
+/// illuminates neither directly: only bidirectional paths would find the light that they reflect onto walls.
 #[test]
 fn paths_agree_through_glass_and_over_a_mirror() {
     let more = "glass.dielectric.ior = 1.5\nmirror.conductor = { n = 0.4242, k = 2.4721 }\n";

@@ -1,4 +1,4 @@
-//! Materials made of others, and materials with images.
+//! Materials composed of others, and materials with images.
 
 use crate::support::render_text;
 use glam::Vec3A;
@@ -77,11 +77,11 @@ fn mixtures_are_sums() {
         let get = |name| value(&set, name, &at, wo, wi);
         let want = weighted(&[(0.7, get("rough")), (0.3, get("white"))]);
         assert!(off(&get("mixed"), &want) < 1e-5);
-        // M00 stays, all else shrinks to 0.4 of itself.
+        // M00 stays; all other elements shrink to 0.4 of their values.
         let mut want = weighted(&[(0.4, get("rough"))]);
         want.m[0][0] = get("rough").m[0][0];
         assert!(off(&get("dull"), &want) < 1e-5);
-        // Front, back, and no back.
+        // Front, back, and a missing back.
         assert_eq!(off(&get("faces"), &get("rough")), 0.0);
         assert_eq!(off(&get("front"), &get("rough")), 0.0);
         let below = |name| value(&set, name, &at, -wo, -wi);
@@ -93,7 +93,8 @@ fn mixtures_are_sums() {
     }
 }
 
-/// Delta lobes of a mixture: each by its share, in the list of lobes and among samples (40 000, 5 sigma).
+/// Delta lobes of a mixture: each with its fraction, in the list of lobes and among samples (40,000, 5
+/// sigma).
 #[test]
 fn mixtures_of_mirrors_keep_shares() {
     let set = set(FILE);
@@ -126,13 +127,13 @@ fn mixtures_of_mirrors_keep_shares() {
     }
     let n = f64::from(n);
     assert!((deltas / n - 0.75).abs() < 5.0 * (0.75 * 0.25 / n).sqrt());
-    // A sample brings the mirror's reflectance or the albedo.
+    // A sample returns the mirror's reflectance or the albedo.
     let (m, d) = (f64::from(lobe("mirror")), 0.8);
     let want = 0.75 * m + 0.25 * d;
     assert!((sum / n - want).abs() < 5.0 * (m - d).abs() * (0.75 * 0.25 / n).sqrt());
 }
 
-/// A picture of one colour, as a PNG file's name for TOML.
+/// An image of one colour; returns the PNG file's name for TOML.
 fn picture(folder: &Path, name: &str, rgb: [u8; 3]) -> String {
     let path = folder.join(name);
     image::RgbImage::from_pixel(4, 4, image::Rgb(rgb))
@@ -172,8 +173,8 @@ imagedull.partial_depolarizer = {{ material = "rough", fraction = {{ image = {gr
     }
 }
 
-/// A plane whose normal map says "tilted" is as bright as a plane tilted so: E·ρ/π·cos of the angle between the
-/// tilted normal and the light, for a point light far away. The map's x is the surface's u, its y is up.
+/// A plane with a tilting normal map is as bright as a tilted plane: E·ρ/π·cos of the angle between the
+/// tilted normal and the light, for a distant point light. The map's x is the surface's u, its y is up.
 #[test]
 fn a_normal_map_tilts_the_normal() {
     let folder = tempfile::tempdir().unwrap();
@@ -222,7 +223,7 @@ name = "image"
     }
 }
 
-/// Seen through the tracer: white in front, nothing behind.
+/// In a render: white in front, black behind.
 #[test]
 fn a_black_back_is_black() {
     for (z, want) in [(3.0, 0.8), (-3.0, 0.0)] {
@@ -254,8 +255,9 @@ name = "image"
     }
 }
 
-/// The shipped metamers: one colour in every direction under unpolarized light, different polarization. The
-/// depolarization index of Gil & Bernabéu (1985), |M without M00| / (√3 M00), tells them apart.
+/// The shipped metamers have the same colour in every direction under unpolarized light, but different
+/// polarization. The depolarization index of Gil & Bernabéu (1985), |M without M00| / (√3 M00), distinguishes
+/// them.
 #[test]
 fn metamers_differ_in_depolarization_alone() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pbrdf/metamers.toml");

@@ -19,7 +19,7 @@ use sunstone::transport::material::{Filling, Lanes, Lobe};
 /// n_o and n_e of quartz at 550 nm (Ghosh 1999).
 pub const QUARTZ: [f64; 2] = [1.54595, 1.55511];
 
-/// Fresnel transmission of power into index `eta` times the one that light comes from, in the s-frame.
+/// Fresnel transmission of power into index `eta` relative to the index on the incident side, in the s-frame.
 fn transmission(cos_i: f64, eta: f64) -> M {
     let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (eta * eta)).sqrt();
     let (ts, tp) = (
@@ -35,7 +35,7 @@ fn transmission(cos_i: f64, eta: f64) -> M {
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c)
 }
 
-/// Retarder of a way of `length` along `k` in a crystal of optic axis `c`: its matrix and its frame, k × c.
+/// Retarder for a path of `length` along `k` in a crystal of optic axis `c`: its matrix and its frame, k × c.
 pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M, DVec3) {
     let cos2 = k.dot(c).powi(2);
     let n = 1.0 / (cos2 / (n_o * n_o) + (1.0 - cos2) / (n_e * n_e)).sqrt();
@@ -43,8 +43,8 @@ pub fn way(k: DVec3, c: DVec3, length: f64, [n_o, n_e]: [f64; 2], nm: f64) -> (M
     (retarder(TAU * length * (n - n_o) / (nm * 1e-9)), frame)
 }
 
-/// Where the slab's upper face is met: far enough from the origin for the step off a surface, which grows with the
-/// coordinates, to be more than a wave.
+/// Point of entry on the slab's upper face. It is so far from the origin that the offset from a surface,
+/// which grows with the coordinates, would exceed a wavelength.
 const AT: DVec3 = DVec3::new(0.5, -0.25, THICK);
 
 /// A slab across z from 0 to `top`.
@@ -54,21 +54,21 @@ fn slab(top: f64) -> String {
     )
 }
 
-/// Power-of-two thickness, which f32 holds exactly: about 1 mm, 16 turns of quartz.
+/// A power of two, which f32 represents exactly: about 1 mm, 16 waves of quartz.
 const THICK: f64 = 1.0 / 1024.0;
 
 /// Camera above a slab, rough gold below it, lit from the side below the slab.
 pub struct Slab {
     camera: Device,
     lamp: Device,
-    /// Direction in which light leaves to the camera, and its direction inside.
+    /// Direction of the light that leaves to the camera, and its direction inside.
     d: DVec3,
     inside: DVec3,
     target: DVec3,
 }
 
 impl Slab {
-    /// Of mean index `mean`, seen along -`d`.
+    /// A slab of mean index `mean`, seen along -`d`.
     pub fn new(d: DVec3, mean: f64) -> Self {
         let tangential = DVec3::new(d.x, d.y, 0.0) / mean;
         let inside = tangential + DVec3::Z * (1.0 - tangential.length_squared()).sqrt();
@@ -90,7 +90,7 @@ impl Slab {
     /// Renders with the optic axis `axis`; `wavelengths` is a list.
     pub fn render(&self, axis: DVec3, keys: &str, wavelengths: &str) -> Rendered {
         let (n, u) = (self.normal(), self.normal().any_orthonormal_vector());
-        // The target is not met on the diagonal of its plate, where rays could slip between two triangles.
+        // The target is not on the diagonal of its plate, where rays could slip between two triangles.
         let centre = self.target + u * 0.01 + n.cross(u) * 0.03;
         let text = head(4000, 5, 21).replace("[550]", wavelengths)
             + &self.camera.keys("camera")
@@ -106,7 +106,7 @@ impl Slab {
         render_text(&text)
     }
 
-    /// Light that meets no inner reflection.
+    /// Expected light without inner reflections.
     pub fn expected(&self, axis: DVec3, [n_o, n_e]: [f64; 2], nm: f64) -> M {
         let (d, inside, mean) = (self.d, self.inside, f64::midpoint(n_o, n_e));
         let d_in = (self.target - self.lamp.origin).normalize();
@@ -128,7 +128,8 @@ impl Slab {
     }
 }
 
-/// Every sample that meets no inner reflection brings the same matrix, so its shape is exact and its mean statistical.
+/// Every sample without inner reflections has the same matrix, so its shape is exact and its mean
+/// statistical.
 fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
     let slab = Slab::new(d, f64::midpoint(n[0], n[1]));
     let keys = format!("n_o = {:?}, n_e = {:?}", n[0], n[1]);
@@ -146,7 +147,7 @@ fn check(d: DVec3, axis: DVec3, n: [f64; 2], tolerance: f64, what: &str) {
     assert_close(&(got / g), &(want / w), tolerance, what);
 }
 
-/// Axis in the face, at 45°, seen straight on: a wave plate of 16.3 turns.
+/// Axis in the face, at 45°, at normal incidence: a wave plate of 16.3 waves.
 #[test]
 fn a_quartz_slab_is_a_wave_plate() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();
@@ -161,7 +162,8 @@ fn a_quartz_slab_is_a_wave_plate() {
     check(DVec3::Z, axis, [1.66127, 1.4875], 2e-3, "calcite");
 }
 
-/// By name, at three wavelengths at once, which part ways in a dispersive crystal: each its own retardance.
+/// By name, at three wavelengths with separate directions in a dispersive crystal: each has its own
+/// retardance.
 #[test]
 fn every_wavelength_has_its_own_retardance() {
     let axis = DVec3::new(0.3, 1.0, 0.0).normalize();
@@ -190,7 +192,7 @@ fn every_wavelength_has_its_own_retardance() {
     );
 }
 
-/// A slanting ray, the axis anywhere.
+/// Oblique rays, arbitrary axis.
 #[test]
 fn slanting_rays_and_axes() {
     for (d, axis) in [
@@ -202,7 +204,7 @@ fn slanting_rays_and_axes() {
     }
 }
 
-/// Along the optic axis a crystal is glass.
+/// Along the optic axis a crystal acts as glass.
 #[test]
 fn no_retardance_along_the_axis() {
     check(DVec3::Z, DVec3::Z, QUARTZ, 1e-5, "along the axis");
@@ -214,7 +216,7 @@ fn no_retardance_along_the_axis() {
     );
 }
 
-/// Two inner reflections: three ways through the slab, each a retarder in its own direction of travel.
+/// Two inner reflections: three paths through the slab, each a retarder in its own direction.
 #[test]
 fn inner_reflections_cross_again() {
     let (n_o, n_e) = (2.99991, 3.00009);
@@ -258,7 +260,8 @@ fn inner_reflections_cross_again() {
     assert_close(&(got / got[(0, 0)]), &(want / want[(0, 0)]), 1e-3, "three ways");
 }
 
-/// Rough gold and the projector inside a crystal with a plane face: the connection to the projector is a way too.
+/// Rough gold and the projector inside a crystal with a plane face: the connection to the projector is
+/// retarded too.
 #[test]
 fn connections_inside_a_crystal() {
     let (n_o, n_e) = (1.5, 1.500_001);
@@ -303,7 +306,7 @@ fn inside_of(set: &MaterialSet, name: &str) -> Filling {
     }
 }
 
-/// Realizable, lossless, and the same line of eigenpolarizations from both ends: M(-k) = Δ M(k)ᵀ Δ.
+/// Realizable, lossless, and with the same eigenpolarizations in both directions: M(-k) = Δ M(k)ᵀ Δ.
 #[test]
 fn ways_are_realizable_and_reciprocal() {
     let set = crystals(
@@ -338,7 +341,8 @@ fn ways_are_realizable_and_reciprocal() {
     assert!(set.materials.propagate(clear, Vec3A::Z, 1.0).is_none());
 }
 
-/// A broad line: the mean of the plate's matrices over a Gaussian spectrum, by quadrature, at constant n_e - n_o.
+/// A broad spectral line: the mean of the plate's matrices over a Gaussian spectrum, by quadrature, at
+/// constant n_e - n_o.
 #[test]
 fn a_broad_line_is_depolarized_by_a_thick_plate() {
     const FWHM: f64 = 2.0;
@@ -361,7 +365,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
             want = [want[0] + w * delta.cos(), want[1] + w * delta.sin()];
             weight += w;
         }
-        // The model takes δ as linear in λ; its curvature across the line is what the tolerance grows with.
+        // The model takes δ as linear in λ; the tolerance grows with its curvature across the line.
         let tolerance = 1e-5 + 0.5 * (TAU * length * 0.01 / 550e-9) * (sigma / 550.0).powi(2) * 2.0;
         for (got, want) in [m[2][2], m[2][3]].into_iter().zip(want) {
             assert!(
@@ -373,7 +377,7 @@ fn a_broad_line_is_depolarized_by_a_thick_plate() {
     }
 }
 
-/// Faces reflect and pass what glass of the mean index does; weights are values over probabilities.
+/// Faces reflect and transmit like glass of the mean index; weights are values over probabilities.
 #[test]
 fn faces_are_those_of_the_mean_index() {
     let set = crystals("a.crystal = { n_o = 1.66, n_e = 1.48, axis = [0, 0, 1] }\nb.dielectric.ior = 1.57\n");

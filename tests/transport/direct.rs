@@ -1,4 +1,4 @@
-//! One bounce off a Lambert plane: radiance, s' and travel time from geometry alone.
+//! One bounce off a Lambertian plane: radiance, s' and travel time from geometry alone.
 
 use crate::optics::{C, Device, head};
 use crate::support::{Rendered, render_text};
@@ -22,7 +22,7 @@ fn plane(normal: DVec3) -> String {
     matter + &crate::optics::plate(DVec3::ZERO, normal, 5.0, "m")
 }
 
-/// What one camera direction sees on the plane.
+/// Values for one camera direction on the plane.
 struct Seen {
     radiance: f64,
     time_ps: f64,
@@ -55,7 +55,7 @@ fn footprint(camera: &Device, projector: &Device, normal: DVec3, x: u32, y: u32)
         / f64::from(N * N)
 }
 
-/// Points of a closed grid over a pixel, its border included.
+/// Points of a closed grid over a pixel, including its border.
 fn closed_grid(x: u32, y: u32) -> impl Iterator<Item = (f64, f64)> {
     (0..81).map(move |k| {
         (
@@ -65,7 +65,7 @@ fn closed_grid(x: u32, y: u32) -> impl Iterator<Item = (f64, f64)> {
     })
 }
 
-/// Checks radiance and time bins of every camera pixel; returns how many pixels light a single bin.
+/// Checks radiance and time bins of every camera pixel; returns the number of pixels with a single lit bin.
 fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, normal: DVec3) -> u32 {
     let (sum, error, time) = (r.mean("sum"), r.std_error("sum"), r.mean("time"));
     let overflow = r.field("time", sunstone::tensor::field::Field::Overflow);
@@ -83,7 +83,7 @@ fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, no
         let times: Vec<f64> = closed_grid(x, y)
             .map(|(px, py)| see(camera, projector, normal, px, py).time_ps)
             .collect();
-        // The grid can miss the extremes inside by a few fs, f32 distances by some 10 fs.
+        // The grid can miss extremes inside by a few fs, f32 distances by about 10 fs.
         let first = ((times.iter().copied().fold(f64::MAX, f64::min) - 0.05) / BIN_PS) as usize;
         let last = ((times.iter().copied().fold(0.0, f64::max) + 0.05) / BIN_PS) as usize;
         let mut total = 0.0;
@@ -104,7 +104,7 @@ fn check_radiance_and_time(r: &Rendered, camera: &Device, projector: &Device, no
     single
 }
 
-/// A plane at distance d, frontal and tilted, seen and lit through one pinhole: all 256 pixels.
+/// A plane at distance d, frontal and tilted, with coaxial camera and projector: all 256 pixels.
 #[test]
 fn coaxial_lambert_plane() {
     let d = 0.5;
@@ -131,7 +131,7 @@ fn coaxial_lambert_plane() {
     }
 }
 
-/// All light of a narrow frontal plane is in the one bin at 2d/c.
+/// All light of a narrow frontal plane is in the single bin at 2d/c.
 #[test]
 fn coaxial_plane_is_one_bin() {
     let d = 0.5;
@@ -157,7 +157,7 @@ fn coaxial_plane_is_one_bin() {
     }
 }
 
-/// Tilted plane, offset projector of 6 × 5 pixels, 768 camera pixels.
+/// A tilted plane, an offset projector of 6 × 5 pixels, 768 camera pixels.
 fn offset_projector(camera: &Device, projector: &Device, seed: u32) {
     let normal = DVec3::new(0.3, 0.2, 1.0).normalize();
     let light = projector.keys("projector") + &format!("irradiance = {IRRADIANCE}\n");

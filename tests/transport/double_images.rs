@@ -1,4 +1,5 @@
-//! Crystals that split light: two images, crosswise polarized, where the two rays of the wave theory go.
+//! Birefringent crystals: two images with orthogonal polarizations, at the positions of the two rays of wave
+//! theory.
 
 use crate::optics::{C, Device, head, mueller};
 use crate::support::{Rendered, render_text};
@@ -18,8 +19,9 @@ const N_E: f64 = 1.4875;
 const THICK: f64 = 0.1;
 const RADIUS: f64 = 0.001;
 
-/// A slab of calcite with faces at z = 0 and -THICK, seen at its upper face's point (0.05, 0.03) by light that leaves
-/// along `d`, and a small white disk 0.1 below it where the line (without a crystal) is shifted by `shift`.
+/// A slab of calcite with faces at z = 0 and -THICK, seen at the point (0.05, 0.03) of its upper face by
+/// light that leaves along `d`, and a small white disk 0.1 below it where the line (without a crystal) is
+/// shifted by `shift`.
 fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
     let entry = DVec3::new(0.05, 0.03, 0.0);
     let bottom = entry - DVec3::Z * THICK + shift;
@@ -51,8 +53,8 @@ fn seen(d: DVec3, axis: DVec3, shift: DVec3) -> (Rendered, f64, f64) {
     (render_text(&text), radiance, outer)
 }
 
-/// Asserts that the disk is seen with intensity `pass` and that its light is polarized along ±`electric` (s1 = ±1 for
-/// the camera's x, which is the world's), and arrives after `optical` metres in the crystal.
+/// Asserts that the disk is seen with intensity `pass`, that its light is polarized along ±`electric` (s1 =
+/// ±1 for the camera's x, which is the world's), and that it arrives after `optical` metres in the crystal.
 fn check(d: DVec3, axis: DVec3, shift: DVec3, pass: f64, s1: f64, optical: f64, what: &str) {
     let (r, radiance, outer) = seen(d, axis, shift);
     let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
@@ -74,7 +76,7 @@ fn check(d: DVec3, axis: DVec3, shift: DVec3, pass: f64, s1: f64, optical: f64, 
     assert_eq!(lit, [bin], "{what}: {} ps", (outer + optical) / C);
 }
 
-/// Two faces of index n at cosines c (outside) and e (inside): s or p power transmittance.
+/// Transmittance of s or p power through two faces of index n, at cosines c (outside) and e (inside).
 fn faces(n: f64, c: f64, p: bool) -> f64 {
     let e = (1.0 - (1.0 - c * c) / (n * n)).sqrt();
     let r = if p {
@@ -85,8 +87,8 @@ fn faces(n: f64, c: f64, p: bool) -> f64 {
     (1.0 - r * r).powi(2)
 }
 
-/// Straight on, the axis at 45° in the plane of x and z: the ordinary image is where it was, the other one is shifted
-/// by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness (6.28°, calcite's walk-off).
+/// Normal incidence, the axis at 45° in the plane of x and z: the ordinary image is not shifted, the other
+/// one is shifted by tan ρ = (n_o² - n_e²)/(n_o² + n_e²) of the thickness (6.28°, calcite's walk-off).
 #[test]
 fn double_image_of_calcite() {
     let axis = DVec3::new(1.0, 0.0, 1.0).normalize();
@@ -96,18 +98,19 @@ fn double_image_of_calcite() {
     let n = (2.0 / (1.0 / o2 + 1.0 / e2)).sqrt();
     let o = 0.5 * faces(N_O, 1.0, false);
     check(DVec3::Z, axis, DVec3::ZERO, o, -1.0, N_O * THICK, "ordinary");
-    // The ray leans; the phase front does not, so the optical path is that of the normal.
+    // The ray is oblique but the phase front is not, so the optical path is that of the normal.
     let e = 0.5 * faces(n, 1.0, false);
     let shift = DVec3::new(walk * THICK, 0.0, 0.0);
     check(DVec3::Z, axis, shift, e, 1.0, n * THICK, "extraordinary");
-    // Nothing is seen in between, nor on the other side.
+    // Nothing is seen in between, or on the other side.
     for x in [0.5, -1.0] {
         let (r, ..) = seen(DVec3::Z, axis, shift * x);
         assert_eq!(mueller(&r.mean("m"), &[(Bounces, 3)])[(0, 0)], 0.0);
     }
 }
 
-/// Slanting in the plane of x and z with the axis along y: both rays obey Snell's law, each with its own index.
+/// Oblique in the plane of x and z with the axis along y: both rays obey Snell's law, each with its own
+/// index.
 #[test]
 fn slanting_rays_refract_with_their_own_index() {
     let d = DVec3::new(0.6, 0.0, 0.8);
@@ -128,8 +131,8 @@ fn slanting_rays_refract_with_their_own_index() {
     }
 }
 
-/// Whatever the direction: light that is drawn is realizable, follows Snell's law in its index vector, and both sides
-/// of the face agree about which ways belong together (a ray that entered leaves where it came from).
+/// For any direction: sampled light is realizable and follows Snell's law in its index vector, and both sides
+/// of the face agree on pairs of paths (a ray that entered leaves where it came from).
 #[test]
 fn faces_of_a_splitting_crystal() {
     let text = format!(
@@ -159,7 +162,8 @@ fn faces_of_a_splitting_crystal() {
             panic!("light goes somewhere");
         };
         assert!(sampled.delta);
-        // What is drawn by its intensity has a weight of 1, less the squeeze of radiance by an index between the two.
+        // Light sampled by its intensity has a weight of 1, except for the compression of radiance by an
+        // index between the two.
         let weight = f64::from(sampled.scatter.m00().to_array()[0]);
         let range = if sampled.filling.is_some() {
             0.97 / (N_O * N_O)..1.03 / (N_E * N_E)
@@ -176,7 +180,7 @@ fn faces_of_a_splitting_crystal() {
             continue;
         }
         entered += 1;
-        // The same ray, met from inside on its way out again: one of the two guesses leads back to the start.
+        // The same ray, hit from inside on its way out: one of the two candidates leads back to the start.
         for _ in 0..8 {
             let Some(out) = set
                 .materials
@@ -193,8 +197,8 @@ fn faces_of_a_splitting_crystal() {
     assert!(entered > 1000 && back > entered * 9 / 10, "{back} of {entered}");
 }
 
-/// White furnace: a ball of quartz in radiance 1 vanishes, one of calcite nearly so; what the faces' approximation
-/// misses is of the order of (n_e - n_o)².
+/// White furnace: a ball of quartz in radiance 1 vanishes, one of calcite almost; the error of the faces'
+/// approximation is of the order of (n_e - n_o)².
 #[test]
 fn balls_nearly_vanish() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 8.0);

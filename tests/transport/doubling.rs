@@ -1,25 +1,26 @@
-//! Polarized light in a plane-parallel slab by doubling, in f64: what the tracer's slabs are held against.
+//! Polarized light in a plane-parallel slab by doubling, in f64: the reference for the tracer's slabs.
 //!
-//! Hansen & Travis (1974, Space Sci. Rev. 16, 527), sect. 3.1, and de Haan, Bosma & Hovenier (1987, A&A 183, 371), with
-//! the project's signs. z is the normal of the slab; a direction of travel has cosine ±μ against it and azimuth φ; its
-//! Stokes frame has the horizontal (-sin φ, cos φ, 0) as its first axis, the perpendicular of the meridian plane, at the
-//! pole too. With the phase matrix Z per steradian, ∫ Z00 dω = 1,
+//! Hansen & Travis (1974, Space Sci. Rev. 16, 527), sect. 3.1, and de Haan, Bosma & Hovenier (1987, A&A 183,
+//! 371), with the project's signs. z is the normal of the slab; a direction of travel has cosine ±μ to it and
+//! azimuth φ; its Stokes frame has the horizontal (-sin φ, cos φ, 0), the perpendicular of the meridian
+//! plane, as its first axis, also at the pole. With the phase matrix Z per steradian, ∫ Z00 dω = 1,
 //!
 //!     ±μ dI/dz = -I + ϖ ∫ Z(d, d') I(d') dω',   z in units of the mean free path.
 //!
-//! Azimuth by Fourier series, Z = Σ Z^m exp(imφ). Z is even in φ in the blocks that join (I, Q) to themselves and (U, V)
-//! to themselves, and odd between them, so that diag(1, 1, i, i) Z^m diag(1, 1, -i, -i) is real: these are the matrices
-//! below. μ by Gauss's rule on 0..1; directions of interest are nodes more, of weight 0. A layer is its kernels R and T
-//! of diffuse light, e.g. for light that comes from above, I_up(i) = Σ_j R(i, j) w_j I(j), and the factor exp(-τ/μ) of
-//! what goes straight through. Turned upside down, a homogeneous layer has X R X and X T X, X = diag(1, 1, -1, -1),
-//! since mirroring in a horizontal plane leaves the first axis of a frame and turns the second.
+//! The azimuth uses a Fourier series, Z = Σ Z^m exp(imφ). Z is even in φ in the blocks that map (I, Q) to
+//! themselves and (U, V) to themselves, and odd between them, so that diag(1, 1, i, i) Z^m diag(1, 1, -i, -i)
+//! is real: these are the matrices below. μ uses Gauss's rule on 0..1; directions of interest are additional
+//! nodes of weight 0. A layer consists of its kernels R and T of diffuse light, e.g. for light from above,
+//! I_up(i) = Σ_j R(i, j) w_j I(j), and the factor exp(-τ/μ) of unscattered light. Turned upside down, a
+//! homogeneous layer has X R X and X T X, X = diag(1, 1, -1, -1), because mirroring in a horizontal plane
+//! keeps the first axis of a frame and flips the second.
 
 use crate::optics::{M, turn};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 use sunstone::transport::medium::scattered::Elements;
 
-/// A square matrix by rows.
+/// A square matrix, row by row.
 #[derive(Clone)]
 struct Square {
     n: usize,
@@ -61,7 +62,7 @@ impl Square {
         Self { n, v }
     }
 
-    /// X of (1 - self) X = right, by elimination with pivots.
+    /// Solves (1 - self) X = right by elimination with pivots.
     fn solve_one_minus(&self, mut right: Self) -> Self {
         let n = self.n;
         let mut a = Self::from_fn(n, |i, j| f64::from(u8::from(i == j)) - self.at(i, j));
@@ -118,19 +119,19 @@ pub fn gauss(count: usize) -> Vec<(f64, f64)> {
 /// A scattering matrix per steradian as a function of the cosine of the scattering angle.
 pub type Scattering<'a> = &'a dyn Fn(f64) -> Elements<f64>;
 
-/// The direction of travel of signed cosine `mu` against z and azimuth `phi`.
+/// The direction of travel with signed cosine `mu` to z and azimuth `phi`.
 pub fn direction(mu: f64, phi: f64) -> DVec3 {
     let s = (1.0 - mu * mu).max(0.0).sqrt();
     DVec3::new(s * phi.cos(), s * phi.sin(), mu)
 }
 
-/// The first axis of the Stokes frame of a direction of that azimuth.
+/// The first axis of the Stokes frame of a direction with that azimuth.
 pub fn horizontal(phi: f64) -> DVec3 {
     DVec3::new(-phi.sin(), phi.cos(), 0.0)
 }
 
-/// The scattering matrix between directions of travel, each with the first axis of its frame: `[d, x]` of what leaves, and
-/// of what enters.
+/// The scattering matrix between directions of travel, each with the first axis of its frame: `[d, x]` of the
+/// outgoing light, and of the incoming light.
 pub fn scattered(scattering: Scattering, [d, x]: [DVec3; 2], [d_in, x_in]: [DVec3; 2]) -> M {
     let e = scattering(d.dot(d_in).clamp(-1.0, 1.0));
     #[rustfmt::skip]
@@ -141,7 +142,7 @@ pub fn scattered(scattering: Scattering, [d, x]: [DVec3; 2], [d_in, x_in]: [DVec
         0., 0., -e.s34, e.s44,
     );
     let s = d_in.cross(d);
-    // Straight on and straight back every plane is the scattering plane.
+    // In the forward and backward directions every plane is a scattering plane.
     let s = if s.length() > 1e-9 { s.normalize() } else { x_in };
     turn(d, s, x) * matrix * turn(d_in, x_in, s)
 }
@@ -152,12 +153,12 @@ pub fn phase_matrix(scattering: Scattering, out: [f64; 2], into: [f64; 2]) -> M 
     scattered(scattering, out, into)
 }
 
-/// Sign with which X = diag(1, 1, -1, -1) meets entry (i, j).
+/// Sign of entry (i, j) under X = diag(1, 1, -1, -1).
 fn mirror(i: usize, j: usize) -> f64 {
     if (i % 4 < 2) == (j % 4 < 2) { 1.0 } else { -1.0 }
 }
 
-/// One term of the Fourier series: kernels of diffuse light, 4 rows and columns a node.
+/// One term of the Fourier series: kernels of diffuse light, 4 rows and columns per node.
 #[derive(Clone)]
 struct Mode {
     order: usize,
@@ -165,7 +166,7 @@ struct Mode {
     transmit: Square,
 }
 
-/// A homogeneous slab with nothing behind it.
+/// A homogeneous slab with vacuum behind it.
 pub struct Slab {
     /// Cosines of the nodes, and their weights (0: a direction of interest).
     nodes: Vec<(f64, f64)>,
@@ -174,9 +175,9 @@ pub struct Slab {
 }
 
 impl Slab {
-    /// Of optical depth `tau` and single-scattering albedo `albedo`, with `count` nodes of Gauss's rule and the cosines
-    /// `of_interest` (> 0), keeping the given `orders` of the Fourier series. `halvings`: the slab is doubled so often
-    /// from its thinnest layer.
+    /// A slab of optical depth `tau` and single-scattering albedo `albedo`, with `count` nodes of Gauss's
+    /// rule and the cosines `of_interest` (> 0), with the given `orders` of the Fourier series. `halvings` is
+    /// the number of doublings from the thinnest layer.
     pub fn new(
         scattering: Scattering,
         [tau, albedo]: [f64; 2],
@@ -205,8 +206,8 @@ impl Slab {
         at.expect("a direction of interest")
     }
 
-    /// Σ_m of the series at an azimuth of the light that leaves, over 2π: radiance per unit irradiance of a plane
-    /// perpendicular to the light that enters.
+    /// Σ_m of the series at an azimuth of the outgoing light, over 2π: radiance per unit irradiance of a
+    /// plane perpendicular to the incoming light.
     fn series(&self, kernel: impl Fn(&Mode) -> &Square, mu: f64, mu_in: f64, phi: f64) -> M {
         let (i, j) = (4 * self.node(mu), 4 * self.node(mu_in));
         let mut sum = M::zeros();
@@ -215,7 +216,7 @@ impl Slab {
             let twice = if mode.order == 0 { 1.0 } else { 2.0 };
             let (sin, cos) = (m * phi).sin_cos();
             sum += M::from_fn(|a, b| {
-                // The sine's sign undoes diag(1, 1, i, i).
+                // The sine's sign cancels diag(1, 1, i, i).
                 let part = match (a < 2, b < 2) {
                     (true, false) => -sin,
                     (false, true) => sin,
@@ -227,20 +228,20 @@ impl Slab {
         sum
     }
 
-    /// Radiance that leaves upward, where light comes down, per unit irradiance perpendicular to it; `phi` from the
-    /// azimuth of travel of the one to that of the other.
+    /// Upward radiance for light from above, per unit irradiance perpendicular to it; `phi` is the difference
+    /// between the azimuths of travel.
     pub fn reflected(&self, mu: f64, mu_in: f64, phi: f64) -> M {
         self.series(|m| &m.reflect, mu, mu_in, phi)
     }
 
-    /// Radiance of the diffuse light that leaves downward.
+    /// Downward radiance of the diffuse light.
     pub fn transmitted(&self, mu: f64, mu_in: f64, phi: f64) -> M {
         self.series(|m| &m.transmit, mu, mu_in, phi)
     }
 
-    /// The same under a pane that reflects and passes light of a cosine by these matrices, from either side; what leaves
-    /// downward is not worked out. Adding, with a layer that sends light on along single directions: between the two, with light U that
-    /// goes up and D = P U that the pane sends back, U = R (1 + w D).
+    /// The same slab under a pane that reflects and transmits light of a cosine by these matrices, from
+    /// either side; downward light is not computed. Adding, with a layer that keeps directions: between the
+    /// two, with upward light U and the light D = P U that the pane returns, U = R (1 + w D).
     pub fn under(&self, pane: impl Fn(f64) -> [M; 2]) -> Self {
         let panes: Vec<[M; 2]> = self.nodes.iter().map(|(mu, _)| pane(*mu)).collect();
         let along = |which: usize, weighted: bool| {
@@ -269,7 +270,7 @@ impl Slab {
         }
     }
 
-    /// Power that leaves up and down (diffuse light and what went straight through) over what enters.
+    /// Power that leaves upward and downward (diffuse and unscattered light) over incident power.
     pub fn shares(&self, mu_in: f64) -> [f64; 2] {
         let zeroth = self.modes.iter().find(|m| m.order == 0).expect("order 0");
         let j = 4 * self.node(mu_in);
@@ -284,7 +285,8 @@ impl Slab {
     }
 }
 
-/// For each order, 2π times its part of the phase matrix: light that goes down stays so, and is turned back.
+/// For each order, 2π times its part of the phase matrix: downward light that stays downward, and that is
+/// reversed.
 fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Vec<[Square; 2]> {
     let last = orders.iter().copied().max().unwrap_or(0);
     let around = (16 * last).clamp(32, 256);
@@ -314,21 +316,21 @@ fn fourier(scattering: Scattering, nodes: &[(f64, f64)], orders: &[usize]) -> Ve
     out
 }
 
-/// A layer so thin that the light inside may be taken for the mean of what enters and leaves (Wiscombe 1976,
-/// "diamond"): with G = δ/2μ and the phase matrices P of both hemispheres, leaving light is ((1 - G)/(1 + G) + B w) of the
-/// entering, B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G)).
+/// A layer so thin that the light inside is the mean of what enters and leaves (Wiscombe 1976, "diamond"):
+/// with G = δ/2μ and the phase matrices P of both hemispheres, leaving light is ((1 - G)/(1 + G) + B w) of
+/// the entering, with B = (1 + G - G P w)⁻¹ G P (1 + (1 - G)/(1 + G)).
 fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: f64, albedo: f64) -> Mode {
     let half = 4 * nodes.len();
     let g = |i: usize| 0.5 * thin / nodes[i % half / 4].0;
     let w = |j: usize| nodes[j % half / 4].1;
-    // Light that goes down, then light that goes up.
+    // Downward light, then upward light.
     let gp = Square::from_fn(2 * half, |i, j| {
         let (a, b) = (i % half, j % half);
         let upside_down = if j < half { 1.0 } else { mirror(i, j) };
         let part = if (i < half) == (j < half) { on } else { back };
         g(i) * albedo * upside_down * part.at(a, b)
     });
-    // (1 + G)⁻¹ on either side of what is to be solved.
+    // (1 + G)⁻¹ on either side of the system to solve.
     let kernel = gp.times(|i, j| w(j) / (1.0 + g(i)));
     let right = gp.times(|i, j| 2.0 / ((1.0 + g(j)) * (1.0 + g(i))));
     let b = kernel.solve_one_minus(right);
@@ -339,9 +341,8 @@ fn thinnest(order: usize, [on, back]: &[Square; 2], nodes: &[(f64, f64)], thin: 
     }
 }
 
-/// Two equal layers, each of optical depth `tau`, one upon the other (Hansen & Travis 1974, eq. 3.10): with light D that
-/// goes down and U that goes up between them,
-/// U = R E + R w D, D = T + X R X w U.
+/// Two equal layers, each of optical depth `tau`, stacked (Hansen & Travis 1974, eq. 3.10): with downward
+/// light D and upward light U between them, U = R E + R w D, D = T + X R X w U.
 fn doubled(layer: &Mode, nodes: &[(f64, f64)], tau: f64) -> Mode {
     let (r, t) = (&layer.reflect, &layer.transmit);
     let e = |i: usize| (-tau / nodes[i / 4].0).exp();

@@ -1,5 +1,5 @@
-//! Error bars that cannot be trusted yet are marked, and the others can be: in marble, where few samples bring most of a pixel's
-//! light, deviations over seeds are as long as the unmarked errors say.
+//! Unreliable error estimates are marked, and the others are honest. In marble, where few samples carry most
+//! of a pixel's light, deviations over seeds agree with the unmarked errors.
 
 use crate::support::edit;
 use std::path::Path;
@@ -10,12 +10,12 @@ use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::strategy::{Strategies, Strategy};
 
-/// Camera pixels in a row, samples of each, seeds.
+/// Camera pixels per row, samples per pixel, seeds.
 const SIZE: usize = 48;
 const SPP: u32 = 32;
 const SEEDS: usize = 24;
 
-/// Means over wavelengths, and the errors of these, of the statue.
+/// Means over wavelengths, with their errors, of the statue.
 fn statue() -> Vec<(Vec<f64>, Tensor)> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/sss_statue/scene.toml");
     let all = std::fs::read_to_string(&path).expect("the scene");
@@ -24,7 +24,7 @@ fn statue() -> Vec<(Vec<f64>, Tensor)> {
     let text = edit(&text, "resolution = [128, 128]", &size) + "[[slices]]\nname = \"i\"\n";
     let mut scene = sunstone::scene::from_text(&path, &text).expect("the scene");
     (scene.settings.spp, scene.settings.tile) = (SPP, 8);
-    // Without looking for light through the stone's surface, whose errors are as long as they say.
+    // Without connections through the stone's surface, whose errors are reliable.
     scene.settings.strategies = Strategies::ALL.without(&[Strategy::RoughInterface]);
     let seeds = 1..=SEEDS as u64;
     seeds
@@ -41,8 +41,8 @@ fn statue() -> Vec<(Vec<f64>, Tensor)> {
         .collect()
 }
 
-/// The mean of z² over some pixels of each seed, z being the deviation from the mean of the other seeds over the error of both:
-/// its mean over seeds, and five standard errors of that.
+/// The mean of z² over selected pixels of each seed, where z is the deviation from the mean of the other
+/// seeds over the error of both. Returns its mean over seeds, and five standard errors of that.
 fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
     let others = (seeds.len() - 1) as f64;
     let each: Vec<f64> = seeds
@@ -69,7 +69,8 @@ fn deviations(seeds: &[(Vec<f64>, Tensor)], chosen: &[Vec<bool>]) -> [f64; 2] {
     [mean, 5.0 * (spread / (n - 1.0) / n).sqrt()]
 }
 
-/// 32 samples a pixel, 24 seeds. Planted: marks of pixels half an image aside, and errors of two thirds.
+/// 32 samples per pixel, 24 seeds. Negative controls: marks shifted by half an image, and errors of two
+/// thirds.
 #[test]
 fn unmarked_errors_are_as_stated_and_marked_ones_too_short() {
     let mut seeds = statue();

@@ -1,4 +1,4 @@
-//! White furnace: under constant radiance 1, what returns is each material's directional albedo.
+//! White furnace: under constant radiance 1, the returned radiance is each material's directional albedo.
 
 use crate::optics::{Device, M, ggx_g2, head, mirror, mueller, plate, project};
 use crate::support::render_text;
@@ -35,12 +35,13 @@ fn lossless_opaque_spheres_vanish() {
     }
 }
 
-/// Glass too, in the mean, and unpolarized light stays so.
+/// So does glass, on average, and unpolarized light stays unpolarized.
 #[test]
 fn glass_sphere_vanishes() {
     let r = sphere("dielectric.ior = 1.5", 4000, 1000);
     let (mean, error) = (r.mean("m"), r.std_error("m"));
-    // Multiple inner reflections are too rare for a single pixel's standard error; rows of 48 000 samples know theirs.
+    // Multiple inner reflections are too rare for a single pixel's standard error; rows of 48,000 samples
+    // have reliable ones.
     let mut total = [(0.0, 0.0); 4];
     for y in 0..12 {
         for (i, total) in total.iter_mut().enumerate() {
@@ -68,8 +69,8 @@ fn glass_sphere_vanishes() {
     }
 }
 
-/// ∫ D G2 F / (4 cosθ_o) dω_i, all Stokes elements for unpolarized light, by a midpoint rule over facet slopes:
-/// tan²θ_h = α² u / (1 - u) makes D cosθ_h dω_h = du dφ / 2π.
+/// ∫ D G2 F / (4 cosθ_o) dω_i, all Stokes elements for unpolarized light, by a midpoint rule over facet
+/// slopes: tan²θ_h = α² u / (1 - u) makes D cosθ_h dω_h = du dφ / 2π.
 fn directional_albedo(wo: DVec3, right: DVec3, eta: Complex<f64>, alpha: f64) -> [f64; 4] {
     const U: u32 = 600;
     const PHI: u32 = 400;
@@ -116,7 +117,7 @@ fn rough_conductor_returns_its_directional_albedo() {
                 for (i, want) in want.iter().enumerate() {
                     let at = [(StokesOut, i), (StokesIn, 0)];
                     let (got, sigma) = (f64::from(mean.at(&at)), f64::from(error.at(&at)));
-                    // 3e-5: what the midpoint rule leaves at the horizon.
+                    // 3e-5: error of the midpoint rule at the horizon.
                     assert!(
                         (got - want).abs() <= 5.0 * sigma + 3e-5,
                         "n {n}, alpha {alpha}, {degrees}°, s{i}: {got} is not {want} ± {sigma:.1e}"

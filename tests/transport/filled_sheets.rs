@@ -1,4 +1,5 @@
-//! Objects filled with a medium whose surface lets light straight through: the medium counts whatever the surface is made of.
+//! Objects filled with a medium whose surface transmits light without bending: the medium acts for any such
+//! surface.
 
 use crate::optics::{Device, M, head, mueller, samples_factor};
 use crate::support::render_text;
@@ -8,11 +9,11 @@ use std::f64::consts::PI;
 /// Optical depth along the sphere's diameter.
 const DEPTH: f64 = 2.0;
 
-/// Materials that let light straight through, with the transmittance and reflectance of their surface at normal incidence for
-/// light that one of them has passed before, if any.
+/// Materials that transmit light without bending, with the transmittance and reflectance of their surface at
+/// normal incidence, for light that has possibly passed one of them before.
 struct Sheet {
     keys: &'static str,
-    /// The transmittance of a first and of a second passage.
+    /// Transmittance of a first and of a second passage.
     passes: [f64; 2],
     /// Reflectance.
     reflects: f64,
@@ -72,7 +73,7 @@ fn sphere(medium: &str) -> String {
 
 const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 
-/// A pixel that looks along the z axis through the sphere's centre, at the mean and its standard error.
+/// Mean and standard error of a pixel that looks along the z axis through the sphere's centre.
 fn seen(z: f64, rest: &str, spp: u32, seed: u32, integrator: &str) -> [M; 2] {
     let camera = Device::ray([0.0, 0.0, z], DVec3::new(0.0, 0.0, z - 1.0));
     let text = head(spp * samples_factor(), 200, seed)
@@ -94,7 +95,8 @@ fn check([mean, error]: [M; 2], want: f64, what: &str) {
     assert!(sigma < 0.02 * want, "{what}: too few samples, {sigma} of {want}");
 }
 
-/// Under uniform light, from outside along the diameter and from the centre, with light that is reflected to and fro.
+/// Under uniform illumination, from outside along the diameter and from the centre, with multiple
+/// reflections.
 #[test]
 fn absorbing_media_behind_every_kind_of_sheet() {
     for (seed, sheet) in SHEETS.iter().enumerate() {
@@ -105,7 +107,7 @@ fn absorbing_media_behind_every_kind_of_sheet() {
         );
         let ([t, u], r) = (sheet.passes, sheet.reflects);
         let whole = (-DEPTH).exp();
-        // Light that comes to a face from inside, over what lies outside, after however many reflections.
+        // Light that reaches a face from inside, over the light outside, after any number of reflections.
         let outside = r + t * u * whole / (1.0 - r * whole);
         let centre = (-0.5 * DEPTH).exp() * t / (1.0 - r * whole);
         for integrator in ["path", "bidirectional"] {
@@ -117,12 +119,13 @@ fn absorbing_media_behind_every_kind_of_sheet() {
     }
 }
 
-/// A wall seen directly, lit by a point of light at the sphere's centre, or by one on the far side of the sphere.
+/// A wall seen directly, lit by a point light at the sphere's centre, or by one on the far side of the
+/// sphere.
 #[test]
 fn connections_to_points_of_light_through_filled_sheets() {
     for (seed, sheet) in SHEETS.iter().enumerate() {
         for (at, ways, faces) in [(0.0, 0.5, 1), (-1.0, 1.0, 2)] {
-            // The camera looks from the sphere's side at the middle of the wall z = 1.
+            // The camera looks from the sphere's side at the centre of the wall z = 1.
             let camera = Device::ray([1.5, 0.0, 0.5], DVec3::new(0.0, 0.0, 1.0));
             let rest = format!(
                 "[materials]\nwall.diffuse.albedo = 0.5\n{}{}[[objects]]\nmaterial = \"wall\"\n\
@@ -135,8 +138,8 @@ fn connections_to_points_of_light_through_filled_sheets() {
             let [t, u] = sheet.passes;
             let distance = 1.0 - at;
             let passed = (-DEPTH * ways).exp() * if faces == 1 { t } else { t * u };
-            // Light that is reflected to and fro along the axis adds (r a)² of that from behind; from the centre a mirror image
-            // of the spot would have to shine backwards.
+            // Light reflected twice along the axis adds (r a)² to light from behind; for the light at the
+            // centre, a mirror image of the spot would have to emit backwards.
             let r = sheet.reflects;
             let direct = 3.0 * passed / (distance * distance) * 0.5 / PI;
             for integrator in ["path", "bidirectional"] {
@@ -156,7 +159,7 @@ fn connections_to_points_of_light_through_filled_sheets() {
     }
 }
 
-/// Sheets that change nothing bound a scattering medium as a null boundary does.
+/// Sheets without an effect bound a scattering medium like a null boundary.
 #[test]
 fn scattering_media_do_not_notice_idle_sheets() {
     let medium = "absorption = 0.4\nscattering = 3.0\nphase.henyey_greenstein = { g = 0.4, linear = 0.6, circular = 0.5 }";

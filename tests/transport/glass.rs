@@ -9,8 +9,8 @@ use sunstone::tensor::axes::AxisKind::{Bounces, StokesIn, StokesOut, T, Waveleng
 const FRONT: f64 = 0.7;
 const BACK: f64 = 0.4;
 
-/// A slab across the z axis, turned about y, lit from below; camera on the axis at z = 2 looks down. `material` is
-/// the slab's, `target` the lit thing.
+/// A slab across the z axis, rotated about y, lit from below; the camera on the axis at z = 2 looks down.
+/// `material` is the slab's, `target` the lit object.
 fn scene(head: &str, turn_deg: f64, material: &str, target: &str) -> String {
     let camera = Device::look_at([0.0, 0.0, 2.0], DVec3::ZERO, [1, 1], 1e7);
     head.to_owned()
@@ -44,13 +44,13 @@ fn element(r: &Rendered, i: usize, bounces: usize) -> (f64, f64) {
     )
 }
 
-/// Normal incidence, index 3: R = 1/4. Every order of inter-reflection has its closed form T²R²ᵏ and its own delay,
-/// and they add up to T²/(1 - R²).
+/// Normal incidence, index 3: R = 1/4. Every order of inter-reflection has its closed form T²R²ᵏ and its own
+/// delay; their sum is T²/(1 - R²).
 #[test]
 fn slab_at_normal_incidence() {
     const N: f64 = 3.0;
     const SPP: u32 = 200_000;
-    // The lit disk is so small that light thrown back to it by the slab is below one part in 10⁷.
+    // The lit disk is so small that light returned to it by the slab is below one part in 10⁷.
     let disk = "[[objects]]\nmaterial = \"wall\"\nshape.disk = { radius = 0.01 }\n";
     let text = scene(&head(SPP, 30, 11), 0.0, "ior = 3", disk)
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n\
@@ -61,7 +61,7 @@ fn slab_at_normal_incidence() {
     let reflectance = ((N - 1.0) / (N + 1.0)).powi(2);
     let pass = (1.0 - reflectance).powi(2);
     let time = r.mean("t");
-    // Later orders are too rare for their standard error to be known; they are part of the total below.
+    // Later orders are too rare for reliable standard errors; the total below includes them.
     for k in 0..3_usize {
         let bounces = 3 + 2 * k;
         let want = radiance * pass * reflectance.powi(2 * k as i32);
@@ -99,8 +99,8 @@ fn slab_at_normal_incidence() {
     );
 }
 
-/// Slab turned to Brewster's angle of 1.5: p passes whole, s by its squared transmittance; the ray is shifted sideways
-/// and the path inside is longer by 1/cosθ_t.
+/// A slab rotated to Brewster's angle of 1.5: p is transmitted completely, s with its squared transmittance;
+/// the ray is shifted sideways and the path inside is longer by 1/cosθ_t.
 #[test]
 fn slab_at_brewster_angle() {
     const N: f64 = 1.5;
@@ -116,8 +116,8 @@ fn slab_at_brewster_angle() {
          [[slices]]\nname = \"t\"\ntime = { bin_ps = 1, bins = 20000 }\nbounces = true\n";
     let r = render_text(&text);
     let thickness = FRONT - BACK;
-    // sin(θ - θ_t)/cosθ_t · thickness, toward the side that the normal leans to: turning by +θ about y leans +z to +x,
-    // and the ray bends toward -normal, so it leaves on the -x side.
+    // sin(θ - θ_t)/cosθ_t · thickness, toward the side that the normal leans to: turning by +θ about y leans
+    // +z to +x, and the ray bends toward -normal, so it leaves on the -x side.
     let inside = thickness / cos_t;
     let shift = inside * (sin * cos_t - cos * sin_t);
     let (radiance, to_lamp) = wall(-shift);
@@ -133,7 +133,7 @@ fn slab_at_brewster_angle() {
         );
         assert!(sigma < 0.01 * s0);
     }
-    // Along z the detour inside covers inside·cos(θ - θ_t).
+    // Along z the path inside covers inside·cos(θ - θ_t).
     let path = 2.0 - inside * (cos * cos_t + sin * sin_t) + N * inside + to_lamp;
     let time = r.mean("t");
     let lit: Vec<usize> = (0..20000)
@@ -142,8 +142,8 @@ fn slab_at_brewster_angle() {
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
-/// Wall and projector inside a medium with a plane face: radiance falls by n² on its way out, and time runs n times
-/// slower on all ways inside.
+/// Wall and projector inside a medium with a plane face: radiance decreases by n² on its way out, and travel
+/// times inside are n times longer.
 #[test]
 fn radiance_leaves_a_dense_medium() {
     const N: f64 = 1.5;
@@ -173,7 +173,7 @@ fn radiance_leaves_a_dense_medium() {
     assert_eq!(lit, [(path / C) as usize], "optical path {path} m");
 }
 
-/// Three wavelengths that part ways equal three renders of one wavelength each.
+/// Three wavelengths with separate refracted paths equal three renders of one wavelength each.
 #[test]
 fn dispersion_is_unbiased() {
     const INDEX: [f64; 3] = [1.9, 1.5, 1.15];

@@ -1,6 +1,6 @@
-//! Materials of other programs' files keep the albedo that their own models give them: a square under uniform light 1, seen
-//! along its normal, shows the directional albedo there. Values are those of the specifications, of Mitsuba 3.9.1, or closed
-//! forms; `validation/import_albedo.py` compares all angles with Mitsuba live.
+//! Imported materials keep the albedo of their source models: a square under uniform illumination 1, seen
+//! along its normal, shows the directional albedo there. Values are those of the specifications, of Mitsuba
+//! 3.9.1, or closed forms; `validation/import_albedo.py` compares all angles with Mitsuba.
 
 use crate::mesh_files::square;
 use crate::optics::{Device, head};
@@ -13,7 +13,7 @@ use sunstone::scene::mitsuba::import::Import;
 
 const SKY: &str = "[[emitters]]\nenvironment = { radiance = 1 }\n[[slices]]\nname = \"m\"\n";
 
-/// What a scene shows at 450, 550 and 660 nm.
+/// Radiance of a scene at 450, 550 and 660 nm.
 fn seen(folder: &Path, text: &str) -> [f64; 3] {
     let scene = from_text(&folder.join("scene.toml"), text).unwrap_or_else(|e| panic!("{e}"));
     let mean = render_scene(&scene).mean("m");
@@ -51,7 +51,7 @@ fn gltf(material: &str) -> [f64; 3] {
     object(folder.path(), "gltf = { file = \"square.gltf\"")
 }
 
-/// A BSDF of Mitsuba on a rectangle, imported.
+/// An imported BSDF of Mitsuba on a rectangle.
 fn mitsuba(bsdf: &str) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
     let xml = format!(
@@ -81,7 +81,7 @@ fn near(what: &str, got: [f64; 3], want: [f64; 3], off: f64) {
 /// Directional albedo of facets of α 0.5 along the normal, with Schlick's reflectance from 0.5.
 const METAL: f64 = 0.344;
 
-/// 20,000 samples: 5 standard errors of what varies most here, a rough mirror, are 0.7 %.
+/// 20,000 samples: 5 standard errors of a rough mirror, which varies most here, are 0.7 %.
 const NOISE: f64 = 0.012;
 
 #[test]
@@ -107,7 +107,7 @@ fn mtl_colours_are_those_of_the_whole_surface() {
         ("Kd .5 .5 .5\nd .5", [0.75; 3]),
         ("Kd .1 .1 .8\nTr 1.0\nillum 1", [0.8, 0.1, 0.1]),
         ("Kd .1 .2 .3\nKs .9 .9 .9\nillum 0", [0.3, 0.2, 0.1]),
-        // Half metal of α 0.5 (`gltf` of `validation/import_albedo.py`), half of it base and mirror.
+        // Half metal of α 0.5 (`gltf` of `validation/import_albedo.py`), half base and mirror.
         (
             "Kd .5 .5 .5\nKs .4 .4 .4\nillum 3\nPm .5",
             [0.5 * METAL + 0.5 * 0.9; 3],
@@ -147,8 +147,9 @@ fn metals_without_indices_reflect_all_light() {
     near(tinted, mitsuba(tinted), [0.6, 0.4, 0.2], 1e-5);
 }
 
-/// glTF's default material is white metal of roughness 1: what single reflection between GGX facets returns at normal
-/// incidence is 0.3069. A map with default factors: α 0.252 and half metal (`gltf` of `validation/import_albedo.py`).
+/// glTF's default material is white metal of roughness 1: single reflection between GGX facets returns 0.3069
+/// at normal incidence. A map with default factors: α 0.252 and half metal (`gltf` of
+/// `validation/import_albedo.py`).
 #[test]
 fn white_metal_loads_and_reflects() {
     near("{}", gltf("{}"), [0.3069; 3], NOISE);
@@ -169,7 +170,8 @@ fn holes_show_what_is_behind() {
     near(opaque, gltf(opaque), [0.492; 3], NOISE);
 }
 
-/// What Mitsuba's clipping planes cut off is refused: it would show otherwise. Planes that cut nothing change nothing.
+/// Clipping planes of Mitsuba that cut the scene are refused, because the result would differ. Planes that
+/// cut nothing are ignored.
 #[test]
 fn clipping_planes_that_cut_are_refused() {
     let imported = |near: &str, far: &str| {

@@ -1,4 +1,5 @@
-//! More than one bounce: a diffuse corner against quadrature, integrating spheres and boxes, Russian roulette.
+//! More than one bounce: a diffuse corner against quadrature, integrating spheres and boxes, Russian
+//! roulette.
 
 use crate::optics::{C, Device, head, plate};
 use crate::support::{Rendered, render_text};
@@ -73,7 +74,7 @@ fn diffuse_corner() {
         mean(2)
     );
     assert!(sigma < 3e-3 * sum, "too few samples to mean anything");
-    // Every bin that holds at least 1 % on its own, the others together.
+    // Every bin with at least 1 % separately, the others together.
     let (mut compared, mut rest, mut rest_sigma2, mut got_moment, mut moment_sigma2) =
         (0, 0.0, 0.0, 0.0, 0.0);
     let centre = moment / sum;
@@ -98,7 +99,7 @@ fn diffuse_corner() {
         rest.abs() < 5.0 * rest_sigma2.sqrt(),
         "faint bins are off by {rest}"
     );
-    // Bins put light at their centres: the expected moment does too.
+    // Bins assign light to their centres, and so does the expected moment.
     let binned: f64 = histogram
         .iter()
         .enumerate()
@@ -114,7 +115,7 @@ fn diffuse_corner() {
     assert!(sigma < 10.0);
 }
 
-/// In a diffuse sphere the irradiance after k ≥ 2 bounces is the same everywhere: L_k = ρᵏ I / (π R²).
+/// In a diffuse sphere the irradiance after k ≥ 2 bounces is constant: L_k = ρᵏ I / (π R²).
 #[test]
 fn integrating_sphere() {
     const RHO: f64 = 0.7;
@@ -154,7 +155,8 @@ fn integrating_sphere() {
     }
 }
 
-/// Closed box with a rough gold lid: with and without Russian roulette alike, in every bounce and Stokes element.
+/// A closed box with a rough gold lid: equal with and without Russian roulette, in every bounce and Stokes
+/// element.
 #[test]
 fn roulette_is_unbiased_in_a_box() {
     let render = |roulette: &str, seed| {
@@ -193,7 +195,7 @@ fn roulette_is_unbiased_in_a_box() {
     );
     assert!(sx.hypot(sy) < 0.01 * x);
     let (ma, mb, ea, eb) = (a.mean("b"), b.mean("b"), a.std_error("b"), b.std_error("b"));
-    // Elements 16·k + 4·i + j. Standard errors are trustworthy up to the tenth bounce.
+    // Elements 16·k + 4·i + j. Standard errors are reliable up to the tenth bounce.
     for at in 0..16 * 10 {
         let off = f64::from(ma.data[at] - mb.data[at]);
         let sigma = f64::from(ea.data[at]).hypot(f64::from(eb.data[at]));

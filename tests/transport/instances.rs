@@ -1,5 +1,5 @@
-//! Scenes with instances are those with copies: meshes with smooth normals and textures, metal, glass that is filled, turned,
-//! mirrored and stretched, by both integrators.
+//! Scenes with instances equal those with copies: meshes with smooth normals and textures, metal, filled
+//! glass; rotated, mirrored and stretched, with both integrators.
 
 use crate::support::{Rendered, render_scene};
 use std::fmt::Write;
@@ -66,7 +66,7 @@ name = "all"
 polarization = "mueller"
 "#;
 
-/// What the groups hold.
+/// Content of the groups.
 const GROUPS: [(&str, &[&str]); 3] = [
     (
         "things",
@@ -148,8 +148,8 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// Compares all elements of all pixels: by five standard errors, and by their sum of differences over the sum, since the random
-/// numbers are the same and most paths too.
+/// Compares all elements of all pixels: within five standard errors, and by the sum of differences over the
+/// sum, because the random numbers and most paths are the same.
 fn compare(a: &Rendered, b: &Rendered, alike: f64) {
     let (x, y) = (a.mean("all"), b.mean("all"));
     let (ex, ey) = (a.std_error("all"), b.std_error("all"));
@@ -162,7 +162,7 @@ fn compare(a: &Rendered, b: &Rendered, alike: f64) {
         let bound = 5.0 * ep.hypot(eq) + 1e-4 * q.abs();
         assert!((p - q).abs() <= bound, "{i}: {p} ± {ep} {q} ± {eq}");
     }
-    // Of the 16 elements most are 0 where a rough surface is lit.
+    // Most of the 16 elements are 0 for lit rough surfaces.
     assert!(lit > x.data.len() / 12, "{lit} of {}", x.data.len());
     assert!(off < alike * all, "{off} of {all}");
 }
@@ -177,7 +177,7 @@ fn instances_render_as_copies() {
     compare(&render_scene(&one), &render_scene(&two), 0.02);
 }
 
-/// From both ends, over mirrors and through glass.
+/// With bidirectional paths, over mirrors and through glass.
 #[test]
 fn instances_are_copies_from_both_ends() {
     let folder = folder();

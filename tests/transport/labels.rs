@@ -1,4 +1,5 @@
-//! Light parted by what its path did: closed forms kind by kind, sums, integrators against each other, and a planted error.
+//! Light separated by the interactions of its path: closed forms for each kind, sums, comparison of
+//! integrators, and a planted error.
 
 use crate::bidirectional::{FOG, WALLS, devices, redirecting, with};
 use crate::optics::{
@@ -12,12 +13,12 @@ use sunstone::tensor::axes::AxisKind::{Label, StokesIn, StokesOut, Wavelength};
 use sunstone::tensor::label::{self, DIFFUSE as BODY, GLOSSY, MEDIUM, SPECULAR};
 use sunstone::transport::scene::Integrator;
 
-/// Mean light of a set, M00 of the one wavelength of a one-pixel slice.
+/// Mean light of a set, M00 of the single wavelength of a one-pixel slice.
 fn light(t: &Tensor, set: u8) -> f64 {
     t.at(&[(Label, set.into()), (StokesOut, 0), (StokesIn, 0)]).into()
 }
 
-/// Every set but these is dark.
+/// Asserts that all sets except these are dark.
 fn assert_only(t: &Tensor, sets: &[u8], what: &str) {
     for set in (0..16).filter(|s| !sets.contains(s)) {
         assert_eq!(light(t, set), 0.0, "{what}: {}", label::name(set));
@@ -40,21 +41,22 @@ fn plate_under_a_point(material: &str, integrator: &str) -> String {
         + MUELLER
 }
 
-/// A Lambert plate under a point is diffuse alone: I ρ cosθ / (π d²).
+/// A Lambertian plate under a point light is only diffuse: I ρ cosθ / (π d²).
 #[test]
 fn direct_light_of_a_lambert_plate_is_diffuse() {
     for integrator in ["integrator = \"path\"", "integrator = \"path\"\nmanifold = true"] {
         let t = render_text(&plate_under_a_point("it.diffuse.albedo = 0.6", integrator)).mean("m");
         let p = DVec3::new(-0.9, 0.5, 1.4);
         let want = 3.0 * 0.6 / PI * p.z / p.length().powi(3);
-        // A Lambert plate depolarizes, so the camera meets M00 alone.
+        // A Lambertian plate depolarizes, so that only M00 reaches the camera.
         assert_only(&t, &[BODY], integrator);
         let got = light(&t, BODY);
         assert!((got / want - 1.0).abs() < 1e-5, "{integrator}: {got} {want}");
     }
 }
 
-/// The two lobes of plastic, all 16 elements, against plastic with one of them alone; a blend, a two-sided and a depolarized one too.
+/// The two lobes of plastic, all 16 elements, against plastic with one of them alone; also blended, two-sided
+/// and depolarized.
 #[test]
 fn lobes_of_plastic_are_parted_exactly() {
     let plastic = |albedo: f64, specular: f64| {
@@ -84,7 +86,8 @@ fn lobes_of_plastic_are_parted_exactly() {
         let t = both.mean("m");
         assert_only(&t, &[GLOSSY, BODY], &what);
         let at = |t: &Tensor, set: u8| mueller(t, &[(Label, set.into())]);
-        // With no body all that is left is glossy, the other half of a blend included, and with no coat's reflection the rest.
+        // Without the body, only glossy light is left, including the other half of a blend; without the
+        // coat's reflection, the rest.
         let glossy = mueller(&made(&plastic(0.0, 0.9)).mean("all"), &[]);
         assert_close(&at(&t, GLOSSY), &glossy, 1e-5, &what);
         let without = made(&plastic(0.7, 0.0)).mean("m");
@@ -103,7 +106,7 @@ fn lobes_of_plastic_are_parted_exactly() {
     }
 }
 
-/// Over a gold mirror to a Lambert wall: specular and diffuse, with the mirror's matrix.
+/// Over a gold mirror to a Lambertian wall: specular and diffuse, with the mirror's matrix.
 #[test]
 fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     let (eye, mirror, wall) = (DVec3::new(1.0, 0.2, 1.0), DVec3::ZERO, DVec3::new(-1.2, 0.4, 0.9));
@@ -140,8 +143,8 @@ fn a_mirror_before_a_wall_is_specular_and_diffuse() {
     );
 }
 
-/// A slab of particles over a wall, lit and seen from above: scattered once, σ_s E (1 - e^(-2 σ_t L)) / (8 π σ_t); from the wall,
-/// ρ E e^(-2 σ_t L) / π; both, by the third kind. 5 standard errors.
+/// A slab of particles over a wall, lit and seen from above: scattered once, σ_s E (1 - e^(-2 σ_t L)) / (8 π
+/// σ_t); from the wall, ρ E e^(-2 σ_t L) / π; both, by the third kind. 5 standard errors.
 #[test]
 fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
     let (scattering, extinction, thick, albedo) = (0.6, 0.8, 0.7, 0.5_f64);
@@ -179,7 +182,8 @@ fn a_slab_over_a_wall_has_the_bit_of_the_medium() {
             );
             assert!(sigma < 0.02 * want || want == 0.0);
         }
-        // Twice: by the medium alone, by the wall and the medium in either order; never by the wall alone, which is flat.
+        // Two bounces: by the medium alone, or by wall and medium in either order; never by the wall alone,
+        // which is flat.
         let t = r.mean("m");
         assert_only(&t, &[MEDIUM, BODY, MEDIUM | BODY], integrator);
         assert!(light(&t, MEDIUM | BODY) > 0.01 && light(&t, MEDIUM) > once);
@@ -194,7 +198,8 @@ fn total(r: &Rendered, slice: &str) -> (f64, f64) {
     (light, variance.sqrt())
 }
 
-/// Everything that a scene can hold, rendered by each integrator: parts add up to the whole, element by element, to rounding.
+/// A scene with every feature, rendered by each integrator: parts add up to the whole, element by element, up
+/// to rounding.
 #[test]
 fn parts_add_up_to_the_whole() {
     let slices = || {
@@ -242,7 +247,7 @@ fn parts_add_up_to_the_whole() {
             let top = whole.data.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
             assert!(top > 0.0, "{integrator:?} {i}");
             if i == 1 {
-                // Coaxial slices have paths of their own each.
+                // Coaxial slices use separate paths.
                 let (a, da) = total(&r, "whole1");
                 let (b, db) = total(&r, "parts1");
                 assert!(
@@ -262,12 +267,12 @@ fn parts_add_up_to_the_whole() {
             }
         }
     }
-    // Glass alone sets nothing, but here the environment is also seen straight.
+    // Glass alone sets no label, but here the environment is also seen directly.
     assert!(kinds.iter().all(|k| *k), "{kinds:?}");
 }
 
-/// The largest deviation of two renders' elements over labels, in errors, where both know them; `swapped`: with two bits of the labels
-/// of the first exchanged.
+/// The largest deviation between two renders over labels, in errors, for elements whose errors are known in
+/// both; `swapped`: with two bits of the first render's labels exchanged.
 fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     let other = |set: usize| match swapped {
@@ -288,7 +293,7 @@ fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usiz
         for i in 0..x.len() {
             let diff = (x[i] - y[i]).abs();
             let sigma = dx[i].hypot(dy[i]);
-            // Of elements that few samples reach, errors are not known.
+            // Errors of elements with few samples are unreliable.
             let known = |v: f32, e: f32| e < 0.05 * v.abs();
             let sampled = known(x[i], dx[i]) && known(y[i], dy[i]);
             if diff > 1e-6 * top && (sampled || diff > 3e-3 * top) {
@@ -300,7 +305,8 @@ fn deviation(a: &Rendered, b: &Rendered, swapped: Option<[u8; 2]>) -> (f32, usiz
     (most, count)
 }
 
-/// Paths from the camera and from both ends, label by label, 5 standard errors; and the error that is planted is found.
+/// Camera paths and bidirectional paths, label by label, 5 standard errors. The planted error must be
+/// detected.
 #[test]
 fn integrators_agree_label_by_label() {
     let labels = |text: String| text.replacen("bounces = true", "labels = true", 1);
@@ -335,7 +341,7 @@ fn integrators_agree_label_by_label() {
     }
 }
 
-/// A sky that is seen straight, and over glass and a mirror.
+/// A sky that is seen directly, and over glass and a mirror.
 #[test]
 fn what_is_seen_straight_has_no_bits() {
     let camera = Device::ray([0.0, 0.0, 2.0], DVec3::ZERO);
@@ -348,12 +354,12 @@ fn what_is_seen_straight_has_no_bits() {
             + objects
             + MUELLER
     };
-    // Objects must be there.
+    // A scene needs objects.
     let far = plate(DVec3::new(0.0, 9.0, 0.0), DVec3::Z, 0.1, "silver");
     let t = render_text(&text(&far)).mean("m");
     assert_only(&t, &[0], "sky");
     assert_eq!(light(&t, 0), 2.0);
-    // A plate of glass shows the sky behind it and the one before it.
+    // A plate of glass shows the sky behind it and in front of it.
     let t = render_text(&text(
         &(far + &plate(DVec3::ZERO, DVec3::new(0.3, 0.1, 1.0), 0.2, "sheet")),
     ))

@@ -1,6 +1,8 @@
-//! Ground truth against closed forms in f64, ray by ray: 16 rays a pixel, through the middles of its 4 × 4 parts.
+//! Ground truth against closed forms in f64, ray by ray: 16 rays per pixel, through the centres of its 4 × 4
+//! parts.
 //!
-//! Tolerances are f32's: 2e-6 of the scene's size for lengths, 2e-5 for normals of meshes and quadrics.
+//! Tolerances are those of f32: 2e-6 of the scene's size for lengths, 2e-5 for normals of meshes and
+//! quadrics.
 
 use crate::optics::Device;
 use crate::support::scene_of;
@@ -67,7 +69,7 @@ fn is_near(got: DVec3, want: DVec3, by: f64) -> bool {
     (got - want).abs().max_element() < by
 }
 
-/// A ball before nothing: all layers, its rim included.
+/// A ball without a background: all layers, including its rim.
 #[test]
 fn a_ball_has_its_depth_normals_and_rim() {
     let (centre, radius) = (DVec3::new(0.2, -0.1, 0.3), 0.9);
@@ -91,7 +93,7 @@ fn a_ball_has_its_depth_normals_and_rim() {
             assert!(one(&set, "depth", x, y).is_nan() && one(&set, "albedo", x, y).is_nan());
             continue;
         }
-        // As many hits as misses are told from each other by number alone: nothing comes before object 0.
+        // A tie between hits and misses is decided by the object number: -1 (no object) precedes 0.
         if share == 0.5 {
             continue;
         }
@@ -103,7 +105,7 @@ fn a_ball_has_its_depth_normals_and_rim() {
         let points: Vec<DVec3> = hits.iter().map(|(d, t)| o + *d * *t).collect();
         let normals: Vec<DVec3> = points.iter().map(|p| (*p - centre) / radius).collect();
         let normal = mean(&normals).normalize();
-        // Near the rim a point moves far for a little of its direction.
+        // Near the rim a small change of the direction moves the point far.
         let loose = if share < 1.0 { 100.0 } else { 1.0 };
         assert!(
             (one(&set, "depth", x, y) - mean(&depths)).abs() < 1e-5 * loose,
@@ -140,8 +142,8 @@ fn a_ball_has_its_depth_normals_and_rim() {
     );
 }
 
-/// A tilted sheet of metal before a wall: edges are not mixed, metal has no albedo, normals look at the camera from
-/// whichever side.
+/// A tilted metal rectangle in front of a wall: edges are not mixed, metal has no albedo, normals face the
+/// camera on both sides.
 #[test]
 fn edges_of_a_tilted_rectangle_are_not_mixed() {
     let (corner, u, v) = (
@@ -171,7 +173,7 @@ fn edges_of_a_tilted_rectangle_are_not_mixed() {
         let of_plane = |d: DVec3| {
             let t = (corner - o).dot(normal) / d.dot(normal);
             let p = o + d * t - corner;
-            // Barycentric coordinates by the dual basis.
+            // Barycentric coordinates from the dual basis.
             let a = p.cross(v).dot(normal) / u.cross(v).dot(normal);
             let b = u.cross(p).dot(normal) / u.cross(v).dot(normal);
             (a > 0.0 && a < 1.0 && b > 0.0 && b < 1.0).then_some(t)
@@ -204,7 +206,7 @@ fn edges_of_a_tilted_rectangle_are_not_mixed() {
     assert!(edges > 20, "{edges}");
 }
 
-/// A picture whose texels are camera pixels, and a map that turns all normals alike.
+/// An image whose texels are camera pixels, and a map that tilts all normals equally.
 #[test]
 fn pictures_and_normal_maps_are_seen() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -214,7 +216,7 @@ fn pictures_and_normal_maps_are_seen() {
     picture.save(&picture_file).expect("saves");
     let turned = image::RgbImage::from_pixel(2, 2, image::Rgb([204, 64, 230]));
     turned.save(&map_file).expect("saves");
-    // At distance 5, 25 pixels a radian: a pixel is 0.2 m wide.
+    // At distance 5, with 25 pixels per radian, a pixel is 0.2 m wide.
     let set = made(
         &format!(
             "[materials]\npicture.diffuse.albedo = {{ image = {picture_file:?}, filter = \"nearest\" }}\n\
@@ -231,7 +233,7 @@ fn pictures_and_normal_maps_are_seen() {
             ((c + 0.055) / 1.055).powf(2.4)
         }
     };
-    // u is the camera's right, v its up, the front looks at it.
+    // u is the camera's right, v its up, and the front faces it.
     let local = [204.0, 64.0, 230.0].map(|c| 2.0 * c / 255.0 - 1.0);
     let normal = DVec3::from_array(local).normalize();
     for (x, y) in pixels() {
@@ -291,7 +293,7 @@ fn normals_of_a_mesh_are_interpolated() {
     }
 }
 
-/// Copies have the object of their group, a number of their own, and each its place.
+/// Copies have the object of their group and a separate number, each at its own position.
 #[test]
 fn copies_are_told_apart() {
     let set = made(
@@ -343,7 +345,8 @@ fn copies_are_told_apart() {
     );
 }
 
-/// A tilted pane of glass: first it is what is seen; looked through, the wall behind, where Snell's law has it.
+/// A tilted pane of glass: it is the first visible object; looking through it shows the wall behind, at the
+/// position of Snell's law.
 #[test]
 fn glass_is_looked_through() {
     let (n, thick, turn) = (1.5, 0.4, 0.5_f64);
@@ -362,7 +365,7 @@ fn glass_is_looked_through() {
             let t = (normal * (thick / 2.0) - o).dot(normal) / d.dot(normal);
             let p = o + d * t;
             fronts.push(t);
-            // Snell's law: the part along the surface shrinks by n.
+            // Snell's law: the component along the surface shrinks by n.
             let along = (d - normal * d.dot(normal)) / n;
             let inside = along - normal * (1.0 - along.length_squared()).sqrt();
             let within = -thick / inside.dot(normal);
@@ -387,7 +390,7 @@ fn glass_is_looked_through() {
     }
 }
 
-/// Water that a card stands in: one bend, and a boundary of a medium that light does not notice.
+/// Water with a card in it: one refraction, and a boundary of a medium that does not affect light.
 #[test]
 fn what_stands_in_water_is_found_by_one_bend() {
     let body = "[materials]\nwhite.diffuse.albedo = 0.5\nwater.dielectric.ior = 1.33\nbound.null = {}\n\

@@ -1,4 +1,4 @@
-//! Chi-squared of the routines that draw light against their densities.
+//! Chi-squared tests of the light sampling routines against their densities.
 
 use glam::{Mat3A, Quat, Vec2, Vec3A};
 use std::f32::consts::{PI, TAU};
@@ -10,8 +10,8 @@ use sunstone::transport::light::sky::{Rows, Sky};
 const ROWS: usize = 16;
 const COLUMNS: usize = 32;
 
-/// How many standard deviations Pearson's chi² of 2^18 draws is above its mean, on a grid in (z, φ), and the density's
-/// integral.
+/// Deviation of Pearson's chi² of 2^18 samples from its mean in standard deviations, on a grid in (z, φ), and
+/// the integral of the density.
 fn chi2(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32) -> (f64, f64) {
     const N: usize = 1 << 18;
     const SUB: usize = 48;
@@ -55,7 +55,7 @@ fn agree(sample: impl Fn([f32; 2]) -> Vec3A, density: impl Fn(Vec3A) -> f32, wha
         z < 5.0 && (total - 1.0).abs() < 0.005,
         "{what}: z = {z:.1}, density of {total} in all"
     );
-    // A tenth of what is drawn, turned away by 3 degrees, must show.
+    // Negative control: a tenth of the samples, rotated by 3 degrees, must be detected.
     let turned = Quat::from_rotation_y(0.05);
     let (z, _) = chi2(
         |u| {
@@ -83,7 +83,7 @@ fn environment([w, h]: [usize; 2], value: impl Fn(usize, usize) -> f32, rows: Ro
     Sky::new([w, h], texels.collect(), rows, to_world, light).expect("not black")
 }
 
-/// An image with a dark half, a bright spot and a slope, rotated and mirrored.
+/// An image with a dark half, a bright spot and a gradient, rotated and mirrored.
 #[test]
 fn chi2_sky() {
     let value = |i: usize, j: usize| match (i, j) {
@@ -107,8 +107,8 @@ fn chi2_sky() {
     }
 }
 
-/// One lit texel of 1 in rows from pole to pole: the peak is 1, and the flux is that of a tent over its neighbours in closed
-/// form: with Δ = π/(h - 1), 2π/w times sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a pole.
+/// One lit texel of 1 in rows from pole to pole: the peak is 1, and the flux is that of a tent over its
+/// neighbours in closed form: with Δ = π/(h - 1), 2π/w times sinθ 2(1 - cosΔ)/Δ, or 1 - sinΔ/Δ at a pole.
 #[test]
 fn a_lit_texel_keeps_its_peak_and_its_flux() {
     let to_world = Mat3A::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.3));
@@ -129,7 +129,7 @@ fn a_lit_texel_keeps_its_peak_and_its_flux() {
         );
         let dir = Vec3A::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
         let peak = sky.radiance(to_world * dir).to_array()[0];
-        // At a pole, which column is meant depends on rounding.
+        // At a pole, rounding determines the column.
         if lit[1] != 0 && lit[1] != h - 1 {
             assert!((peak - 1.0).abs() < 1e-3, "{w} x {h}, {lit:?}: peak {peak}");
         }
@@ -149,7 +149,7 @@ fn a_lit_texel_keeps_its_peak_and_its_flux() {
             squares += f * f;
         }
         let mean = sum / f64::from(n * n);
-        // A grid is more exact than as many random samples.
+        // A grid is more accurate than the same number of random samples.
         let sigma = ((squares / f64::from(n * n) - mean * mean) / f64::from(n * n)).sqrt();
         assert!(
             (mean - want).abs() < 5.0 * sigma && sigma < 0.01 * want,
@@ -163,13 +163,13 @@ fn chi2_spot() {
     let spot = Profile::Spot {
         axis: Vec3A::Z,
         beam: 0.2,
-        // Ends between two rows of the grid.
+        // The cutoff is between two rows of the grid.
         cutoff: PI / 3.0,
     };
     agree(|u| spot.sample(u), |d| spot.density(d), "spot");
 }
 
-/// A wide one aslant.
+/// A wide, tilted frustum.
 fn frustum() -> Profile {
     let z = Vec3A::new(0.2, -0.6, 1.0).normalize();
     let x = z.cross(Vec3A::X).normalize();
@@ -192,7 +192,8 @@ fn a_frustum_has_its_solid_angle() {
     assert!((got / (4.0 * 0.9 * 0.5) - 1.0).abs() < 1e-5, "{got}");
 }
 
-/// Intensity over the greatest, all around, in closed form: 2π (1 - cos b) + ∫ falling part.
+/// Intensity over its maximum, integrated over all directions, in closed form: 2π (1 - cos b) + ∫ falling
+/// part.
 #[test]
 fn a_spot_has_its_solid_angle() {
     let (beam, cutoff) = (0.3_f32, 0.9_f32);

@@ -1,4 +1,5 @@
-//! Choice among many lights: its probabilities exactly, irradiance against closed forms, and the noise of unequal lamps.
+//! Selection among many lights: exact probabilities, irradiance against closed forms, and the noise of
+//! unequal lamps.
 
 use crate::lights::{check, m00, quadrature, shining, text};
 use crate::support::render_text;
@@ -12,7 +13,7 @@ use sunstone::transport::light::tree::{Choice, LightTree};
 
 const BOTH: [&str; 2] = ["path", "bidirectional"];
 
-/// Balls, flat lamps and spots of all sizes and intensities, some of them in one place.
+/// Balls, flat lamps and spots of all sizes and intensities, some at the same position.
 fn lights(stream: &mut Stream) -> Vec<Bounds> {
     let one = |i: usize, stream: &mut Stream| {
         let [x, y] = stream.uniform2();
@@ -51,7 +52,7 @@ fn receiver(stream: &mut Stream) -> Receiver {
     }
 }
 
-/// Shares of evenly spaced numbers that choose each light are the probabilities that are stated for it.
+/// The fractions of evenly spaced numbers that select each light equal the stated probabilities.
 #[test]
 fn lights_are_chosen_with_the_stated_probabilities() {
     const N: u32 = 40_000;
@@ -85,9 +86,9 @@ fn lights_are_chosen_with_the_stated_probabilities() {
             let off = counts.iter().zip(chances).map(|(a, b)| (a - b).abs());
             off.fold(0.0, f64::max)
         };
-        // Each light has one interval of the numbers.
+        // Each light corresponds to one interval of the numbers.
         assert!(worst(&chances) < 3.0 / f64::from(N), "{}", worst(&chances));
-        // Probabilities of another point would not do.
+        // Negative control: probabilities of another point do not agree.
         let other = Receiver::anywhere(at.p + Vec3A::splat(0.5));
         let planted: Vec<f64> = (0..lights.len())
             .map(|light| f64::from(tree.chance(&other, light)))
@@ -99,7 +100,7 @@ fn lights_are_chosen_with_the_stated_probabilities() {
     }
 }
 
-/// A light that reaches a point is chosen sometimes.
+/// Every light that reaches a point has a positive probability.
 #[test]
 fn no_light_that_reaches_a_point_is_left_out() {
     let mut stream = Stream::new(9, 0, 0);
@@ -127,10 +128,11 @@ fn no_light_that_reaches_a_point_is_left_out() {
     assert!(reached > 20_000, "{reached}");
 }
 
-/// A large lamp far away and a small one near a plane light it equally, at powers of 3200 to 1.
+/// A large distant lamp and a small near one illuminate a plane equally, at powers of 3200 to 1.
 #[test]
 fn a_strong_far_lamp_leaves_a_weak_near_one_its_share() {
-    // Irradiance π L (r/d)² cosθ of the one whose radiance is 2 and of the other, whose radiance is 1; neither hides the other.
+    // Irradiance π L (r/d)² cosθ of the lamp of radiance 2 and of the one of radiance 1; neither occludes the
+    // other.
     let (far, near) = (DVec3::new(0.0, 0.0, 40.0), DVec3::new(0.3, 0.0, 0.597));
     let mut light = shining("sphere = { center = [0, 0, 40], radius = 2 }", "");
     light += "[[objects]]\nmaterial = \"black\"\nshape.sphere = { center = [0.3, 0, 0.597], radius = 0.05 }\n\
@@ -149,7 +151,7 @@ fn a_strong_far_lamp_leaves_a_weak_near_one_its_share() {
                 (got - want).abs() <= 5.0 * sigma + 3e-5 * want,
                 "{got} ± {sigma}, closed form {want}"
             );
-            // Of 64 samples.
+            // For 64 samples.
             let variance = (sigma / want).powi(2) * 4096.0 / 64.0;
             assert!(variance <= 0.005, "{integrator}: relative variance {variance}");
         }
@@ -181,7 +183,7 @@ fn many_spheres_light_a_plane() {
     }
 }
 
-/// A rectangle as a mesh of 800 triangles is lit as the rectangle, from near one corner of it.
+/// A rectangle as a mesh of 800 triangles illuminates like the rectangle, from near one corner.
 #[test]
 fn a_lamp_of_many_triangles_lights_a_plane() {
     const N: i32 = 20;
@@ -215,7 +217,7 @@ fn a_lamp_of_many_triangles_lights_a_plane() {
     }
 }
 
-/// 400 points and spots, of which one is connected to: I cosθ/d² of each.
+/// 400 points and spots, of which one is selected: I cosθ/d² of each.
 #[test]
 fn many_points_light_a_plane() {
     let (mut light, mut irradiance) = (String::new(), 0.0);

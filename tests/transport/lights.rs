@@ -1,5 +1,6 @@
-//! Light that people have, against closed forms and quadrature: shining disks, spheres, rectangles, tubes and ellipsoids over a
-//! Lambert plane, both integrators; the sky; spots, luminaires, directional light and beams; frames, filters and travel times.
+//! Common light sources, against closed forms and quadrature: emitting disks, spheres, rectangles, tubes and
+//! ellipsoids over a Lambertian plane, with both integrators; the sky; spots, luminaires, directional light
+//! and beams; frames, filters and travel times.
 
 use crate::optics::{C, Device, M, head, mueller};
 use crate::support::{Rendered, render_text};
@@ -12,7 +13,7 @@ const ALBEDO: f64 = 0.6;
 const SLICE: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 const BOTH: [&str; 2] = ["path", "bidirectional"];
 
-/// A Lambert plane z = 0 with its front toward +z, and black stuff for lights.
+/// A Lambertian plane z = 0 with its front toward +z, and a black material for emitters.
 const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\nblack.diffuse.albedo = 0\n\
     [[objects]]\nmaterial = \"m\"\nshape.rectangle = { corner = [-9, -9, 0], u = [18, 0, 0], v = [0, 18, 0] }\n";
 
@@ -31,7 +32,8 @@ pub fn m00(r: &Rendered) -> (f64, f64) {
     )
 }
 
-/// Radiance of the plane under an irradiance, within five standard errors, which are below `error` of it.
+/// Checks the plane's radiance for an irradiance, within five standard errors, which must be below `error` of
+/// it.
 pub fn check(text: &str, irradiance: f64, error: f64, what: &str) {
     let (got, sigma) = m00(&render_text(text));
     let want = ALBEDO / PI * irradiance;
@@ -42,12 +44,12 @@ pub fn check(text: &str, irradiance: f64, error: f64, what: &str) {
     assert!(sigma <= error * want, "{what}: error {sigma:.1e} of {want}");
 }
 
-/// A shining object.
+/// An emitting object.
 pub fn shining(shape: &str, more: &str) -> String {
     format!("[[objects]]\nmaterial = \"black\"\nshape.{shape}\nemission = {{ radiance = 2{more} }}\n")
 }
 
-/// A disk parallel to the plane, and off its axis (Siegel & Howell, configuration B-14).
+/// A disk parallel to the plane, off its axis (Siegel & Howell, configuration B-14).
 #[test]
 fn disks_light_a_plane() {
     let (h, r) = (1.5, 0.8);
@@ -70,7 +72,7 @@ fn disks_light_a_plane() {
     }
 }
 
-/// A sphere: π L (r/d)² cosθ wherever it stands above the horizon, to rounding when its cone is drawn alone.
+/// A sphere: π L (r/d)² cosθ if it is above the horizon, up to rounding if only its cone is sampled.
 #[test]
 fn spheres_light_a_plane() {
     let (centre, r) = (DVec3::new(0.5, -0.4, 1.2), 0.7);
@@ -93,8 +95,8 @@ fn spheres_light_a_plane() {
     }
 }
 
-/// Irradiance of the plane's point from a surface of radiance 2, by a midpoint rule; `surface` gives point and normal times
-/// area for u, v in 0..1, and the radiance there over 2.
+/// Irradiance of the plane's point from a surface of radiance 2, by a midpoint rule; `surface` gives the
+/// point, the normal times area for u, v in 0..1, and the radiance there over 2.
 pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
     const N: u32 = 800;
     let p = DVec3::new(at[0], at[1], 0.0);
@@ -109,7 +111,7 @@ pub fn quadrature(at: [f64; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3, f64
     (0..N * N).map(one).sum::<f64>() / f64::from(N * N)
 }
 
-/// A slanting rectangle, which is a mesh, with an image of four squares on it.
+/// A tilted rectangle, which is a mesh, with an image of four squares.
 #[test]
 fn rectangles_with_images_light_a_plane() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -137,7 +139,7 @@ fn rectangles_with_images_light_a_plane() {
     );
     let plain = quadrature(at, |a, b| (place(a, b).0, place(a, b).1, 1.0));
     let squares = quadrature(at, |a, b| {
-        // White are the upper left and the lower right one.
+        // The upper left and the lower right squares are white.
         let white = (a < 0.5) != (b < 0.5);
         (place(a, b).0, place(a, b).1, f64::from(u8::from(white)))
     });
@@ -158,7 +160,7 @@ fn rectangles_with_images_light_a_plane() {
     }
 }
 
-/// An ellipsoid that is no ball, and a tube that is not round: points are drawn unevenly over them.
+/// A non-spherical ellipsoid, and a tube that is not round: points are sampled non-uniformly over them.
 #[test]
 fn ellipsoids_and_tubes_light_a_plane() {
     let at = [0.3, 0.2];
@@ -210,13 +212,13 @@ fn ellipsoids_and_tubes_light_a_plane() {
             0.03,
             "ellipsoid",
         );
-        // Open at its ends: through them its inside is dark, and hides nothing.
+        // Open at its ends: its inside is dark and occludes nothing.
         let cylinder = shining("cylinder = { p0 = [0, 0, 0], p1 = [0, 0, 1], radius = 1 }", "") + &matrix;
         check(&text(integrator, 8000, 2, at, &cylinder), tube, 0.03, "tube");
     }
 }
 
-/// Seen directly: the radiance, the way there, from the front alone or from both sides, and what the light is made of.
+/// Seen directly: radiance, travel time, one-sided or two-sided emission, and polarization.
 #[test]
 fn lights_are_seen_as_they_are() {
     let seen = |more: &str, from: f64, integrator: &str| {
@@ -246,7 +248,8 @@ fn lights_are_seen_as_they_are() {
         assert_eq!(m00(&seen("", -1.0, integrator).1), (0.0, 0.0), "the back is dark");
         assert!((m00(&seen(", two_sided = true", -1.0, integrator).1).0 - 2.0).abs() < 1e-5);
 
-        // A filter at 30° from x in the frame of light that travels to the camera, whose right is some other axis.
+        // A filter at 30° from x in the frame of light that travels to the camera, whose right is another
+        // axis.
         let (camera, r) = seen(", polarizer_deg = 30", 3.0, integrator);
         let own = DVec3::X;
         let d = DVec3::Z;
@@ -261,7 +264,7 @@ fn lights_are_seen_as_they_are() {
         let want = M::from_fn(|i, j| out[i] * into[j]);
         crate::optics::assert_close(&mueller(&r.mean("m"), &[]), &want, 1e-5, "filter");
 
-        // A stated Stokes vector: column 0 is the light's.
+        // A stated Stokes vector: column 0 is that of the light.
         let (_, r) = seen(", stokes = [1, 0, 0, -0.8]", 3.0, integrator);
         let mut want = M::zeros();
         (want[(0, 0)], want[(3, 0)]) = (2.0, -1.6);
@@ -269,7 +272,7 @@ fn lights_are_seen_as_they_are() {
     }
 }
 
-/// Malus between a light's filter and a polarizer in the way: ½ cos² of the angle between them, in column 0.
+/// Malus between a light's filter and a polarizer: ½ cos² of the angle between them, in column 0.
 #[test]
 fn light_through_two_polarizers_obeys_malus() {
     for degrees in [0.0_f64, 25.0, 60.0, 90.0] {
@@ -291,7 +294,7 @@ fn light_through_two_polarizers_obeys_malus() {
     }
 }
 
-/// Light reaches the plane through a sheet by connections alone, and a mirror shows it by chance alone: nothing is doubled.
+/// Connections find light through a sheet, and random paths find it in a mirror: nothing is counted twice.
 #[test]
 fn sheets_and_mirrors_neither_lose_nor_double_light() {
     let (h, r) = (1.0, 0.5);
@@ -301,7 +304,7 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
     );
     let factor = r * r / (h * h + r * r);
     let sheet = "[[objects]]\nmaterial = \"p\"\nshape.rectangle = { corner = [-5, -5, 0.5], u = [10, 0, 0], v = [0, 10, 0] }\n";
-    // Ideal polarizers pass half of unpolarized light each way.
+    // Ideal polarizers transmit half of unpolarized light in each direction.
     let matter = "[materials.p.polarizer]\naxis = [1, 0, 0]\n";
     let text = |integrator: &str, more: &str| {
         let camera = Device::ray([0.02, 0.0, 0.3], DVec3::ZERO);
@@ -309,7 +312,8 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
         head(6000, 6, 5) + &render + &camera.keys("camera") + PLANE + &light + more + SLICE
     };
     for integrator in BOTH {
-        // Seen from below the sheet, lit through it: oblique rays pass within the sheet's own law, so a small disk.
+        // Seen from below the sheet, lit through it: oblique rays follow the sheet's own law, so the disk is
+        // small.
         let plain = m00(&render_text(&text(integrator, "")));
         let want = ALBEDO / PI * 2.0 * PI * factor;
         assert!(
@@ -317,7 +321,7 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
             "{integrator}: {plain:?}, {want}"
         );
         let through = m00(&render_text(&text(integrator, &format!("{matter}{sheet}"))));
-        // What comes back from the sheet's underside is nothing: it absorbs.
+        // The sheet's underside returns nothing: it absorbs.
         assert!(
             (through.0 - 0.5 * want).abs() <= 5.0 * through.1 + 1e-3 * want,
             "{integrator}: {through:?}, {}",
@@ -326,8 +330,8 @@ fn sheets_and_mirrors_neither_lose_nor_double_light() {
     }
 }
 
-/// A white sphere in a shining one vanishes, and so does a ball of glass, whichever way paths are made; a cloud that absorbs
-/// nothing too.
+/// A white sphere in an emitting one vanishes, and so does a ball of glass, with either integrator; also a
+/// cloud without absorption.
 #[test]
 fn furnaces_of_shining_walls() {
     let cloud = "[media]\nfog.homogeneous = { scattering = 1.5, phase.rayleigh = {} }\n";
@@ -364,7 +368,8 @@ fn furnaces_of_shining_walls() {
     }
 }
 
-/// An image of the sky of radiance a + b·y, over planes that look up, aslant and down: π a + 2π/3 b n·y, turned or not.
+/// An image of the sky of radiance a + b·y, over planes that face up, obliquely and down: π a + 2π/3 b n·y,
+/// rotated or not.
 #[test]
 fn skies_light_planes() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -390,7 +395,7 @@ fn skies_light_planes() {
     }
 }
 
-/// A sky with a single bright texel: connections find it, and what is seen in its direction is it.
+/// A sky with a single bright texel: connections find it, and it is seen in its direction.
 #[test]
 fn suns_are_found_and_stand_where_they_should() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -413,7 +418,7 @@ fn suns_are_found_and_stand_where_they_should() {
     let sky = format!("[[emitters]]\nenvironment.image = {file:?}\n");
     let matter = format!("[materials.m.diffuse]\nalbedo = {ALBEDO}\n");
     let text = head(40_000, 2, 3) + &camera.keys("camera") + &matter + &plate + &sky + SLICE;
-    // The solid angle of a texel's tent between its neighbours is a texel's own.
+    // The solid angle of a texel's tent over its neighbours equals that of the texel.
     let want = 1000.0 * TAU / 256.0 * PI / 128.0 * theta.sin();
     check(&text, want, 0.01, "sun");
     let camera = Device::ray([0.0; 3], sun);
@@ -426,7 +431,7 @@ fn suns_are_found_and_stand_where_they_should() {
     );
 }
 
-/// Light of one direction and of points: irradiances at single points, exact but for rounding.
+/// Directional and point lights: irradiances at single points, exact up to rounding.
 #[test]
 fn spots_luminaires_directional_light_and_beams() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -444,7 +449,7 @@ fn spots_luminaires_directional_light_and_beams() {
     let theta = (height / to.length()).acos().to_degrees();
     let cos = height / to.length();
     let inverse = cos / to.length_squared();
-    // Bilinear in the angles: 0..30 by row, rows by the horizontal angle from x, mirrored into 0..90.
+    // Bilinear in the angles: 0..30 along a row, rows by the horizontal angle from x, mirrored into 0..90.
     let phi = to.y.atan2(to.x).to_degrees().abs();
     let row = |edge: f64| 1.0 + (edge - 1.0) * theta / 30.0;
     let luminaire = row(0.8) + (row(0.4) - row(0.8)) * phi / 90.0;
@@ -539,7 +544,8 @@ fn spots_luminaires_directional_light_and_beams() {
     }
 }
 
-/// All the power of a beam lands on a plane: its irradiance over the plane, by the camera's grid of rays from far above.
+/// All power of a beam lands on a plane: its irradiance over the plane, from the camera's grid of rays from
+/// far above.
 #[test]
 fn a_beam_loses_no_power() {
     for more in [
@@ -551,7 +557,7 @@ fn a_beam_loses_no_power() {
         let light = format!(
             "[[emitters]]\nbeam = {{ origin = [0, 0, 1.5], direction = [0.2, 0, -1], power = 5, radius = 0.1{more} }}\n"
         );
-        // From far above, where a pixel's rays are as good as parallel: 3 m over 96 pixels.
+        // From far above, where a pixel's rays are nearly parallel: 3 m over 96 pixels.
         let camera = Device::look_at([0.3, 0.0, 3000.0], DVec3::new(0.3, 0.0, 0.0), [96, 96], 96_000.0);
         let text = head(16, 2, 5) + &camera.keys("camera") + PLANE + &light + "[[slices]]\nname = \"m\"\n";
         let r = render_text(&text);
@@ -561,7 +567,8 @@ fn a_beam_loses_no_power() {
     }
 }
 
-/// Travel time counts from the surface, the plane of a directional light's origin, a beam's origin; without one it is overflow.
+/// Travel time counts from the emitting surface, the plane of a directional light's origin, or a beam's
+/// origin; without an origin it is overflow.
 #[test]
 fn light_takes_its_time() {
     let from = DVec3::new(0.3, -4.0, 2.5);
@@ -608,8 +615,8 @@ fn light_takes_its_time() {
     }
 }
 
-/// Both integrators see the same room: a box with a lamp under its ceiling, a ball of glass, a rough metal one, fog in a corner and
-/// a projector, pixel by pixel.
+/// Both integrators agree in the same room: a box with a lamp under its ceiling, a ball of glass, a rough
+/// metal one, fog in a corner and a projector, pixel by pixel.
 #[test]
 fn both_integrators_agree_in_a_room() {
     let room = |integrator: &str| {
@@ -648,7 +655,7 @@ fn both_integrators_agree_in_a_room() {
         }
     }
     let n = f64::from(count);
-    // Elements of one pixel go together, so less freely than n: five sigma of chi-squared with a quarter of them.
+    // Elements of a pixel are correlated: five sigma of chi-squared with a quarter of them.
     let bound = n + 5.0 * (2.0 * n * 4.0).sqrt();
     assert!(
         count > 400 && chi2 < bound,
@@ -659,7 +666,7 @@ fn both_integrators_agree_in_a_room() {
     assert!((ta / tb - 1.0).abs() < 0.01, "{ta} and {tb} in all");
 }
 
-/// All light is the projector's and the lamps'; `ambient` is the lamps' alone.
+/// The total is the light of the projector and the lamps; `ambient` is that of the lamps alone.
 #[test]
 fn ambient_light_is_apart() {
     let camera = Device::look_at([0.0, -3.0, 2.0], DVec3::ZERO, [6, 6], 8.0);

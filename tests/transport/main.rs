@@ -1,6 +1,6 @@
 //! The tracer against closed forms and independent f64 quadrature.
 //!
-//! A statistical bound is five standard errors at a fixed seed; everything else is held to f32 rounding.
+//! A statistical bound is five standard errors at a fixed seed; other values must agree up to f32 rounding.
 
 mod apertures;
 mod attributes;

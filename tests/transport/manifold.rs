@@ -1,5 +1,5 @@
-//! Light through smooth interfaces that bend it, found from behind them: against rays traced in f64, and against walks
-//! from the light.
+//! Light refracted by smooth interfaces, connected to points behind them: against rays traced in f64, and
+//! against light subpaths.
 
 use crate::optics::{C, Device, GOLD_KEYS, head, mueller, plate};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -11,8 +11,8 @@ use sunstone::transport::scene::Integrator;
 pub const ALBEDO: f64 = 0.6;
 const BIN_PS: f64 = 0.5;
 
-/// Half the sum and half the difference of what an interface passes of s and p, at the cosine of incidence, from index 1
-/// to `n`.
+/// Half the sum and half the difference of an interface's transmittances for s and p, at the cosine of
+/// incidence, from index 1 to `n`.
 pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
     let far = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let s = ((cos - n * far) / (cos + n * far)).powi(2);
@@ -20,15 +20,17 @@ pub fn transmission(cos: f64, n: f64) -> [f64; 2] {
     [1.0 - (s + p) / 2.0, (p - s) / 2.0]
 }
 
-/// A ray in the plane of an axis: how far from the axis it ends, its optical length, and transmission as above.
+/// A ray in a plane that contains an axis: its distance from the axis at the end, its optical length, and
+/// transmission as above.
 pub struct Meridian {
     pub rho: f64,
     pub optical: f64,
     pub passed: [f64; 2],
 }
 
-/// The radiance, its part that depends on the light's polarization, and the time, of a white wall at height `wall` below
-/// the light and `rho` beside it, `trace` being the ray that starts at an angle to the axis.
+/// The radiance, its part that depends on the light's polarization, and the travel time for a white wall at
+/// height `wall` below the light, at distance `rho` from the axis. `trace` gives the ray that starts at an
+/// angle to the axis.
 pub fn expected(trace: impl Fn(f64) -> Meridian, rho: f64) -> (f64, f64, f64, f64) {
     let (mut lo, mut hi) = (0.0, 1.2_f64);
     for _ in 0..200 {
@@ -81,7 +83,7 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
     assert_eq!(m[(0, 3)], 0.0);
     let error = f64::from(r.std_error("m").select(Bounces, 3).data[0]);
     assert!(error < 1e-4 * want, "nothing is random but {error}");
-    // Where in the projector's image the light starts, and when it arrives.
+    // Position in the projector's image where the light starts, and its arrival time.
     let ([u, v], _) = lamp.project(lamp_at + out);
     let p = r.mean("p").select(Bounces, 3);
     let lit: Vec<usize> = (0..p.data.len()).filter(|i| p.data[*i] != 0.0).collect();
@@ -97,7 +99,7 @@ fn check(text: &str, glass: &str, camera: &Device, point: DVec3, trace: impl Fn(
     );
 }
 
-/// A plane-parallel slab between light and wall, at several slants.
+/// A plane-parallel slab between light and wall, at several angles.
 #[test]
 fn flat_slab_bends_light_as_snell_says() {
     for rho in [0.05, 0.5, 1.1] {
@@ -113,14 +115,14 @@ fn flat_slab_bends_light_as_snell_says() {
             Meridian {
                 rho: 1.3 * sin / cos + 0.2 * (sin / 1.5) / inner,
                 optical: 1.3 / cos + 0.2 * 1.5 / inner,
-                // Both faces pass the same.
+                // Both faces transmit equally.
                 passed: [a * a + b * b, 2.0 * a * b],
             }
         });
     }
 }
 
-/// Light through a pane comes at the time that its way takes, to 0.01 ps in scenes of every size.
+/// Light through a pane arrives at the right time, to 0.01 ps in scenes of every size.
 #[test]
 fn light_through_a_pane_is_on_time() {
     for (scale, rho) in [
@@ -142,7 +144,7 @@ fn light_through_a_pane_is_on_time() {
         };
         let point = DVec3::new(0.8 * rho, 0.6 * rho, -0.5) * scale;
         let (_, _, optical, _) = expected(trace, scale * rho);
-        // So narrow that its width is no part of the time.
+        // So narrow that its width does not affect the time.
         let camera = Device::look_at(
             (DVec3::new(0.4, -0.3, 0.0) * scale).to_array(),
             point,
@@ -187,7 +189,7 @@ fn light_through_a_pane_is_on_time() {
     }
 }
 
-/// A ball of glass on the axis between light and wall, weak enough for a single way.
+/// A ball of glass on the axis between light and wall, weak enough for a single path.
 #[test]
 fn ball_bends_light_as_rays_say() {
     let n: f64 = 1.5;
@@ -235,7 +237,7 @@ fn ball_bends_light_as_rays_say() {
         }
     };
     let ball = "[[objects]]\nmaterial = \"glass\"\nshape.sphere = { center = [0, 0, -0.2], radius = 0.25 }\n";
-    // The focus of the ball lies beyond the wall, so near the axis there is one way.
+    // The focus of the ball is beyond the wall, so near the axis there is one path.
     for rho in [0.01, 0.03, 0.05] {
         let point = DVec3::new(0.6 * rho, -0.8 * rho, -0.5);
         let camera = Device::ray([1.5, 0.4, -0.38], point);
@@ -243,8 +245,8 @@ fn ball_bends_light_as_rays_say() {
     }
 }
 
-/// Compares what walks from the light find without manifolds with what both find, weighted, element by element; `least` of
-/// them are well known.
+/// Compares light subpaths without manifold connections with both, weighted, element by element; at least
+/// `least` elements are significant.
 fn walks_agree(text: &str, least: usize) {
     let of = |manifold| {
         let mut scene = scene_of(text);
@@ -261,7 +263,8 @@ fn walks_agree(text: &str, least: usize) {
     assert!(sharp >= least, "{sharp}");
 }
 
-/// What walks from the light find through the same glass, without manifolds, is the same; and with both, weighted.
+/// Light subpaths through the same glass, without manifold connections, give the same; also weighted together
+/// with them.
 #[test]
 fn manifolds_and_walks_agree() {
     let text = head(3000, 8, 5)
@@ -275,7 +278,7 @@ fn manifolds_and_walks_agree() {
     walks_agree(&text, 3);
 }
 
-/// The same through a wave plate of quartz, behind which metal keeps what it does to polarization.
+/// The same through a wave plate of quartz, in front of metal that preserves polarization.
 #[test]
 fn manifolds_and_walks_agree_through_crystals() {
     let text = head(20_000, 5, 5)
@@ -303,10 +306,10 @@ fn pairs(a: &Rendered, b: &Rendered) -> impl Iterator<Item = (f32, f32, f32, f32
     (0..m.data.len()).map(move |i| (m.data[i], n.data[i], x.data[i], y.data[i]))
 }
 
-/// Object and light behind the same water: the way back and forth that no walk can connect.
+/// Object and light behind the same water: light subpaths cannot connect the path in and out.
 #[test]
 fn wall_behind_glass_is_seen_and_lit_through_it() {
-    // Camera and lamp above the slab; without glass the same wall.
+    // Camera and lamp above the slab; for comparison, the same wall without glass.
     let text = |glass: bool| {
         head(2000, 8, 6)
             + &Device::look_at([0.4, 0.0, 1.0], DVec3::new(0.0, 0.0, -0.5), [2, 2], 8.0).keys("camera")
@@ -328,7 +331,7 @@ fn wall_behind_glass_is_seen_and_lit_through_it() {
         move |k: usize| (f64::from(m.at(&[(Bounces, k)])), f64::from(e.at(&[(Bounces, k)])))
     };
     let (clear, glazed) = (value(&text(false)), value(&text(true)));
-    // Two faces on either way, near normal incidence: 0.96⁴, and a thin slab moves little.
+    // Two faces each way, near normal incidence: 0.96⁴; a thin slab shifts light only slightly.
     let (a, b) = (clear(1), glazed(5));
     let ratio = b.0 / a.0;
     let sigma = ratio * (b.1 / b.0).hypot(a.1 / a.0);

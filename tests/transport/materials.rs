@@ -1,5 +1,5 @@
-//! Materials by themselves: samplers follow their densities, weights are values over densities, and light may run
-//! backwards.
+//! Single materials: samplers follow their densities, weights are values over densities, and light is
+//! reversible.
 
 use crate::optics::{M, turn};
 use glam::{DVec3, Mat3A, Vec3A};
@@ -16,7 +16,7 @@ use sunstone::transport::material::rough_conductor::RoughConductor;
 use sunstone::transport::material::texture::{Scalar, Spectrum};
 use sunstone::transport::material::{Lanes, Material, Materials};
 
-/// A table of one material, which has number 0.
+/// A table of one material, with index 0.
 pub fn table(material: Material) -> Materials {
     Materials {
         list: vec![material],
@@ -62,13 +62,13 @@ pub fn surface() -> Surface {
     }
 }
 
-/// A direction of given cosine to the normal and azimuth.
+/// A direction with given cosine to the normal and azimuth.
 pub fn toward(cos: f32, phi: f32) -> Vec3A {
     let s = (1.0 - cos * cos).sqrt();
     axes() * Vec3A::new(s * phi.cos(), s * phi.sin(), cos)
 }
 
-/// Every material and angle that the tests below go through.
+/// Every material and angle that the tests below cover.
 fn cases() -> Vec<(String, Materials, f32)> {
     let mut list = vec![];
     for cos in [1.0_f32, 0.6, 0.2, 0.05] {
@@ -80,11 +80,11 @@ fn cases() -> Vec<(String, Materials, f32)> {
     list
 }
 
-/// Pearson's chi² of 10⁵ samples on a 40 × 40 grid over the sphere, absorbed samples in a cell of their own; expected
-/// counts by a midpoint rule of `sub`² points per cell.
+/// Pearson's chi² of 10⁵ samples on a 40 × 40 grid over the sphere, with absorbed samples in a separate cell;
+/// expected counts by a midpoint rule of `sub`² points per cell.
 ///
-/// The grid's pole lies in the surface, so that lobes about the normal fall on many cells and the horizon on their
-/// borders.
+/// The grid's pole is in the surface plane, so that lobes about the normal cover many cells and the horizon
+/// coincides with cell borders.
 pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, sub: usize) {
     const N: usize = 100_000;
     const ROWS: usize = 40;
@@ -134,7 +134,7 @@ pub fn follow_density(name: &str, materials: &Materials, wo: Vec3A, seed: u32, s
     pearson(name, &observed, &expected);
 }
 
-/// Pearson's chi² of counts against expected ones, faint cells taken together; at most 5 standard deviations.
+/// Pearson's chi² of counts against expected counts, with small cells pooled; at most 5 standard deviations.
 pub fn pearson(name: &str, observed: &[f64], expected: &[f64]) {
     let (mut chi, mut dof, mut faint) = (0.0, 0.0, [0.0; 2]);
     for (o, e) in observed.iter().zip(expected) {
@@ -172,7 +172,8 @@ pub fn elements(s: &Scatter, wo: Vec3A, wi: Vec3A) -> [[f32; 16]; 4] {
     std::array::from_fn(|lane| std::array::from_fn(|e| m.m[e / 4][e % 4].to_array()[lane]))
 }
 
-/// Sampled weight = eval / pdf in all elements and lanes, to `tolerance` of M00; returns how many were compared.
+/// Sampled weight = eval / pdf in all elements and lanes, to `tolerance` of M00; returns the number of
+/// compared samples.
 pub fn weights_agree(name: &str, materials: &Materials, wo: Vec3A, seed: u32, tolerance: f32) -> u32 {
     let at = surface();
     let mut stream = Stream::new(42, seed, 0);
@@ -183,7 +184,7 @@ pub fn weights_agree(name: &str, materials: &Materials, wo: Vec3A, seed: u32, to
             continue;
         };
         let wi = sampled.wi;
-        // At the very horizon f32 directions do not fix the cosine to 1e-4.
+        // At the horizon, f32 directions do not determine the cosine to 1e-4.
         if at.ns.dot(wi).abs() < 2e-3 {
             continue;
         }
@@ -232,12 +233,12 @@ pub fn bsdf(materials: &Materials, o: Vec3A, i: Vec3A, [xo, xi]: [DVec3; 2]) -> 
     Some(turn(o.as_dvec3(), fo.as_dvec3(), xo) * m * turn(-i.as_dvec3(), xi, fi.as_dvec3()))
 }
 
-/// Helmholtz reciprocity of Mueller matrices: with the same axes for a ray and its reverse, M(o→i) = Δ M(i→o)ᵀ Δ with
-/// Δ = diag(1, 1, -1, 1), because reversing a ray mirrors ±45° and keeps handedness. `index` gives the refractive index
-/// on a direction's side; of radiance, what is reciprocal is the BSDF over the squared index of where it goes (Veach
-/// 1997, eq. 5.14).
+/// Helmholtz reciprocity of Mueller matrices: with the same axes for a ray and its reverse, M(o→i) = Δ
+/// M(i→o)ᵀ Δ with Δ = diag(1, 1, -1, 1), because reversing a ray mirrors ±45° and keeps handedness. `index`
+/// gives the refractive index on a direction's side; for radiance, the BSDF over the squared index of the
+/// outgoing side is reciprocal (Veach 1997, eq. 5.14).
 ///
-/// Of 700 directions from `pair`; returns how many had a value.
+/// Uses 700 directions from `pair`; returns the number of those with a value.
 pub fn is_reciprocal(
     name: &str,
     materials: &Materials,
@@ -250,7 +251,7 @@ pub fn is_reciprocal(
     let (mut strongest, mut pairs) = (0.0_f64, 0);
     for _ in 0..700 {
         let [a, b] = pair(&mut stream);
-        // An arbitrary axis across each ray, the same in both directions of travel.
+        // An arbitrary axis perpendicular to each ray, equal in both directions of travel.
         let mut axis = |d: Vec3A| {
             let (d, t) = (d.as_dvec3().normalize(), f64::from(stream.uniform()) * TAU);
             let x = d.any_orthonormal_vector();

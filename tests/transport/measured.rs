@@ -1,4 +1,4 @@
-//! Measured materials against the material that a table was made from, and against what interpolation promises.
+//! Measured materials against the material that a table was made from, and properties of their interpolation.
 
 use crate::materials::pearson;
 use crate::optics::M;
@@ -40,7 +40,7 @@ fn metal(alpha: f32) -> Materials {
     }
 }
 
-/// Tables in a folder that lives as long as they are made and opened.
+/// Tables in a folder that exists while they are made and opened.
 struct Bench(tempfile::TempDir);
 
 impl Bench {
@@ -73,7 +73,7 @@ impl Bench {
         self.open(&[450.0, 550.0])
     }
 
-    /// A table of numbers.
+    /// A table of given values.
     fn of(&self, axes: &Axes, nm: &[f64], mut value: impl FnMut([usize; 4], usize) -> f32) -> Materials {
         let (h, bands) = (axes.theta_h.len(), axes.wavelengths_nm.len());
         write(&self.path(), axes, |phi, slab| {
@@ -107,7 +107,7 @@ fn surface() -> Surface {
     }
 }
 
-/// A direction of given cosine to the normal and azimuth.
+/// A direction with given cosine to the normal and azimuth.
 fn toward(cos: f32, phi: f32) -> Vec3A {
     let s = (1.0 - cos * cos).max(0.0).sqrt();
     axes() * Vec3A::new(s * phi.cos(), s * phi.sin(), cos)
@@ -122,15 +122,15 @@ fn pair(stream: &mut Stream, least: f32) -> (Vec3A, Vec3A) {
     (draw(), draw())
 }
 
-/// The matrix between axes that depend on the rays alone, one lane.
+/// One lane of the matrix between axes that depend only on the rays.
 fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> M {
     let axis = |d| project(Vec3A::new(0.36, 0.48, 0.8), d);
     let m = s.between(wo, axis(wo), wi, axis(wi)).lane(lane);
     M::from_fn(|i, j| f64::from(m[i][j]))
 }
 
-/// Root mean square and largest difference of any element between a table and its source, over M00, for pairs within
-/// 60° of the normal (cells that touch the horizon have holes).
+/// Root mean square and largest difference of any element between a table and its source, over M00, for pairs
+/// within 60° of the normal (cells that touch the horizon have holes).
 fn error(counts: [usize; 3]) -> [f64; 2] {
     let (bench, source) = (Bench::new(), metal(0.5));
     let table = bench.of_metal(0.5, counts);
@@ -150,7 +150,7 @@ fn error(counts: [usize; 3]) -> [f64; 2] {
     [(sum / f64::from(n)).sqrt(), worst]
 }
 
-/// Linear interpolation errs by the square of the step: half the step, a quarter of the error.
+/// The error of linear interpolation is of second order: half the step, a quarter of the error.
 #[test]
 fn tables_converge_to_their_source_at_second_order() {
     let coarse = error([17, 10, 10]);
@@ -164,7 +164,7 @@ fn tables_converge_to_their_source_at_second_order() {
     assert!(fine[0] < 0.008 && fine[1] < 0.02, "{fine:?}");
 }
 
-/// At an entry itself the table is its source to rounding, frames and cosine included.
+/// At an entry the table equals its source up to rounding, including frames and cosine.
 #[test]
 fn entries_are_the_source() {
     let (bench, source) = (Bench::new(), metal(0.4));
@@ -187,15 +187,15 @@ fn entries_are_the_source() {
         let [got, want] =
             [&table, &source].map(|m| matrix(&m.eval(0, &at, wo, wi).expect("above"), wo, wi, 0));
         let off = (got - want).abs().max() / want[(0, 0)];
-        // Rounding of f32 angles moves the place in the table by up to 1e-5 of a step.
+        // Rounding of f32 angles shifts the position in the table by up to 1e-5 of a step.
         assert!(off < 1e-4, "{c:?}: off by {off}\n{got}\n{want}");
         compared += 1;
     }
     assert!(compared > 300, "{compared}");
 }
 
-/// M(o→i) = Δ M(i→o)ᵀ Δ with the same axes for a ray and its reverse: the table has its source's reciprocity where
-/// φ_d and φ_d + π are both entries.
+/// M(o→i) = Δ M(i→o)ᵀ Δ with the same axes for a ray and its reverse: the table is as reciprocal as its
+/// source where both φ_d and φ_d + π are entries.
 #[test]
 fn reciprocity_is_inherited() {
     let bench = Bench::new();
@@ -221,7 +221,8 @@ fn reciprocity_is_inherited() {
     assert!(strongest > 0.1, "no case in which the sign flip matters");
 }
 
-/// Interpolation is a convex sum, so a table of realizable matrices gives realizable ones, holes at the horizon or not.
+/// Interpolation is a convex sum, so a table of realizable matrices gives realizable ones, with or without
+/// holes at the horizon.
 #[test]
 fn realizability_is_inherited() {
     let bench = Bench::new();
@@ -242,7 +243,8 @@ fn realizability_is_inherited() {
     assert!(lit > 2500, "{lit}");
 }
 
-/// φ_d = -π and π are one: tables that close there and tables that do not are continuous across, and agree.
+/// φ_d = -π and π are equal: tables that close there and tables that do not are continuous across it, and
+/// agree.
 #[test]
 fn the_azimuth_of_the_difference_goes_round() {
     let bench = Bench::new();
@@ -281,8 +283,8 @@ fn the_azimuth_of_the_difference_goes_round() {
     }
 }
 
-/// Holes are left out and the rest weighs more: a constant stays that constant wherever one corner is there, and is 0
-/// where none is. An entry with one bad element is a hole too, in its own band alone.
+/// Holes are left out and the other corners get more weight: a constant stays constant if one corner exists,
+/// and is 0 if none does. An entry with one invalid element is also a hole, only in its own band.
 #[test]
 fn holes_are_bridged() {
     let bench = Bench::new();
@@ -321,8 +323,8 @@ fn holes_are_bridged() {
     }
 }
 
-/// Wavelengths between bands are linear, beyond them the nearest; angles beyond the axes keep the last entry; less
-/// than no light is none.
+/// Values are linear between bands and those of the nearest band beyond them; angles beyond the axes use the
+/// last entry; negative light counts as zero.
 #[test]
 fn values_keep_to_the_ends() {
     let bench = Bench::new();
@@ -354,7 +356,7 @@ fn values_keep_to_the_ends() {
     near(eval(0.6, 1.5)[2][1], [0.0; 4]);
 }
 
-/// Tables that sampling is tried on: glossy, satin, coarse, and one that reflects nothing it knows of at the horizon.
+/// Tables for sampling tests: glossy, satin, coarse, and one without known reflection at the horizon.
 fn sampled() -> Vec<(String, Materials)> {
     let bench = Bench::new();
     [(0.1, [19, 31, 46]), (0.3, [19, 19, 19]), (0.6, [7, 5, 6])]
@@ -363,7 +365,8 @@ fn sampled() -> Vec<(String, Materials)> {
         .collect()
 }
 
-/// Pearson's chi² of 60 000 samples on a 16 × 24 grid over the hemisphere, rejected samples in a cell of their own.
+/// Pearson's chi² of 60,000 samples on a 16 × 24 grid over the hemisphere, with rejected samples in a
+/// separate cell.
 #[test]
 fn samples_follow_their_density() {
     const N: usize = 60_000;
@@ -445,8 +448,8 @@ fn weights_are_values_over_densities() {
     }
 }
 
-/// What sampling by the table gains over sampling by the cosine alone: the second moment of the weight's M00, whose
-/// mean (the reflected share of light) both must give.
+/// Gain of sampling with the table over cosine sampling: the second moment of the weight's M00, whose mean
+/// (the reflected fraction of light) must be equal for both.
 #[test]
 fn importance_tables_reduce_variance() {
     let bench = Bench::new();

@@ -1,5 +1,5 @@
-//! Participating media by themselves: matrices are normalized, can exist and may run backwards; samplers follow their
-//! densities; tables meet the theory that they hold; milk is as white as milk.
+//! Single media: matrices are normalized, realizable and reciprocal; samplers follow their densities; tables
+//! agree with their theory; milk has measured properties.
 
 use crate::materials::{elements, pearson};
 use crate::optics::{M, turn};
@@ -43,7 +43,7 @@ fn henyey_greenstein(g: [f32; 4], linear: f32, circular: f32) -> Media {
     )))
 }
 
-/// Spheres of a radius in a host of index 1.33, at four wavelengths.
+/// Spheres of given sizes in a host of index 1.33, at four wavelengths.
 fn spheres(sizes: &SizeDistribution, [n, k]: [f64; 2]) -> Vec<Ensemble> {
     let ensemble = |nm: f64| {
         let mut e = Ensemble::new(1.33, nm);
@@ -62,7 +62,7 @@ fn mie(radius: f64, n: f64, k: f64) -> Media {
     )))
 }
 
-/// Every phase function that the tests below go through.
+/// Every phase function that the tests below cover.
 fn cases() -> &'static [(&'static str, Media)] {
     static CASES: OnceLock<Vec<(&'static str, Media)>> = OnceLock::new();
     CASES.get_or_init(make_cases)
@@ -92,7 +92,7 @@ fn make_cases() -> Vec<(&'static str, Media)> {
     ]
 }
 
-/// Samples as one of the lanes, drawn uniformly: the direction, and the matrix over the lanes' mean density.
+/// Samples one of the lanes uniformly: returns the direction, and the matrix over the lanes' mean density.
 fn sample(media: &Media, wo: Vec3A, lanes: Lanes, stream: &mut Stream) -> (Vec3A, Scatter) {
     let lane = lanes.draw(stream);
     let (wi, scatter, densities) = media.sample_lane(0, wo, lane, stream);
@@ -103,7 +103,7 @@ fn all() -> Lanes {
     Lanes::first(4)
 }
 
-/// Directions, from wo in general position, that make an angle of given 2 sin²(θ/2) = 1 - cosθ.
+/// Directions, with wo in general position, that enclose an angle of given 2 sin²(θ/2) = 1 - cosθ.
 fn at(forward: f64, phi: f64) -> (Vec3A, Vec3A) {
     let wo = DVec3::new(0.36, -0.48, 0.8);
     let (x, cos) = (wo.any_orthonormal_vector(), 1.0 - forward);
@@ -112,8 +112,8 @@ fn at(forward: f64, phi: f64) -> (Vec3A, Vec3A) {
     (wo.as_vec3a(), (across * sin - wo * cos).as_vec3a())
 }
 
-/// Σ f(wo, wi) over the sphere times the solid angle that each stands for: `count` rings, dense about the forward and
-/// backward directions.
+/// Σ f(wo, wi) over the sphere, with the solid angle of each direction: `count` rings, dense near the forward
+/// and backward directions.
 fn rings(count: usize, mut f: impl FnMut(Vec3A, Vec3A, f64)) {
     // θ = π s²(3 - 2s), by the midpoint rule.
     for i in 0..count {
@@ -148,7 +148,7 @@ fn matrices_are_normalized() {
     assert!((f64::from(value.m00().to_array()[0]) - 0.25 / PI).abs() < 1e-7);
 }
 
-/// The mean cosine of the tables is that of the series; Henyey & Greenstein's is their parameter.
+/// The mean cosine of tables equals that of the series; for Henyey & Greenstein it is their parameter.
 #[test]
 fn mean_cosines_are_known() {
     let check = |name: &str, media: &Media, want: [f64; 4]| {
@@ -183,13 +183,13 @@ fn matrix(s: &Scatter, wo: Vec3A, wi: Vec3A, lane: usize) -> [[f64; 4]; 4] {
     m.lane(lane).map(|row| row.map(f64::from))
 }
 
-/// Cloude: no matrix polarizes more than there is, at any angle, for any admitted parameters.
+/// Cloude: no matrix polarizes more light than exists, at any angle, for all valid parameters.
 #[test]
 fn matrices_can_exist() {
     let mut all_cases = cases().to_vec();
     for c in [0.0, 0.2, 0.5, 0.9, 1.0_f32] {
         for share in [0.0, 0.3, 0.7, 1.0] {
-            // What is asked for beyond the border is taken back to it.
+            // Parameters beyond the limit are clamped to it.
             all_cases.push(("HG", henyey_greenstein([0.5; 4], share * (0.5 + 0.5 * c), c)));
             all_cases.push(("HG", henyey_greenstein([0.5; 4], 1.0, c)));
         }
@@ -207,7 +207,7 @@ fn matrices_can_exist() {
             }
         }
     }
-    // The border is where it is said to be: a little beyond, there is an angle at which light would be made.
+    // The limit is exact: slightly beyond it, at some angle light would be created.
     let m = |f: f64| {
         [
             [1.0, 0.0, 0.0, 0.0],
@@ -219,7 +219,8 @@ fn matrices_can_exist() {
     assert!(!is_realizable(&m(1.0), 1e-3) && is_realizable(&m(0.5), 0.0));
 }
 
-/// What a dipole does at 90°, forward and backward; light parallel over perpendicular at 90° is the depolarization factor.
+/// A dipole at 90°, forward and backward; parallel over perpendicular light at 90° is the depolarization
+/// factor.
 #[test]
 fn rayleigh_has_its_closed_form() {
     let unit = 3.0 / (16.0 * PI);
@@ -261,11 +262,12 @@ fn rayleigh_has_its_closed_form() {
     }
 }
 
-/// Next to straight on and straight back, where the scattering plane is any plane, the matrix does not depend on which.
+/// Near the forward and backward directions, where the scattering plane is undefined, the matrix does not
+/// depend on it.
 #[test]
 fn the_plane_does_not_matter_where_there_is_none() {
     for (name, media) in cases() {
-        // 10⁻⁵ rad away from either, so that there is a plane.
+        // 10⁻⁵ rad away from both, so that there is a plane.
         for forward in [1e-10, 2.0 - 1e-10] {
             let (wo, wi) = at(forward, 0.0);
             let first = elements(&media.eval(0, wo, wi), wo, wi);
@@ -282,7 +284,7 @@ fn the_plane_does_not_matter_where_there_is_none() {
     }
 }
 
-/// Pearson's chi² of 10⁵ samples in 64 rings of like probability times 8 sectors.
+/// Pearson's chi² of 10⁵ samples in 64 rings of equal probability times 8 sectors.
 #[test]
 fn samples_follow_their_density() {
     const N: usize = 100_000;
@@ -290,12 +292,12 @@ fn samples_follow_their_density() {
     const SECTORS: usize = 8;
     for (case, (name, media)) in cases().iter().enumerate() {
         for (which, lanes) in [all(), Lanes { mask: 0b0100 }].into_iter().enumerate() {
-            // The distribution function over 1 - cosθ, and from it the rings' borders.
+            // The distribution function over 1 - cosθ, and from it the borders of the rings.
             let (mut borders, mut shares) = (vec![], vec![]);
             let (mut sum, mut before, mut last) = (0.0, 0.0, 0.0);
             rings(40_000, |wo, wi, area| {
                 sum += area * f64::from(media.pdf(0, lanes, wo, wi));
-                // The rings are so thin that their middle is as good as their end.
+                // The rings are so thin that their centre can replace their end.
                 let forward = 0.5 * f64::from((wo + wi).length_squared());
                 if sum * RINGS as f64 >= (shares.len() + 1) as f64 && shares.len() + 1 < RINGS {
                     borders.push(0.5 * (forward + last));
@@ -329,8 +331,8 @@ fn samples_follow_their_density() {
     }
 }
 
-/// Weights are values over densities, and no living lane's is above the number of living lanes (but for what
-/// interpolation of value and of density differ by).
+/// Weights are values over densities, and no active lane's weight is above the number of active lanes (except
+/// for the difference between the interpolations of value and density).
 #[test]
 fn weights_are_values_over_densities() {
     for (case, (name, media)) in cases().iter().enumerate() {
@@ -345,7 +347,7 @@ fn weights_are_values_over_densities() {
                 let value = media.eval(0, wo, wi).scaled(Spectral::splat(1.0 / pdf));
                 let want = elements(&value, wo, wi);
                 for lane in (0..4).filter(|l| lanes.mask >> l & 1 == 1) {
-                    // Where it goes all but straight on, single-precision directions do not fix the plane.
+                    // Near the forward direction, single-precision directions do not determine the plane.
                     for (e, (g, w)) in got[lane].iter().zip(want[lane]).enumerate() {
                         let tolerance = if e == 0 { 3e-4 } else { 2e-3 };
                         assert!(
@@ -364,7 +366,8 @@ fn weights_are_values_over_densities() {
     }
 }
 
-/// Of one lane whose S11 is sampled, every weight is 1: exactly for closed forms, within what the grid leaves for tables.
+/// For a single lane with S11 sampling, every weight is 1: exactly for closed forms, within the grid's error
+/// for tables.
 #[test]
 fn single_wavelengths_have_constant_weights() {
     for (name, media) in cases() {
@@ -379,7 +382,7 @@ fn single_wavelengths_have_constant_weights() {
     }
 }
 
-/// M(o→i) = Δ M(i→o)ᵀ Δ with Δ = diag(1, 1, -1, 1) between the same axes across both rays.
+/// M(o→i) = Δ M(i→o)ᵀ Δ with Δ = diag(1, 1, -1, 1) between the same axes perpendicular to both rays.
 #[test]
 fn light_may_run_backwards() {
     let delta = M::from_diagonal(&nalgebra::Vector4::new(1.0, 1.0, -1.0, 1.0));
@@ -411,8 +414,9 @@ fn light_may_run_backwards() {
     }
 }
 
-/// Tables hold the theory to 10⁻⁵ of S11 at the same angle, from dipoles to forward peaks half a degree wide, and what is
-/// above that is counted: large transparent spheres of one size have minima between their fringes that are deeper.
+/// Tables agree with the theory to 10⁻⁵ of S11 at the same angle, from dipoles to forward peaks half a degree
+/// wide, and exceptions are counted: large transparent spheres of one size have deeper minima between their
+/// fringes.
 #[test]
 fn tables_meet_the_theory() {
     for (radius, n, k, bound) in [
@@ -456,7 +460,8 @@ fn tables_meet_the_theory() {
     }
 }
 
-/// N = f/V, μ_s = N C_sca; amounts by volume, number and mass agree; mixtures add; the list of sizes is a mixture.
+/// N = f/V, μ_s = N C_sca; amounts by volume, number and mass agree; mixtures add; a list of sizes is a
+/// mixture.
 #[test]
 fn bulk_properties_add_up() {
     let (radius, f) = (3e-7, 0.02);
@@ -514,8 +519,9 @@ fn bulk_properties_add_up() {
     }
 }
 
-/// Against what Jensen et al. (2001) measured of their whole and skimmed milk: reduced scattering of 2.55, 3.21, 3.77 and
-/// 0.70, 1.22, 1.90 per mm in red, green, blue; absorption rising by an order of magnitude from red to blue.
+/// Comparison with the measurements of whole and skimmed milk by Jensen et al. (2001): reduced scattering of
+/// 2.55, 3.21, 3.77 and 0.70, 1.22, 1.90 per mm in red, green, blue; absorption increases tenfold from red to
+/// blue.
 #[test]
 fn milk_is_like_milk() {
     let milk = |fat_percent, concentration| {
@@ -546,7 +552,7 @@ fn milk_is_like_milk() {
         );
     }
     assert!(milk(3.5, 1.0)[1].asymmetry > 0.85 && milk(0.1, 1.0)[1].asymmetry < 0.35);
-    // Dilution scales what scatters and leaves the water.
+    // Dilution scales the scatterers and leaves the water.
     let (whole, thin) = (milk(1.5, 1.0), milk(1.5, 0.01));
     for (w, t) in whole.iter().zip(&thin) {
         assert!((t.scattering * 100.0 / w.scattering - 1.0).abs() < 1e-9);
@@ -565,7 +571,7 @@ fn presets_say_what_their_papers_say() {
     for (b, [reduced, absorption]) in skin.iter().zip([[1010.0, 480.0], [880.0, 170.0], [740.0, 32.0]]) {
         assert!((b.scattering * 0.2 - reduced).abs() < 1e-9 && (b.absorption - absorption).abs() < 1e-9);
     }
-    // Ma et al. 2003 at the helium–neon laser's line.
+    // Ma et al. 2003 at the wavelength of the helium–neon laser.
     assert!((polystyrene_index(632.8) - 1.582_43).abs() < 1e-5);
     let sizes = SizeDistribution::Single { radius: 2.5e-7 };
     let beads = polystyrene(sizes, Amount::VolumeFraction(0.01), &w)

@@ -1,5 +1,5 @@
-//! Memory that a mesh takes from its file to its tree: at most 200 bytes a triangle at any moment, and a thousand copies of it hardly
-//! more than one.
+//! Memory of a mesh from its file to its tree: at most 200 bytes per triangle at any time, and little more
+//! for a thousand instances.
 
 use crate::optics::{Device, head};
 use glam::DVec3;
@@ -9,11 +9,11 @@ use std::fmt::Write;
 use std::path::Path;
 use sunstone::scene::from_text;
 
-/// Counts what each thread asks for and gives back.
+/// Counts the memory of each thread.
 struct Counted;
 
 thread_local! {
-    /// Bytes that this thread holds, and the most that it has held.
+    /// Bytes that this thread holds, and the maximum.
     static HELD: Cell<[isize; 2]> = const { Cell::new([0; 2]) };
 }
 
@@ -25,7 +25,7 @@ fn count(bytes: isize) {
     });
 }
 
-// SAFETY: the system's allocator, and numbers beside it.
+// SAFETY: the system's allocator with counters.
 unsafe impl GlobalAlloc for Counted {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size() as isize);
@@ -48,7 +48,8 @@ unsafe impl GlobalAlloc for Counted {
 #[global_allocator]
 static ALLOCATOR: Counted = Counted;
 
-/// The most bytes that are held at once while something is made. On one thread, so that all of it is counted.
+/// The maximum number of bytes held at the same time while something is made. On one thread, so that
+/// everything is counted.
 fn most<T: Send>(make: impl FnOnce() -> T + Send) -> f64 {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.expect("a thread").install(|| {
@@ -101,7 +102,7 @@ fn a_mesh_takes_200_bytes_a_triangle_at_most() {
     let bytes = most(|| load(&one)) / TRIANGLES;
     let kept = load(&one).geometry.bytes() as f64 / TRIANGLES;
     assert!(kept < bytes && bytes < 200.0, "{kept} {bytes}");
-    // A second table of all triangles beside the first, as there once was, is seen.
+    // Negative control: a second table of all triangles, as in an earlier version, exceeds the limit.
     let doubled = most(|| (vec![0_u8; 88 * TRIANGLES as usize], load(&one))) / TRIANGLES;
     assert!(doubled > 200.0, "{doubled}");
     let mut many = text("[[groups.g.objects]]\nshape.ply.file = \"wavy.ply\"\nmaterial = \"m\"\n");

@@ -1,5 +1,5 @@
-//! Mesh files with textures: glTF against OBJ of the same model, their own materials against the same written by hand, and media
-//! in meshes that are open, inside out, or cut into one another.
+//! Mesh files with textures: glTF against OBJ of the same model, embedded materials against hand-written
+//! ones, and media in meshes that are open, inside out, or intersecting.
 
 use crate::optics::{Device, head};
 use crate::support::render_scene;
@@ -11,7 +11,8 @@ use sunstone::tensor::array::Tensor;
 const LIGHT: &str =
     "[[emitters]]\npoint = { position = [0.5, 1, 3], intensity = 2 }\n[[slices]]\nname = \"m\"\n";
 
-/// Writes a square with texture coordinates as OBJ with a library, and as glTF with its buffer; and an image without symmetry.
+/// Writes a square with texture coordinates as OBJ with a material library, and as glTF with its buffer; and
+/// an image without symmetry.
 pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("a file");
     image::RgbImage::from_fn(3, 2, |x, y| {
@@ -30,7 +31,7 @@ pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     );
     write("square.mtl", mtl.as_bytes());
     let positions: [f32; 12] = [-1., -1., 0., 1., -1., 0., 1., 1., 0., -1., 1., 0.];
-    // glTF's v runs downward.
+    // glTF's v points downward.
     let uvs: [f32; 8] = [0., 1., 1., 1., 1., 0., 0., 0.];
     let indices: [u32; 6] = [0, 1, 2, 0, 2, 3];
     let floats = positions.iter().chain(&uvs).flat_map(|v| v.to_le_bytes());
@@ -53,7 +54,7 @@ pub fn square(folder: &Path, gltf_material: &str, mtl: &str) {
     write("square.gltf", text.as_bytes());
 }
 
-/// The square seen from the front; `more` is materials and its object.
+/// The square seen from the front; `more` has its object and materials.
 fn picture(folder: &Path, more: &str) -> (Tensor, Vec<String>) {
     let camera = Device::look_at([0.0, 0.0, 4.0], DVec3::ZERO, [16, 16], 30.0);
     let text = head(16, 3, 2).replace("[550]", "[450, 550, 660]") + &camera.keys("camera") + more + LIGHT;
@@ -83,7 +84,7 @@ fn gltf_and_obj_show_the_same_picture() {
     assert!(notes.is_empty(), "{notes:?}");
     assert_eq!(obj.data, gltf.data, "the same model in two formats");
     assert_eq!(obj.data, rectangle.data, "the same square of our own");
-    // Upside down it is another picture: the comparison can fail.
+    // Negative control: upside down the image differs.
     let flipped = object("obj.file = \"square.obj\"")
         .replace("picture.png\"", "picture.png\", uv = [[1, 0, 0], [0, -1, 1]]");
     assert_ne!(obj.data, picture(folder.path(), &flipped).0.data);
@@ -98,7 +99,7 @@ fn materials_of_files_are_those_written_by_hand() {
     let by_hand = |shape: &str, material: &str| {
         format!("[materials]\n{material}\n[[objects]]\nmaterial = \"p\"\nshape.{shape}\n")
     };
-    // The body's share of the base colour: `import::body` is tested against the specification.
+    // The body's fraction of the base colour: `import::body` is tested against the specification.
     let factor = sunstone::scene::import::body::gltf(1.4, 0.36);
     let albedo = |base: [f64; 3]| base.map(|v| v * factor);
     let coat = "interreflection = \"linear\", passage = \"facets\", ior = 1.4, alpha = 0.36";
@@ -129,7 +130,7 @@ fn materials_of_files_are_those_written_by_hand() {
             &own("gltf = { file = \"square.gltf\", materials = true }"),
         );
         let (ours, _) = picture(folder.path(), &by_hand("gltf.file = \"square.gltf\"", &hand));
-        // Images are kept in 16 bits.
+        // Images have 16 bits.
         let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-4 * b.abs() + 1e-6;
         assert!(
             notes.is_empty() && file.data.iter().zip(&ours.data).all(close),
@@ -152,7 +153,7 @@ fn materials_of_files_are_those_written_by_hand() {
     assert!(notes.iter().any(|n| n.contains("not used are Ke")), "{notes:?}");
 }
 
-/// A cube as OBJ with its triangles as given.
+/// A cube as OBJ with changed triangles.
 fn cube(folder: &Path, change: impl Fn(&mut Vec<[usize; 3]>)) {
     let mut text = String::new();
     for i in 0..8 {
@@ -268,7 +269,7 @@ fn which_of_two_fills_what_both_enclose_must_be_said() {
             "{other}"
         );
     }
-    // Touching: as if there were a little air between.
+    // Touching: as if there were a small air gap.
     let touching = object(mesh, "fog", 0)
         + &object(
             "cube = { min = [-0.5, -0.5, 0.5], max = [0.5, 0.5, 0.7] }",
@@ -282,8 +283,8 @@ fn which_of_two_fills_what_both_enclose_must_be_said() {
     assert!(notes.iter().any(|n| n.contains("touches")), "{notes:?}");
 }
 
-/// Light that enters a filled object by one of its surfaces and leaves it by another: by the end of a tube and by its side, by
-/// parts of a mesh with materials of their own. exp(-2 · length) of the way inside.
+/// Light that enters a filled object through one of its surfaces and leaves it through another: the end and
+/// the side of a tube, and parts of a mesh with different materials. exp(-2 · length) of the path inside.
 #[test]
 fn parts_of_a_filled_object_are_one() {
     let folder = tempfile::tempdir().unwrap();

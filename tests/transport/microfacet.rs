@@ -1,5 +1,5 @@
-//! Rough metal, rough glass and plastic by themselves: samplers, weights, reciprocity, realizability, energy, and the
-//! limits in which closed forms are known.
+//! Rough metal, rough glass and plastic alone: samplers, weights, reciprocity, realizability, energy, and
+//! limits with closed forms.
 
 use crate::materials::{
     bsdf, elements, follow_density, is_reciprocal, pair_in_front, surface, table, toward, weights_agree,
@@ -95,7 +95,7 @@ fn seen_from(cos: f32, phi: f32) -> Vec3A {
     }
 }
 
-/// Every material and every cosine of `wo` that the tests below go through.
+/// Every material and every cosine of `wo` that the tests below cover.
 fn cases() -> Vec<(String, Materials, f32)> {
     let mut list = vec![];
     for distribution in [Ggx, Beckmann] {
@@ -133,7 +133,7 @@ fn samples_follow_their_density() {
 #[test]
 fn weights_are_values_over_densities() {
     for (case, (name, materials, cos)) in cases().into_iter().enumerate() {
-        // A dispersive refraction goes on with one wavelength, so its weight is no ratio of the two.
+        // A dispersive refraction continues with one wavelength, so its weight is not a ratio of the two.
         if name.starts_with("flint") {
             continue;
         }
@@ -142,7 +142,7 @@ fn weights_are_values_over_densities() {
     }
 }
 
-/// Between dispersive glass and any two directions, each wavelength sees what it would see in glass of its index.
+/// For dispersive glass and any two directions, each wavelength has the value of glass with its index.
 #[test]
 fn each_wavelength_has_its_own_facet() {
     let flint = [1.5, 1.6, 1.8, 2.0];
@@ -201,7 +201,7 @@ fn materials_are_reciprocal() {
     }
 }
 
-/// Cloude's coherency matrix has no negative eigenvalue, for light in any polarization and at any pair of directions.
+/// Cloude's coherency matrix has no negative eigenvalue, for any pair of directions.
 #[test]
 fn matrices_are_realizable() {
     let r = roughness(Ggx, Correlated, 0.3);
@@ -237,7 +237,7 @@ fn matrices_are_realizable() {
     assert!(checked > 14_000, "{checked}");
 }
 
-/// erf by its series.
+/// erf from its series.
 fn erf(x: f64) -> f64 {
     let (mut term, mut sum) = (x, x);
     for n in 1..100 {
@@ -272,8 +272,8 @@ fn reflectance(cos: f64, eta: f64) -> f64 {
     (s * s + p * p) / 2.0
 }
 
-/// Power that facets with separable masking reflect and let through, E[F·G1(wi)] over the visible ones, by a midpoint
-/// rule over facet slopes. Reflection of facets and of nothing else: `through` is false.
+/// Power that facets with separable masking reflect and transmit, E[F·G1(wi)] over the visible ones, by a
+/// midpoint rule over facet slopes. For facets that only reflect, `through` is false.
 fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2] {
     const U: u32 = 250;
     const PHI: u32 = 100;
@@ -314,8 +314,8 @@ fn albedo(distribution: Distribution, cos: f64, alpha: f64, eta: f64) -> [f64; 2
     sum
 }
 
-/// A white furnace for each lobe: mean sampled weights are the directional albedos, by wavelength where the index
-/// disperses, from outside and inside; what is returned never exceeds what came.
+/// A white furnace for each lobe: mean sampled weights are the directional albedos, per wavelength if the
+/// index is dispersive, from outside and inside; returned light never exceeds incident light.
 #[test]
 fn rough_glass_returns_its_directional_albedo() {
     const N: u32 = 50_000;
@@ -348,7 +348,7 @@ fn rough_glass_returns_its_directional_albedo() {
                 for (lobe, want) in want.into_iter().enumerate() {
                     let [a, b] = sums[lobe][lane].map(|s| s / f64::from(N));
                     let sigma = ((b - a * a) / f64::from(N)).sqrt();
-                    // Radiance is scaled by 1/η² on its way through, power is not.
+                    // Transmission scales radiance, but not power, by 1/η².
                     let scale = [1.0, eta * eta][lobe];
                     assert!(
                         (a * scale - want).abs() < 5.0 * sigma * scale + 1e-4,
@@ -363,7 +363,7 @@ fn rough_glass_returns_its_directional_albedo() {
     }
 }
 
-/// What all materials return of unpolarized light stays below what came, with correlated masking as well.
+/// No material returns more unpolarized light than is incident, also with correlated masking.
 #[test]
 fn no_energy_is_made() {
     for (case, (name, m, cos)) in cases().into_iter().enumerate() {
@@ -396,7 +396,7 @@ fn no_energy_is_made() {
     }
 }
 
-/// At α = 0.001 the mean of each lobe is the smooth interface's, all 16 elements, from both sides.
+/// At α = 0.001 the mean of each lobe equals the smooth interface, all 16 elements, from both sides.
 #[test]
 fn the_smooth_limit_is_the_smooth_interface() {
     const N: u32 = 20_000;
@@ -421,7 +421,8 @@ fn the_smooth_limit_is_the_smooth_interface() {
                 };
                 let n = f64::from(counts[lobe as usize]);
                 let want = elements(&want.scatter, wo, want.wi)[0].map(f64::from);
-                // How often a lobe is chosen is Bernoulli's; given that, weights hardly vary.
+                // The number of samples of a lobe has a binomial distribution; within a lobe, weights are
+                // nearly constant.
                 let share = n / f64::from(N);
                 let spread = ((1.0 - share) / n).sqrt();
                 let off = sums[0] / f64::from(N) / want[0] - 1.0;
@@ -441,7 +442,7 @@ fn the_smooth_limit_is_the_smooth_interface() {
     }
 }
 
-/// Fresnel refraction from `d_in` to `d_out` by the facet between, both in their own frames, of power.
+/// Fresnel refraction of power from `d_in` to `d_out` by the facet between them, each in its own frame.
 fn refraction(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, cos: f64, eta: f64) -> M {
     let root = (eta * eta - 1.0 + cos * cos).sqrt();
     let (s, p) = (
@@ -456,7 +457,7 @@ fn refraction(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, cos: f64, et
     turn(d_out, axis, x_out) * block * turn(d_in, x_in, axis)
 }
 
-/// A projector inside rough glass seen from outside, and the other way round: Walter's closed form and travel time.
+/// A projector inside rough glass seen from outside, and vice versa: Walter's closed form and travel time.
 #[test]
 fn a_projector_shines_through_rough_glass() {
     let (alpha, n) = (0.4, f64::from(IOR));
@@ -494,8 +495,8 @@ fn a_projector_shines_through_rough_glass() {
     }
 }
 
-/// Light that a white base returns through a smooth surface with interreflection, with what the surface reflects, is all
-/// the light there was; what Baek et al. have is the product of two transmittances.
+/// A white base that returns light through a smooth surface with interreflection, plus the surface's
+/// reflection, returns all light; the model of Baek et al. is the product of two transmittances.
 #[test]
 fn interreflection_conserves_energy() {
     let eta = Spectral::new([1.5, 1.33, 2.0, 1.05]);
@@ -527,7 +528,7 @@ fn interreflection_conserves_energy() {
                 let value =
                     |m: &Materials| f64::from(m.eval(0, &surface(), wo, wi).unwrap().m00().to_array()[lane]);
                 sum += value(&closed) * TAU / f64::from(STEPS);
-                // A white base is white either way.
+                // A white base is white in both modes.
                 assert_eq!(value(&closed), value(&linear));
                 let want = through * (1.0 - reflectance(f64::from(c), f64::from(eta))) * f64::from(c) / PI;
                 assert!(
@@ -544,8 +545,8 @@ fn interreflection_conserves_energy() {
     }
 }
 
-/// White furnace: what facets reflect and what a white base returns through them are all the light there was, at any
-/// roughness and angle. Through the smooth mean surface instead, rough coats lose or gain up to a third.
+/// White furnace: facets plus a white base below them return all light, at any roughness and angle. With
+/// transmittances of the smooth mean surface instead, rough coats lose or gain up to a third.
 #[test]
 fn a_white_base_below_facets_returns_all_light() {
     const STEPS: u32 = 400;
@@ -594,7 +595,7 @@ fn a_white_base_below_facets_returns_all_light() {
     }
 }
 
-/// The lobe of single scattering is a surface reflection of its own width and colour.
+/// The single-scattering lobe is a surface reflection with separate width and colour.
 #[test]
 fn single_scattering_is_a_second_reflection() {
     let layer = |alpha: f32, specular: Spectral, single_scatter| {
@@ -629,8 +630,8 @@ fn single_scattering_is_a_second_reflection() {
     }
 }
 
-/// Away from the highlight plastic's light is polarized in the plane of n and `wo` (negative s1 in a frame across it),
-/// more at grazing exit: the sign on which shape from polarization rests.
+/// Away from the highlight, plastic's light is polarized in the plane of n and `wo` (negative s1 in a frame
+/// perpendicular to it), more at grazing exit: shape from polarization relies on this sign.
 #[test]
 fn light_from_inside_is_polarized_across() {
     let m = plastic(roughness(Beckmann, Correlated, 0.05), false);
@@ -648,8 +649,8 @@ fn light_from_inside_is_polarized_across() {
     assert!(last > 0.2);
 }
 
-/// A sphere of rough glass in a furnace of radiance 1, entered and left many times: at small roughness next to nothing
-/// is lost between facets, and nothing is made.
+/// A sphere of rough glass in a furnace of radiance 1, entered and left many times: at small roughness almost
+/// nothing is lost between facets, and no light is created.
 #[test]
 fn rough_glass_sphere_nearly_vanishes() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 4.0);

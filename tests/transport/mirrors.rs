@@ -1,4 +1,4 @@
-//! Walls that are lit over mirrors and seen in a mirror: against images, and rays traced in f64.
+//! Walls that are lit over mirrors and seen in a mirror: against mirror images, and rays traced in f64.
 
 use crate::manifold::{ALBEDO, Meridian, expected, transmission};
 use crate::optics::{C, Device, GOLD, GOLD_KEYS, M, assert_close, head, mirror, mueller, plate, project};
@@ -22,12 +22,13 @@ fn render(text: &str) -> Rendered {
     render_scene(&scene)
 }
 
-/// A camera that sees a point in a mirror, and the direction in which it looks.
+/// A camera that sees a point in a mirror, and its viewing direction.
 fn seen_in(plane: Plane, origin: DVec3, point: DVec3) -> Device {
     Device::ray(origin.to_array(), image(plane, point))
 }
 
-/// What a mirror does to light from `point` to the camera, which comes from direction `-d_out`; its length.
+/// Mirror matrix for light from `point` to the camera, which arrives from direction `-d_out`; and the path
+/// length.
 pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     let to = image(plane, point) - camera.origin;
     let d_out = -to.normalize();
@@ -42,12 +43,12 @@ pub fn to_camera(camera: &Device, plane: Plane, point: DVec3) -> (M, f64) {
     (m, to.length())
 }
 
-/// The irradiance matrix of light from the lamp over mirrors, in their order, to a point of a wall with normal `n`, in some
-/// frame at the wall; and the way's length.
+/// The irradiance matrix of light from the lamp over mirrors, in their order, at a point of a wall with
+/// normal `n`, in some frame at the wall; and the path length.
 fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64) {
     let last = planes.iter().fold(lamp.origin, |p, plane| image(*plane, p));
     let arriving = (point - last).normalize();
-    // Directions before each mirror, from the last on.
+    // Directions before each mirror, starting with the last.
     let mut dirs = vec![arriving];
     for (normal, _) in planes.iter().rev() {
         dirs.insert(0, image((*normal, 0.0), dirs[0]));
@@ -62,7 +63,7 @@ fn from_lamp(lamp: &Device, planes: &[Plane], point: DVec3, n: DVec3) -> (M, f64
     (m * e, length)
 }
 
-/// A Lambert wall.
+/// A Lambertian wall.
 fn wall() -> M {
     let mut m = M::zeros();
     m[(0, 0)] = ALBEDO / PI;
@@ -88,7 +89,7 @@ fn floor() -> String {
     plate(DVec3::new(0.0, 0.0, -0.5), DVec3::Z, 1.4, "white")
 }
 
-/// All light of so many bounces comes within a bin of these times.
+/// Asserts that all light of a number of bounces arrives within a bin of these times.
 pub fn comes_at(r: &Rendered, bounces: usize, times_ps: &[f64]) {
     let t = r.mean("t").select(Bounces, bounces);
     let mut seen = vec![false; times_ps.len()];
@@ -115,12 +116,12 @@ fn one_mirror_is_an_image() {
         let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
         assert_close(&got, &want, 1e-4, "over one mirror");
         comes_at(&r, 3, &[(there + back) / C]);
-        // Where in the projector's image it starts.
+        // Position in the projector's image where it starts.
         let ([u, v], _) = lamp.project(image(plane, point));
         let p = r.mean("p").select(Bounces, 3);
         let lit: Vec<usize> = (0..p.data.len()).filter(|i| p.data[*i] != 0.0).collect();
         assert_eq!(lit, [v as usize * 64 + u as usize]);
-        // Without manifolds nobody finds it.
+        // No strategy finds it without manifold connections.
         let mut scene = scene_of(&text);
         scene.settings.integrator = Integrator::Bidirectional;
         scene.settings.manifold = false;
@@ -131,7 +132,7 @@ fn one_mirror_is_an_image() {
     }
 }
 
-/// Two mirrors that face one another: light takes both, in either order.
+/// Two mirrors that face each other: light takes both, in either order.
 #[test]
 fn two_mirrors_are_images_of_images() {
     let (right, left) = ((-DVec3::X, -1.5), (DVec3::X, -1.5));
@@ -150,7 +151,8 @@ fn two_mirrors_are_images_of_images() {
     comes_at(&r, 4, &ways.map(|(_, there)| (there + back) / C));
 }
 
-/// Three and four in a row, and a third mirror across: every order counts, and none but those that light can take.
+/// Three and four in a row, and a third mirror perpendicular to them: every possible order counts, and no
+/// other.
 #[test]
 fn rows_of_mirrors_are_images_of_images() {
     let (right, left, back) = ((-DVec3::X, -1.5), (DVec3::X, -1.5), (DVec3::Y, -1.0));
@@ -164,7 +166,7 @@ fn rows_of_mirrors_are_images_of_images() {
     let r = render(&text);
     let (view, there) = to_camera(&camera, right, point);
     for count in [3, 4] {
-        // All rows of mirrors of which no neighbours are the same.
+        // All rows of mirrors without equal neighbours.
         let mut rows = vec![vec![]];
         for _ in 0..count {
             let longer = |row: &Vec<Plane>| {
@@ -200,7 +202,7 @@ fn rows_of_mirrors_are_images_of_images() {
         }
         let times: Vec<f64> = lit.iter().map(|(_, way)| (way + there) / C).collect();
         comes_at(&r, count + 2, &times);
-        // A row less would be noticed.
+        // A missing row would be detected.
         for (part, _) in &lit {
             let part = (view * wall() * part)[(0, 0)];
             assert!(part > 5.0 * error[(0, 0)] + 1e-3 * want[(0, 0)], "{part}");
@@ -208,8 +210,8 @@ fn rows_of_mirrors_are_images_of_images() {
     }
 }
 
-/// True if light from the lamp meets these mirrors, of half width 1.4 to 1.45 about the axes, one after the other on its way
-/// to a point, and nothing else before.
+/// True if light from the lamp hits these mirrors, of half width 1.4 to 1.45 about the axes, one after the
+/// other on its way to a point, and nothing else before.
 fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
     let images: Vec<DVec3> = row
         .iter()
@@ -232,7 +234,8 @@ fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
             return false;
         }
     }
-    // The planes make a room whose walls stand in no one's way: what is met on the true side is met first, if it is inside.
+    // The planes form a box whose walls occlude nothing: the correct side is hit first, if the point is
+    // inside.
     let mut at = point;
     for (plane, from) in row.iter().zip(&images).rev() {
         let to = *from - at;
@@ -241,12 +244,12 @@ fn meets_all(lamp: &Device, row: &[Plane], point: DVec3) -> bool {
             return false;
         }
     }
-    // It starts within the lamp's image: the last point is where the lamp's light comes first.
+    // It starts within the lamp's image: the last point is the first that the lamp's light hits.
     let ([u, v], _) = lamp.project(at);
     (0.0..64.0).contains(&u) && (0.0..64.0).contains(&v)
 }
 
-/// A pane of glass between lamp and mirror bends light on its way there.
+/// A pane of glass between lamp and mirror refracts light on its way there.
 #[test]
 fn mirror_behind_glass() {
     let plane = (-DVec3::X, -1.5);
@@ -257,7 +260,7 @@ fn mirror_behind_glass() {
         + &plate(DVec3::X * 1.5, -DVec3::X, 1.4, "gold")
         + "[[objects]]\nmaterial = \"glass\"\nshape.cube = { min = [-1.4, -1, 0.5], max = [1.4, 1, 0.6] }\n";
     let r = render(&text);
-    // As if straight behind the mirror. All is in one plane, in which both matrices have their p.
+    // As if straight behind the mirror. All is in one plane, which contains the p direction of both matrices.
     let trace = |theta: f64| {
         let (sin, cos) = theta.sin_cos();
         let inner = (1.0 - (sin / 1.5).powi(2)).sqrt();
@@ -283,7 +286,7 @@ fn mirror_behind_glass() {
     comes_at(&r, 5, &[(optical + back) / C]);
 }
 
-/// Mirror balls, whose ways are found by chance: one against rays in f64, two against each alone.
+/// Mirror balls, with a random search for paths: one against rays in f64, two against each alone.
 #[test]
 fn balls_bring_what_rays_say() {
     let plane = (-DVec3::X, -1.5);
@@ -338,7 +341,7 @@ fn balls_bring_what_rays_say() {
     let degree = m[(0, 1)].hypot(m[(0, 2)]) / m[(0, 0)];
     assert!((degree - polarized.abs()).abs() < 1e-3, "{degree} {polarized}");
     comes_at(&one, 3, &[(optical + back) / C]);
-    // Neither ball stands in the other's light.
+    // The balls do not occlude each other.
     let (other, both) = (m00(&of(&[beside])), m00(&of(&[below, beside])));
     assert!(other.0 > 0.1 * got, "{other:?}");
     let sigma = (error.powi(2) + other.1.powi(2) + both.1.powi(2)).sqrt();
@@ -349,7 +352,8 @@ fn balls_bring_what_rays_say() {
     );
 }
 
-/// Behind glass that disperses, every wavelength looks for ways over a ball by itself, and finds what it finds alone.
+/// Behind dispersive glass, every wavelength searches for paths over a ball separately, and finds the same as
+/// alone.
 #[test]
 fn wavelengths_find_balls_by_themselves() {
     let plane = (-DVec3::X, -1.5);

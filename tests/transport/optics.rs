@@ -1,4 +1,4 @@
-//! Polarization optics and devices in f64, written from the project's conventions and from nothing in the crate.
+//! Polarization optics and devices in f64, written from the project's conventions, independent of the crate.
 
 use glam::DVec3;
 use nalgebra::{Complex, Matrix4};
@@ -14,8 +14,8 @@ pub const GOLD_KEYS: &str = "n = 0.4242, k = 2.4721";
 /// Vacuum light speed, metres per picosecond.
 pub const C: f64 = 299_792_458e-12;
 
-/// R(θ) for the turn of the basis `from` to the basis `to` of light travelling along `d`, counter-clockwise looking
-/// toward the source.
+/// R(θ) for the rotation of the basis `from` to the basis `to` of light travelling along `d`,
+/// counter-clockwise looking toward the source.
 pub fn turn(d: DVec3, from: DVec3, to: DVec3) -> M {
     rotation(to.dot(d.cross(from)).atan2(to.dot(from)))
 }
@@ -53,7 +53,7 @@ pub fn reflection(cos: f64, eta: Complex<f64>) -> M {
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, d, 0., 0., -d, c)
 }
 
-/// A mirror facet that turns light from direction `d_in` (frame `x_in`) to `d_out` (frame `x_out`).
+/// A mirror facet that reflects light from direction `d_in` (frame `x_in`) to `d_out` (frame `x_out`).
 pub fn mirror(d_in: DVec3, x_in: DVec3, d_out: DVec3, x_out: DVec3, eta: Complex<f64>) -> M {
     let h = (d_out - d_in).normalize();
     let s = d_in.cross(d_out).normalize();
@@ -71,7 +71,7 @@ pub fn ggx_g2(cos_o: f64, cos_i: f64, alpha: f64) -> f64 {
     1.0 / (1.0 + lambda(cos_o, alpha) + lambda(cos_i, alpha))
 }
 
-/// BRDF times cosθ_i of GGX facets that reflect all light: D·G2 / (4 cosθ_o).
+/// BRDF times cosθ_i of lossless GGX facets: D·G2 / (4 cosθ_o).
 pub fn ggx_factor(n: DVec3, wo: DVec3, wi: DVec3, alpha: f64) -> f64 {
     let c = n.dot((wo + wi).normalize());
     let t = c * c * (alpha * alpha - 1.0) + 1.0;
@@ -119,7 +119,7 @@ impl Device {
         Self::look_at(origin, target, [1, 1], 1e7)
     }
 
-    /// Turned about its axis: image right turns toward `forward × right` (image down).
+    /// Rotated about its axis: image right rotates toward `forward × right` (image down).
     pub fn rolled(&self, angle: f64) -> Self {
         let right = self.right * angle.cos() + self.down * angle.sin();
         Self {
@@ -139,7 +139,7 @@ impl Device {
         ]
     }
 
-    /// Unit direction through a continuous pixel position, distortion undone by fixed-point iteration.
+    /// Unit direction through a continuous pixel position; distortion is inverted by fixed-point iteration.
     pub fn direction(&self, px: f64, py: f64) -> DVec3 {
         let [w, h] = self.resolution.map(f64::from);
         let q = [(px - w / 2.0) / self.focal, (py - h / 2.0) / self.focal];
@@ -182,7 +182,7 @@ impl Device {
     }
 }
 
-/// By how much the variable `SAMPLES` multiplies the samples of tests that ask.
+/// Factor for the samples of tests that use it, from the variable `SAMPLES`.
 pub fn samples_factor() -> u32 {
     std::env::var("SAMPLES").map_or(1, |n| n.parse().expect("a factor"))
 }
@@ -225,7 +225,7 @@ pub fn assert_close(got: &M, want: &M, tolerance: f64, what: &str) {
     );
 }
 
-/// The helpers hold the numbers that pin every sign.
+/// The helper functions reproduce the pinned numbers that fix every sign.
 #[test]
 fn reflection_has_the_pinned_signs() {
     let gold = reflection(0.5, GOLD);

@@ -1,4 +1,5 @@
-//! Orthographic cameras in closed form: where their rays run, what they cross, how long they take, and what is refused.
+//! Orthographic cameras in closed form: the positions of their rays, intersections, travel times, and
+//! refusals.
 
 use crate::optics::C;
 use crate::support::{Rendered, render_text};
@@ -8,7 +9,7 @@ use sunstone::scene::from_text;
 use sunstone::tensor::axes::AxisKind::{StokesIn, StokesOut, T, X, Y};
 use sunstone::tensor::field::Field;
 
-/// Looks aslant at the plane z = 0; its image is 0.6 m wide and 0.4 m high.
+/// Views the plane z = 0 obliquely; its image is 0.6 m wide and 0.4 m high.
 const CAMERA: &str = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\
     pose.look_at = { origin = [0, -2, 2], target = [0, 0, 0], up = [0, 1, 0] }\n";
 const PLANE: &str = "[materials]\nm.diffuse.albedo = 0.6\n[[objects]]\nmaterial = \"m\"\n\
@@ -18,7 +19,7 @@ fn head(spp: u32, more: &str) -> String {
     format!("wavelengths_nm = [550]\n[render]\nspp = {spp}\nmax_depth = 2\nseed = 3\n{more}")
 }
 
-/// Right and down in metres of a place in the middle of pixel (i, j), in parts of a pixel.
+/// Offset to the right and down in metres of a position in pixel (i, j), in fractions of a pixel.
 fn offset(i: usize, j: usize, [a, b]: [f64; 2]) -> [f64; 2] {
     [0.1 * (i as f64 + a - 3.0), 0.1 * (j as f64 + b - 2.0)]
 }
@@ -29,7 +30,8 @@ fn value(r: &Rendered, i: usize, j: usize, bin: Option<usize>) -> [f64; 2] {
     [Field::Mean, Field::StdError].map(|f| f64::from(r.field("m", f).at(&at)))
 }
 
-/// A point of light above the plane: each pixel sees the mean irradiance of its own parallelogram, all of them equally far away.
+/// A point light above the plane: each pixel sees the mean irradiance of its own parallelogram, all at the
+/// same distance.
 #[test]
 fn each_pixel_sees_its_own_place() {
     let light = DVec3::new(0.1, 0.15, 0.3);
@@ -56,7 +58,7 @@ fn each_pixel_sees_its_own_place() {
     }
 }
 
-/// What a pixel's ray passes falls on that pixel.
+/// Every point on a pixel's ray projects to that pixel.
 #[test]
 fn points_fall_on_the_pixels_that_see_them() {
     let slice = "[[slices]]\nname = \"m\"\n[[emitters]]\nenvironment.radiance = 1\n";
@@ -73,17 +75,18 @@ fn points_fall_on_the_pixels_that_see_them() {
     }
 }
 
-/// Light runs from the plane of the image: without perspective, columns of one row are equally far from what is level with it.
+/// Travel time counts from the image plane: without perspective, all columns of a row have equal distances to
+/// a parallel surface.
 #[test]
 fn time_counts_from_the_plane_of_the_image() {
-    // From the light's plane, 3 m over z = 0, straight down, and back along the camera's axis.
+    // From the light's plane, 3 m above z = 0, straight down, and back along the camera's axis.
     let emitter =
         "[[emitters]]\ndirectional = { direction = [0, 0, -1], irradiance = 1, origin = [0, 0, 3] }\n";
     let slice = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\ntime = { start_ps = 17000, bin_ps = 500, bins = 10 }\n";
     let r = render_text(&(head(500, "") + CAMERA + PLANE + emitter + slice));
     let diagonal = 0.5_f64.sqrt();
     for (i, j) in [(0, 0), (5, 0), (3, 1), (0, 3)] {
-        // Down the image is nearer: the plane's point is (2 - y/√2) √2 away.
+        // The lower part of the image is nearer: the distance of the plane's point is (2 - y/√2) √2.
         let length = |y: f64| 3.0 + (2.0 - y * diagonal) / diagonal;
         let [_, y] = offset(i, j, [0.5, 0.5]);
         let mean: f64 = (0..10)
@@ -98,7 +101,7 @@ fn time_counts_from_the_plane_of_the_image() {
     }
 }
 
-/// A ball of fog through which the plane of the image runs: rays begin in it or beside it.
+/// A ball of fog that the image plane intersects: rays begin inside or outside it.
 #[test]
 fn rays_begin_in_what_is_around_them() {
     let camera = "[camera]\nresolution = [6, 4]\northographic_width = 0.6\n\
@@ -122,7 +125,7 @@ fn rays_begin_in_what_is_around_them() {
     }
 }
 
-/// What needs a pinhole is refused.
+/// Features that need a pinhole are refused.
 #[test]
 fn what_needs_a_pinhole_is_refused() {
     let projector = "[projector]\nresolution = [4, 4]\nfov_x_deg = 30\n\

@@ -1,7 +1,8 @@
-//! Sheets between a surface and the projector: what users of other programs miss (Mitsuba 3's issue 1462, "projector's
-//! light can't walk through polarizer or circular": a pinhole behind any BSDF renders black there).
+//! Sheets between a surface and the projector, which users of other programs lack (Mitsuba 3's issue 1462,
+//! "projector's light can't walk through polarizer or circular": a pinhole behind any BSDF renders black
+//! there).
 //!
-//! Closed forms through the tracer. Light goes straight through a sheet, so nothing but the matrix changes.
+//! Closed forms for renders. Light passes a sheet without bending, so that only the matrix changes.
 
 use crate::optics::{
     C, Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, plate, project, turn,
@@ -46,8 +47,9 @@ fn lamp() -> Device {
 
 const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
 
-/// Malus between projector and wall: two sheets pass ½cos² of their angle, and of polarized light what the one near the
-/// projector passes. Each sheet is one interaction; crossed sheets leave nothing.
+/// Malus between projector and wall: two sheets transmit ½cos² of their angle, and for polarized light also
+/// the factor of the sheet near the projector. Each sheet is one interaction; crossed sheets transmit
+/// nothing.
 #[test]
 fn malus_between_projector_and_wall() {
     let lamp = lamp();
@@ -60,7 +62,7 @@ fn malus_between_projector_and_wall() {
         (10.0, 100.0),
     ] {
         let materials = format!("a.polarizer.angle_deg = {near:?}\nb.polarizer.angle_deg = {far:?}\n");
-        // Far first: the order in the file does not matter, that on the ray does.
+        // Far sheet first: the order along the ray matters, not the order in the file.
         let sheets = in_front(&lamp, 0.5, "b") + &in_front(&lamp, 0.1, "a");
         let r = wall(&lamp, &materials, &sheets, MATRIX);
         let got = mueller(&r.mean("m"), &[(Bounces, 3)]) / lambert;
@@ -86,10 +88,10 @@ fn malus_between_projector_and_wall() {
 }
 
 /// The user's circular filter: a polarizer at 0° and a quarter-wave sheet at ±45° behind it make light of one
-/// handedness, which another such filter in front of the camera tells from the other.
+/// handedness, which a second such filter in front of the camera distinguishes.
 #[test]
 fn circular_filters_tell_handedness() {
-    // A mirror of rough gold turns handedness round; what is seen is the full matrix, so ask it for both.
+    // A mirror of rough gold reverses handedness; the full matrix is rendered and evaluated for both.
     let lamp = lamp();
     let materials = format!(
         "gold.rough_conductor = {{ {GOLD_KEYS}, alpha = 0.3 }}\np.polarizer.angle_deg = 0\n\
@@ -114,7 +116,8 @@ fn circular_filters_tell_handedness() {
     assert!(left.abs() > 0.9 && (left + right).abs() < 1e-3, "{left} {right}");
 }
 
-/// All 16 elements of two tilted sheets between the projector and rough gold, and the travel time to all digits.
+/// All 16 elements of two tilted sheets between the projector and rough gold, and the travel time to all
+/// digits.
 #[test]
 fn tilted_sheets_between_projector_and_metal() {
     let (target, eye) = (DVec3::new(0.05, 0.1, -0.02), DVec3::new(0.3, -0.5, 1.9));
@@ -126,7 +129,7 @@ fn tilted_sheets_between_projector_and_metal() {
         let u = n.any_orthonormal_vector();
         (u, n.cross(u))
     };
-    // Both sheets lean by some 30°; one shows its front to the projector, the other its back.
+    // Both sheets are tilted by about 30°; one shows its front to the projector, the other its back.
     let (tilt_a, tilt_b) = (
         (-d_in + DVec3::new(0.2, 0.5, 0.1)).normalize(),
         (d_in + DVec3::new(-0.3, 0.3, 0.3)).normalize(),
@@ -180,7 +183,7 @@ fn corner(max_depth: u32, sheets: &str) -> Rendered {
         + sheets
         + "[[slices]]\nname = \"all\"\nprojector = \"all\"\n\
            [[slices]]\nname = \"t\"\ntime = { start_ps = 0, bin_ps = 250, bins = 100 }\n";
-    // Straight from the projector alone.
+    // Connections to the projector only.
     let mut scene = scene_of(&text);
     scene.set_integrator(Integrator::Path);
     render_scene(&scene)
@@ -190,12 +193,13 @@ fn scanner() -> Device {
     Device::look_at([0.1, -0.2, 1.3], DVec3::new(-0.4, 0.1, -0.3), [7, 5], 8.0)
 }
 
-/// An ideal polarizer right in front of a scanner's pinhole halves every element of T, direct and indirect, in the same
-/// projector pixel and the same time bin, sample by sample; two crossed ones, or a block of glass, leave nothing.
+/// An ideal polarizer directly in front of a scanner's pinhole halves every element of T, direct and
+/// indirect, in the same projector pixel and the same time bin, sample by sample; two crossed ones, or a
+/// block of glass, transmit nothing.
 #[test]
 fn a_filter_near_the_pinhole_halves_everything() {
     let bare = corner(4, "");
-    // A sheet is an interaction more.
+    // A sheet is an additional interaction.
     let filtered = corner(5, &in_front(&scanner(), 0.001, "p"));
     for slice in ["all", "t"] {
         let (a, b): (Tensor, Tensor) = (bare.mean(slice), filtered.mean(slice));
@@ -208,7 +212,7 @@ fn a_filter_near_the_pinhole_halves_everything() {
     assert_eq!(bare.mean("all").axes[2].kind, V);
     assert_eq!(bare.mean("all").axes[3].kind, U);
     let dark = |sheets: &str| corner(6, sheets).field("all", Field::Mean);
-    // Off the axis, crossed sheets are not quite so for the ray.
+    // Off the axis, crossed sheets are not exactly crossed for the ray.
     let crossed = dark(&(in_front(&scanner(), 0.001, "p") + &in_front(&scanner(), 0.002, "p2")));
     let most = bare.mean("all").data.iter().copied().fold(0.0, f32::max);
     assert!(
@@ -219,7 +223,7 @@ fn a_filter_near_the_pinhole_halves_everything() {
     assert!(dark(&block).data.iter().all(|v| *v == 0.0), "glass bends light");
 }
 
-/// A path of `max_depth` 2 has one interaction: with a sheet in the way the wall's is one too many.
+/// A path of `max_depth` 2 has one interaction: with a sheet in between, the wall's interaction exceeds it.
 #[test]
 fn sheets_count_for_max_depth() {
     let sheets = in_front(&scanner(), 0.1, "p");
@@ -229,7 +233,7 @@ fn sheets_count_for_max_depth() {
     assert!((sum(&direct) / sum(&filtered) - 2.0).abs() < 1e-4);
 }
 
-/// Point emitters shine through sheets as well, and blends of sheets and holes pass their share.
+/// Sheets also transmit light of point emitters, and blends of sheets and holes transmit their fraction.
 #[test]
 fn points_shine_through_blends() {
     let lamp = lamp();
@@ -257,8 +261,8 @@ fn points_shine_through_blends() {
     );
 }
 
-/// The helpers' frames: unpolarized light behind a sheet at 45° (up-right, seen from the projector) has the sign that
-/// "counter-clockwise looking toward the source" gives it.
+/// The frames of the helper functions: unpolarized light behind a sheet at 45° (up-right, seen from the
+/// projector) has the sign of "counter-clockwise looking toward the source".
 #[test]
 fn angles_in_front_of_the_projector_are_lines_in_space() {
     let lamp = lamp();

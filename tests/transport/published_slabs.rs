@@ -1,7 +1,7 @@
-//! Doubling against what is published: Coulson's tables, Siewert's spheroids, Chandrasekhar's atmosphere; and against its
-//! own invariants.
+//! Doubling against published values: Coulson's tables, Siewert's spheroids, Chandrasekhar's atmosphere; and
+//! invariants of doubling.
 //!
-//! The tables are quoted to the digits that they print.
+//! The tables are quoted to their printed digits.
 
 use crate::doubling::{Slab, phase_matrix, rayleigh};
 use crate::optics::{M, assert_close};
@@ -9,9 +9,9 @@ use crate::slab::{mie, spheres};
 use std::f64::consts::PI;
 use sunstone::transport::medium::scattered::Elements;
 
-/// I, Q, U of light that leaves the top of a Rayleigh slab of τ = 0.5 over a black ground under a sun of flux π at
-/// cos θ0 = 0.2, to all digits of the tables of Coulson, Dave & Sekera (1960) as computed anew by Natraj, Li & Yung
-/// (2009, ApJ 691, 1909); the signs of Q and U are those of the frames here.
+/// I, Q, U of light that leaves the top of a Rayleigh slab of τ = 0.5 over a black ground under a sun of flux
+/// π at cos θ0 = 0.2, to all digits of the tables of Coulson, Dave & Sekera (1960) as recomputed by Natraj,
+/// Li & Yung (2009, ApJ 691, 1909); the signs of Q and U are those of the frames here.
 #[test]
 fn doubling_gives_coulsons_table() {
     let mu0 = 0.2;
@@ -51,8 +51,8 @@ fn wigner(m: f64, n: f64, first: f64, mu: f64) -> Vec<f64> {
     out
 }
 
-/// Siewert's (2000, JQSRT 64, 227) problem IIA: randomly oriented oblate spheroids, by the expansion coefficients that
-/// are printed there (α1, β1, α2, α3, α4, β2 for l = 0 … 11).
+/// Siewert's (2000, JQSRT 64, 227) problem IIA: randomly oriented oblate spheroids, from the expansion
+/// coefficients printed there (α1, β1, α2, α3, α4, β2 for l = 0 … 11).
 fn spheroids(mu: f64) -> Elements<f64> {
     const A1: [f64; 12] = [
         1.0, 2.104_031, 2.095_158, 1.414_939, 0.703_593, 0.235_001, 0.064_039, 0.012_837, 0.002_010,
@@ -98,8 +98,8 @@ fn spheroids(mu: f64) -> Elements<f64> {
     }
 }
 
-/// Siewert's tables of that problem: I, Q, U that leave the top for τ = 1, ϖ = 0.973527, sun of flux π at cos θ0 = 0.6.
-/// Six different elements of the matrix take part.
+/// Siewert's tables of that problem: I, Q, U that leave the top for τ = 1, ϖ = 0.973527, sun of flux π at cos
+/// θ0 = 0.6. They involve six different elements of the matrix.
 #[test]
 fn doubling_gives_siewerts_tables() {
     let mu0 = 0.6;
@@ -125,7 +125,7 @@ fn doubling_gives_siewerts_tables() {
         let m: M = slab.reflected(mu, mu0, f64::to_radians(phi)) * PI;
         for (i, want) in want.into_iter().enumerate() {
             let got = m[(i, 0)];
-            // Half a unit of the last printed digit, and of the coefficients' too.
+            // Half a unit of the last printed digit, also of the coefficients.
             let tolerance = 1e-6 * f64::abs(want) + if i == 0 { 6e-7 } else { 6e-8 };
             assert!(
                 (got - want).abs() < tolerance,
@@ -135,8 +135,9 @@ fn doubling_gives_siewerts_tables() {
     }
 }
 
-/// Light that seeps through a thick Rayleigh slab leaves it as out of Chandrasekhar's atmosphere with a constant net flux
-/// (Radiative Transfer, 1950, table XXIV: intensities in and across the meridian plane).
+/// Light that leaves a thick Rayleigh slab at the bottom is distributed as in Chandrasekhar's atmosphere with
+/// a constant net flux (Radiative Transfer, 1950, table XXIV: intensities in and perpendicular to the
+/// meridian plane).
 #[test]
 fn thick_slabs_end_as_chandrasekhars_atmosphere() {
     let table = [
@@ -166,7 +167,7 @@ fn thick_slabs_end_as_chandrasekhars_atmosphere() {
     }
 }
 
-/// Where light is scattered once at most, the closed form; reciprocity and energy where it is scattered often.
+/// For single scattering, the closed form; for multiple scattering, reciprocity and energy.
 #[test]
 fn doubling_keeps_its_invariants() {
     let (mu, mu0, phi) = (0.7, 0.3, 1.1);
@@ -178,7 +179,7 @@ fn doubling_keeps_its_invariants() {
         (thin.transmitted(mu, mu0, phi), -1.0),
     ] {
         let want = phase_matrix(&spheroids, [up * mu, phi], [-mu0, 0.0]) * (0.8 * tau / mu);
-        // What is scattered again is some 10 τ.
+        // The second scattering is about 10 τ.
         assert_close(&got, &want, 2e-4, "single scattering");
     }
     let slab = Slab::new(&spheroids, [3.0, 1.0], 14, &[mu, mu0], &[0, 1, 2], 18);
@@ -203,9 +204,9 @@ fn doubling_keeps_its_invariants() {
     assert!((up + down - 1.0).abs() < 2e-6, "{up} + {down}");
 }
 
-/// Light that spheres of polystyrene in vacuum send back from a slab of optical depth 4 under normal incidence, by Evans &
-/// Stephens' adding-doubling (Ramella-Roman, Prahl & Jacques 2005, "Three Monte Carlo programs of polarized light transport
-/// into scattering media: part I", table of reflectances; 632.8 nm, index 1.59).
+/// Light that spheres of polystyrene in vacuum reflect from a slab of optical depth 4 at normal incidence, by
+/// Evans & Stephens' adding-doubling (Ramella-Roman, Prahl & Jacques 2005, "Three Monte Carlo programs of
+/// polarized light transport into scattering media: part I", table of reflectances; 632.8 nm, index 1.59).
 #[test]
 fn spheres_reflect_what_ramella_roman_published() {
     for (diameter_nm, want) in [(1000.0, 0.447_99), (2000.0, 0.293_01)] {

@@ -1,5 +1,5 @@
-//! Crystals with rough faces: facets by themselves, the smooth crystal as their limit, and retardance on every way that light
-//! is followed.
+//! Crystals with rough faces: facets alone, the smooth crystal as their limit, and retardance on every kind
+//! of path.
 
 use crate::crystals::{QUARTZ, Slab, way};
 use crate::materials::{
@@ -18,7 +18,7 @@ use sunstone::transport::material::{Lanes, Materials};
 /// Mean of the indices below.
 const MEAN: f64 = 1.55;
 
-/// One crystal of number 0; `keys` beside its axis.
+/// One crystal with index 0; `keys` are those other than its axis.
 fn crystal(keys: &str) -> Materials {
     let text = format!(
         "wavelengths_nm = [450, 550, 633, 660]\n[materials]\na.crystal = {{ axis = [1, 2, 2], {keys} }}\n"
@@ -53,7 +53,7 @@ fn samples_follow_their_density_and_weights_are_values_over_it() {
             assert!(compared > 1000, "{name}: only {compared} samples");
         }
     }
-    // By the indices of the constants, of which one wavelength goes on.
+    // With the constants' indices; one wavelength continues.
     let quartz = crystal("name = \"quartz\", roughness = 0.3");
     for (case, wo) in seen_from().into_iter().enumerate() {
         follow_density(&format!("quartz {case}"), &quartz, wo, 10 + case as u32, 12);
@@ -77,7 +77,7 @@ fn facets_are_reciprocal() {
     assert!(pairs > 100, "{pairs} pairs see each other");
 }
 
-/// What facets do is realizable; what is beyond a face is the crystal inside, and nothing outside.
+/// Facets are realizable; the crystal is inside its face, and nothing outside.
 #[test]
 fn matrices_are_realizable_and_the_crystal_is_inside() {
     let m = crystal("name = \"calcite\", roughness = 0.3");
@@ -109,8 +109,8 @@ fn matrices_are_realizable_and_the_crystal_is_inside() {
     assert!(checked > 10_000, "{checked}");
 }
 
-/// A sphere in a furnace of radiance 1, entered and left many times: next to nothing is lost between facets, and nothing
-/// is made, whatever retards inside.
+/// A sphere in a furnace of radiance 1, entered and left many times: almost nothing is lost between facets,
+/// and no light is created, whatever the retardance inside.
 #[test]
 fn a_sphere_in_a_furnace_nearly_vanishes() {
     let text = head(2000, 1000, 31)
@@ -130,8 +130,8 @@ fn a_sphere_in_a_furnace_nearly_vanishes() {
     );
 }
 
-/// A slab of quartz of 16 waves between nearly smooth faces is the wave plate between Fresnel's, in all elements: within five
-/// standard errors and what is left of the roughness.
+/// A slab of quartz of 16 waves between nearly smooth faces is the wave plate between Fresnel faces, in all
+/// elements: within five standard errors plus the effect of the roughness.
 #[test]
 fn nearly_smooth_faces_are_smooth() {
     let axis = DVec3::new(1.0, 1.0, 0.0).normalize();
@@ -156,7 +156,8 @@ fn nearly_smooth_faces_are_smooth() {
         );
     }
     assert!(error[0] < 0.02 * want[0], "{error}");
-    // Planted: what has no retardance is found, as glass of the mean index has none, and rough faces, which send most light elsewhere.
+    // Negative controls: glass of the mean index, which has no retardance, and rough faces, which scatter
+    // most light elsewhere.
     let glass = slab.expected(DVec3::Z, QUARTZ, 550.0);
     let off = |m: &M| {
         (0..16)
@@ -168,7 +169,8 @@ fn nearly_smooth_faces_are_smooth() {
     assert!(off(&rough) > 3, "{got}{rough}");
 }
 
-/// Seen through a rough face, a projector inside: what glass of the mean index does, behind the retarder of the way.
+/// A projector inside, seen through a rough face: glass of the mean index, followed by the retarder of the
+/// path.
 #[test]
 fn a_connection_through_a_rough_face_is_a_way_inside() {
     let (n_o, n_e) = (1.5, 1.500_001);

@@ -1,5 +1,5 @@
-//! Light that takes several mirrors in a row, or curved glass by any of its ways, to a wall that is seen in a mirror: against
-//! rays traced in f64, and against walks from the light to the same wall seen straight.
+//! Light over several mirrors in a row, or through curved glass on any path, to a wall that is seen in a
+//! mirror: against rays traced in f64, and against light subpaths to the same wall seen directly.
 
 use crate::manifold::{ALBEDO, Meridian, transmission};
 use crate::mirrors::{Plane, comes_at, image, to_camera};
@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use sunstone::tensor::axes::AxisKind::Bounces;
 use sunstone::transport::scene::Integrator;
 
-/// The mirror that walls are seen in: so small that no light takes it to the wall.
+/// The mirror in which walls are seen: so small that it reflects no light to the wall.
 const VIEW: Plane = (DVec3::NEG_X, -1.5);
 
 /// A camera that sees a point in that mirror through one pixel, and the mirror.
@@ -42,14 +42,14 @@ fn render(text: &str) -> Rendered {
     render_scene(&scene)
 }
 
-/// M00 of so many bounces and its standard error.
+/// M00 for a number of bounces and its standard error.
 fn m00(r: &Rendered, bounces: usize) -> (f64, f64) {
     let of = |t| mueller(&t, &[(Bounces, bounces)])[(0, 0)];
     (of(r.mean("m")), of(r.std_error("m")))
 }
 
-/// Radiance and optical length of every way that a ray in the plane of an axis, which starts at an angle to it, takes to `rho`
-/// beside it (`Meridian::rho` counts with its sign), for a lamp that looks along the axis.
+/// Radiance and optical length of every path to distance `rho` from an axis, of rays in a plane with the axis
+/// that start at an angle to it (`Meridian::rho` is signed), for a lamp that points along the axis.
 fn ways(trace: impl Fn(f64) -> Meridian, rho: f64, widest: f64) -> Vec<(f64, f64)> {
     let n = 20_001;
     let angle = |i: usize| widest * (2.0 * (i as f64 + 0.5) / n as f64 - 1.0);
@@ -108,8 +108,8 @@ fn through_ball(theta: f64, wall: f64) -> Meridian {
     }
 }
 
-/// A ball of glass throws a lamp's light on a wall before its focus three ways, and behind it upside down. Without any one of
-/// the ways the sum would be wrong.
+/// A ball of glass directs a lamp's light to a wall in front of its focus on three paths, and inverted behind
+/// it. Without any one of the paths the sum would be wrong.
 #[test]
 fn every_way_through_a_ball_is_found() {
     for (wall, rho, count, spp) in [
@@ -117,7 +117,8 @@ fn every_way_through_a_ball_is_found() {
         (-1.0, 0.2, 1, 120_000),
         (-1.0, 0.55, 1, 120_000),
     ] {
-        // The straight line to the last misses the ball. But for that, the lamp is so narrow that all its light meets the ball.
+        // The straight line to the last point misses the ball. Otherwise the lamp is so narrow that all its
+        // light hits the ball.
         let beside = rho > 0.5;
         let lamp = Device::look_at(
             [0.0, 0.0, 1.0],
@@ -156,7 +157,7 @@ fn every_way_through_a_ball_is_found() {
     }
 }
 
-/// A mirror ball throws light on a flat mirror, and that on a wall: as on the wall's image.
+/// A mirror ball reflects light to a flat mirror, and that to a wall: as to the wall's image.
 #[test]
 fn a_ball_and_a_flat_mirror_in_a_row() {
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 100.0);
@@ -203,8 +204,8 @@ fn a_ball_and_a_flat_mirror_in_a_row() {
     comes_at(&r, 4, &[(ways[0].1 + back) / C]);
 }
 
-/// What walks from the light bring to a piece of wall that is seen straight, and what ways that are looked for bring to it seen
-/// in the mirror, over what the mirror reflects.
+/// Light subpaths to a piece of wall seen directly, and manifold connections to it seen in the mirror, over
+/// the mirror's reflectance.
 fn both(
     objects: &str,
     lamp: &Device,
@@ -229,7 +230,7 @@ fn both(
     pair
 }
 
-/// The two agree, and are known well enough that a part of `share` would be missed.
+/// Both agree, and are so precise that a missing fraction `share` would be detected.
 fn agree([(a, x), (b, y)]: [(f64, f64); 2], share: f64) {
     let sigma = x.hypot(y);
     assert!((a - b).abs() < 5.0 * sigma, "{a} ± {x}, {b} ± {y}");
@@ -247,13 +248,13 @@ fn two_balls_in_a_row() {
     agree(both(&objects, &lamp, origin, point, 3, [3_000_000, 200_000]), 0.3);
 }
 
-/// A wavy mirror, whose waves are a normal map, throws a point's light on a wall as it does that of a small shining ball, which
-/// paths from the camera come upon by chance; and otherwise than a flat one.
+/// A wavy mirror, whose waves are a normal map, reflects a point's light onto a wall like the light of a
+/// small emitting ball, which camera paths hit at random; and differently from a flat one.
 #[test]
 fn a_mirror_under_a_normal_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("waves.png");
-    // Tilts of up to 0.1 at random.
+    // Random tilts of up to 0.1.
     let mut state = 7_u32;
     let mut tilt = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -318,8 +319,8 @@ fn a_mirror_under_a_normal_map() {
         (found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1),
         "waves do nothing"
     );
-    // The same wall seen straight: walks from the light find it. The mirror leans by 0.3, as light that is carried on as
-    // if it did not would show.
+    // The same wall seen directly: light subpaths find it. The mirror is tilted by 0.3, so that reflection
+    // about the untilted normal would be detected.
     let leans = image::RgbImage::from_pixel(1, 1, image::Rgb([128, 90, 249]));
     leans.save(&file).expect("an image");
     let found = of(&straight, &dot, 1.0, Integrator::Bidirectional, 1_000_000);
@@ -328,7 +329,7 @@ fn a_mirror_under_a_normal_map() {
     agree([met, found], 0.2);
 }
 
-/// Calcite between lamp and wall, whose two rays part ways: both are followed, from their one end to the other.
+/// Calcite between lamp and wall, with two separate rays: both are traced, from one end to the other.
 #[test]
 fn a_crystal_with_double_images() {
     let lamp = Device::look_at([0.0, 0.0, 1.0], DVec3::ZERO, [64, 64], 100.0);

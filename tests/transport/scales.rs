@@ -1,4 +1,4 @@
-//! Large scenes and small gaps: what single precision knows is exact, and what it does not know is refused.
+//! Large scenes and small gaps: single precision is exact where it suffices, and other scenes are refused.
 
 use crate::optics::{C, Device, head, plate};
 use crate::support::{render_scene, render_text};
@@ -9,7 +9,8 @@ use sunstone::scene::from_text;
 use sunstone::tensor::axes::AxisKind::{Bounces, T};
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// A white wall `z` metres off the camera along the turned z axis, and `front` so far before it, both as large as `size`.
+/// A white wall at distance `z` from the camera along the rotated z axis, and `front` at distance `gap` in
+/// front of it, both of size `size`.
 fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
     let camera = Device::look_at(
         [0.0; 3],
@@ -64,7 +65,7 @@ fn before(z: f64, gap: f64, size: f64, front: &str, turn: DMat3) -> String {
         + "[[slices]]\nname = \"m\"\nbounces = true\n"
 }
 
-/// What the camera sees of light that passed the sheet twice, or the pane four times, and met the wall in between.
+/// Light that passed the sheet twice, or the pane four times, and was reflected by the wall in between.
 fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     scene.set_integrator(integrator);
     scene.settings.manifold |= front == "pane";
@@ -73,8 +74,9 @@ fn seen(scene: &mut Scene, front: &str, integrator: Integrator) -> f64 {
     image.data.iter().map(|v| f64::from(*v)).sum()
 }
 
-/// A sheet or a pane a micrometre before a wall lets as much light through as one that is farther off, at 1, 10 and 100 m, or the
-/// scene is refused and the gap named; one that is a little farther off than the message asks for is let through.
+/// A sheet or pane a micrometre in front of a wall transmits as much light as one at a larger distance, at 1,
+/// 10 and 100 m, or the scene is refused with the gap in the message. A sheet slightly farther away than the
+/// message requires works.
 #[test]
 fn a_micrometre_works_or_is_refused() {
     let straight = DMat3::IDENTITY;
@@ -120,7 +122,7 @@ fn a_micrometre_works_or_is_refused() {
                 "{what}: {:?}",
                 touching.notes
             );
-            // A pane that touches the wall as far as single precision knows has no air behind it, which is noted.
+            // A pane that touches the wall within single precision has no air behind it, which is noted.
             if front == "null" || scene.notes.iter().any(|n| n.contains("into it")) {
                 continue;
             }
@@ -152,8 +154,8 @@ fn two_hundred_metres_are_exact() {
         DVec3::new(99.0, 2.0, 0.0),
     ] {
         let to = lamp - target;
-        // Where a mirror would send the light: there the time does not change with the place on the wall, which is known as well as
-        // single precision knows the camera's directions.
+        // At the point of specular reflection: there the time is stationary in the position on the wall,
+        // whose precision is that of the camera's single-precision directions.
         let origin = target + DVec3::new(-to.x, -to.y, to.z) * 1.25;
         let camera = Device::look_at(origin.to_array(), target, [1, 1], 9e8);
         let cos = to.z / to.length();

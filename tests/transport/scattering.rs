@@ -1,5 +1,5 @@
-//! Media and their boundaries where the answer is known: single scattering by quadrature, absorption by Beer and Lambert,
-//! boundaries that nobody notices, furnaces, travel times.
+//! Media and their boundaries with known results: single scattering by quadrature, absorption by Beer and
+//! Lambert, boundaries without effect, furnaces, travel times.
 
 use crate::doubling::{Scattering, rayleigh, scattered};
 use crate::optics::{C, Device, M, assert_close, head, mueller, plate, project, turn};
@@ -15,7 +15,7 @@ const NULL: &str = "[materials.b.null]\n";
 const BIN_PS: f64 = 100.0;
 const BINS: usize = 200;
 
-/// A ball or an upright box.
+/// A ball or an axis-aligned box.
 #[derive(Clone, Copy)]
 enum Shape {
     Ball { centre: DVec3, radius: f64 },
@@ -39,7 +39,7 @@ impl Shape {
         [from.max(0.0), to.max(0.0)]
     }
 
-    /// An object of a material, with more keys.
+    /// An object of a material, with additional keys.
     fn object(self, material: &str, keys: &str) -> String {
         let list = |p: DVec3| format!("{:?}", p.to_array());
         let shape = match self {
@@ -64,14 +64,14 @@ fn cube(min: [f64; 3], max: [f64; 3]) -> Shape {
     Shape::Cube { min, max }
 }
 
-/// A lone cloud, and how it scatters.
+/// A single cloud with its scattering.
 struct Cloud<'a> {
     shape: Shape,
     scattering: f64,
     absorption: f64,
     index: f64,
     matrix: Scattering<'a>,
-    /// The phase function as scene files have it.
+    /// The phase function in the syntax of scene files.
     phase: String,
 }
 
@@ -83,8 +83,8 @@ impl Cloud<'_> {
         )
     }
 
-    /// What a camera ray sees by single scattering of light that leaves a point with intensity 1/cos³ of the angle off
-    /// its axis, or 1 if it has none; and how it arrives over time.
+    /// Single scattering seen by a camera ray, of light that leaves a point with intensity 1/cos³ of the
+    /// angle to its axis, or 1 without an axis; and its distribution over time.
     fn seen(&self, camera: &Device, lamp: &Device, has_axis: bool) -> (M, Vec<f64>) {
         const N: u32 = 4000;
         let dir = camera.forward;
@@ -117,7 +117,8 @@ impl Cloud<'_> {
     }
 }
 
-/// Every element of a render's Mueller slice within five standard errors; M00's relative error.
+/// Compares every element of a render's Mueller slice within five standard errors; returns M00's relative
+/// error.
 fn check_elements(r: &Rendered, want: &M, what: &str) -> f64 {
     let [got, sigma] = [r.mean("m"), r.std_error("m")].map(|t| mueller(&t, &[]));
     let m00 = want[(0, 0)];
@@ -145,8 +146,8 @@ fn henyey_greenstein(mu: f64) -> Elements<f64> {
     }
 }
 
-/// The camera stands outside or inside, the light is a projector's or a point's, and another object of the same medium
-/// may stand inside: all 16 elements and the bins of time.
+/// Camera outside or inside, light from a projector or a point, and optionally another object of the same
+/// medium inside: all 16 elements and the time bins.
 #[test]
 fn single_scattering_is_a_quadrature() {
     const SPP: u32 = 100_000;
@@ -225,7 +226,7 @@ fn single_scattering_is_a_quadrature() {
             let (got, sigma) = (f64::from(mean.at(&at)), f64::from(sigma.at(&at)));
             if *value > 0.02 * want[(0, 0)] {
                 compared += 1;
-                // The rule puts a whole step into a bin or none of it.
+                // The rule assigns each step to a single bin.
                 assert!(
                     (got - value).abs() < 5.0 * sigma + 2e-3 * value,
                     "case {seed}, bin {bin}: {got} is not {value} ± {sigma:.1e}"
@@ -236,7 +237,7 @@ fn single_scattering_is_a_quadrature() {
     }
 }
 
-/// A rough gold plate below the origin, lit and seen through whatever stands before it.
+/// A rough gold plate below the origin, lit and seen through any object in front of it.
 fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     let text = head(64, 6, 5)
         + &camera.keys("camera")
@@ -249,8 +250,8 @@ fn plate_scene(camera: &Device, lamp: &Device, before: &str) -> Rendered {
     render_text(&text)
 }
 
-/// Empty null boundaries, and clear media behind them, are not there, but for the time that light needs; absorbing ones
-/// follow Beer and Lambert on both ways.
+/// Empty null boundaries, and clear media behind them, have no effect except on travel time; absorbing media
+/// follow Beer and Lambert in both directions.
 #[test]
 fn null_boundaries_are_not_noticed() {
     let camera = Device::ray([0.4, 0.3, 1.2], DVec3::new(0.0, 0.1, 0.0)).rolled(0.2);
@@ -298,8 +299,8 @@ fn null_boundaries_are_not_noticed() {
     }
 }
 
-/// A glass ball with a clear medium inside is a glass ball; with an absorbing one, what goes straight through its middle
-/// is known.
+/// A glass ball with a clear medium inside is a glass ball; with an absorbing one, the transmission through
+/// its centre is known.
 #[test]
 fn refractive_boundaries_are_those_of_glass() {
     let camera = Device::look_at([0.4, 0.3, 2.2], DVec3::new(0.0, 0.1, 0.4), [8, 8], 14.0);
@@ -349,8 +350,8 @@ fn refractive_boundaries_are_those_of_glass() {
     );
 }
 
-/// In a furnace a lossless medium is not there, behind whatever boundary, and unpolarized light stays so: in every sample
-/// where nothing polarizes and wavelengths do not share their paths, in the mean otherwise.
+/// In a furnace a lossless medium is invisible, behind any boundary, and unpolarized light stays unpolarized:
+/// in every sample if nothing polarizes and wavelengths do not share paths, otherwise on average.
 #[test]
 fn lossless_media_vanish_in_the_furnace() {
     let camera = Device::look_at([0.0, 0.3, 3.0], DVec3::ZERO, [4, 4], 7.0);
@@ -395,7 +396,7 @@ fn lossless_media_vanish_in_the_furnace() {
             }
             let (off, sigma) = (off / 16.0, variance.sqrt() / 16.0);
             println!("{material}, {media}, wavelength {lane}, s{i}: off by {off:.5} ± {sigma:.5}");
-            // Facets lose what they would reflect twice.
+            // Facets lose the light of second reflections.
             let lost = if material == rough && i == 0 { 0.02 } else { 0.0 };
             assert!(
                 off < 5.0 * sigma + 1e-4 && off > -5.0 * sigma - 1e-4 - lost,
@@ -407,8 +408,8 @@ fn lossless_media_vanish_in_the_furnace() {
     }
 }
 
-/// Overlapping objects: along every ray the medium of highest priority absorbs; from
-/// outside, and from a camera inside two of them.
+/// Overlapping objects: along every ray the medium of highest priority absorbs; from outside, and from a
+/// camera inside two of them.
 #[test]
 fn the_highest_priority_absorbs() {
     let shapes = [

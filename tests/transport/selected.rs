@@ -1,4 +1,5 @@
-//! Slices that keep few s' for a camera pixel have paths of their own, which bring what chance brings, and known far better.
+//! Slices that keep few s' per camera pixel use additional paths, which give the same light with far smaller
+//! errors.
 
 use crate::support::{mirror_room, scene_of};
 use sunstone::tensor::array::Tensor;
@@ -8,11 +9,11 @@ use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::Integrator;
 
-/// Camera and projector pixels in a row, samples a camera pixel.
+/// Camera and projector pixels per row, samples per camera pixel.
 const SIZE: usize = 16;
 const SPP: u32 = 512;
 
-/// All s' apart: by chance alone.
+/// All s' separate: only by random paths.
 const ALL: &str = r#"
 [[slices]]
 name = "matrices"
@@ -25,7 +26,7 @@ projector = "all"
 time = { start_ps = 12000, bin_ps = 1500, bins = 8 }
 "#;
 
-/// The same of few s'.
+/// The same with few s'.
 const FEW: &str = r#"
 [[slices]]
 name = "coaxial"
@@ -43,7 +44,8 @@ polarization = "mueller"
 bounces = true
 "#;
 
-/// A band about the epipolar line of each camera pixel: by chance alone where it is resolved, and with paths of its own.
+/// A band about the epipolar line of each camera pixel: by random paths where it is resolved, and with
+/// additional paths.
 const ALONG: &str = r#"
 [[slices]]
 name = "along"
@@ -57,14 +59,14 @@ projector = { epipolar = { half_width_px = 0.5 } }
 bounces = true
 "#;
 
-/// Projector pixels in a row where a band is few of all.
+/// Projector pixels per row for which a band is a small fraction.
 const WIDE: u32 = 256;
 
 fn room(slices: &str, seed: u64, spp: u32) -> Arrays {
     room_of(SIZE as u32, slices, seed, spp)
 }
 
-/// The room before a projector of so many pixels in a row.
+/// The room with a projector of `projector` pixels per row.
 fn room_of(projector: u32, slices: &str, seed: u64, spp: u32) -> Arrays {
     let mut scene = scene_of(&mirror_room(SIZE as u32, projector, spp, 8, slices));
     scene.set_integrator(Integrator::Path);
@@ -84,30 +86,31 @@ fn of(arrays: &Arrays, slice: &str) -> [Tensor; 2] {
 /// Indices along some axes.
 type Index = Vec<(AxisKind, usize)>;
 
-/// Which s' a few-s' slice keeps of camera pixel (x, y): column and row, and the index along its own axes.
+/// The s' that a slice keeps for camera pixel (x, y): column and row, and the index along its own axes.
 fn kept(slice: &str, [x, y]: [usize; 2]) -> Vec<([usize; 2], Index)> {
     match slice {
         "coaxial" => vec![([x, y], vec![])],
         "block" => (0..4)
             .map(|i| ([6 + i % 2, 7 + i / 2], vec![(V, i / 2), (U, i % 2)]))
             .collect(),
-        // What is resolved is summed beforehand.
+        // Resolved axes are summed beforehand.
         "band" => vec![([0, 0], vec![])],
         _ => (0..4).map(|v| ([9, 4 + v], vec![(V, v), (U, 0)])).collect(),
     }
 }
 
-/// Most that the error by chance of an intensity may be of it: of fewer hits, errors are not known.
+/// Largest relative error of an intensity from random paths: with fewer hits, errors are unreliable.
 const KNOWN: f64 = 0.15;
 
-/// Least error of an element, in those of the intensity.
+/// Smallest error of an element, relative to that of the intensity.
 const LEAST_ERROR: f64 = 0.1;
 
-/// Least number of elements that are compared.
+/// Minimum number of compared elements.
 const LEAST: u32 = 6;
 
-/// Compares the sums over the image of each element, direct light left out where it is told apart: by how many errors they
-/// differ at most if the second is `factor` times as large, and the mean ratio of variances of the intensity.
+/// Compares the sums over the image of each element, without direct light if it is separate. Returns the
+/// largest difference in errors if the second is `factor` times as large, and the mean ratio of variances of
+/// the intensity.
 fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f64; 2] {
     let rest: Vec<AxisKind> = [T, Bounces, StokesOut, StokesIn, Wavelength].into();
     let lengths: Vec<usize> = rest.iter().map(|k| few[0].extent(*k)).collect();
@@ -148,7 +151,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
             continue;
         }
         elements += 1;
-        // What hardly any path polarizes has no error by chance.
+        // Elements that almost no path affects have no random error.
         let wavelength = number % lengths[4];
         let mut error = (squares[0] + squares[1]).sqrt();
         if first {
@@ -166,7 +169,7 @@ fn compare(all: [&Tensor; 2], few: [&Tensor; 2], slice: &str, factor: f64) -> [f
     [worst, ratio / count]
 }
 
-/// 512 samples of each of 256 pixels, both ways. Planted: paths that count twice.
+/// 512 samples of each of 256 pixels, with both methods. Negative control: paths that count twice.
 #[test]
 fn few_s_primes_bring_what_chance_brings() {
     let (by_chance, drawn) = (room(ALL, 1, SPP), room(FEW, 2, SPP));
@@ -188,12 +191,12 @@ fn few_s_primes_bring_what_chance_brings() {
     }
 }
 
-/// The same of bands about epipolar lines.
+/// The same for bands about epipolar lines.
 #[test]
 fn bands_bring_what_chance_brings() {
     let (by_chance, drawn) = (room_of(WIDE, ALONG, 1, SPP), room_of(WIDE, BAND, 2, SPP));
     let [mean, mut error] = of(&by_chance, "along");
-    // No path of a sample is in two columns with one number of bounces: variances add, or nearly.
+    // No path of a sample is in two columns with the same number of bounces: variances (nearly) add.
     error.data.iter_mut().for_each(|e| *e *= *e);
     let mut error = error.sum(U);
     error.data.iter_mut().for_each(|e| *e = e.sqrt());
@@ -207,7 +210,7 @@ fn bands_bring_what_chance_brings() {
     assert!(ratio > 1.2, "variances fall by {ratio} alone");
 }
 
-/// Other slices do not notice.
+/// Other slices are not affected.
 #[test]
 fn other_slices_keep_their_bits() {
     let others = "[[slices]]\nname = \"photo\"\npolarization = \"mueller\"\n".to_owned() + ALL;

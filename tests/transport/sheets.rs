@@ -1,5 +1,4 @@
-//! Polarizer and retarder sheets, and coated mirrors: closed forms through the tracer, and their matrices by
-//! themselves.
+//! Polarizer and retarder sheets, and coated mirrors: closed forms for renders, and their matrices alone.
 
 use crate::optics::{
     Device, GOLD, GOLD_KEYS, M, assert_close, ggx_factor, head, mirror, mueller, project, turn,
@@ -26,8 +25,8 @@ pub fn sheet(centre: DVec3, u: DVec3, v: DVec3, material: &str) -> String {
     )
 }
 
-/// Camera on the z axis at z = 2 above a white wall at z = 0, which the projector lights from the side; +x is image
-/// right, +y image up. `sheets` stand between camera and wall.
+/// Camera on the z axis at z = 2 above a white wall at z = 0, which the projector illuminates from the side;
+/// +x is image right, +y image up. `sheets` are between camera and wall.
 fn column(materials: &str, sheets: &str) -> Matrix4x1<f64> {
     let lamp = Device::look_at([-0.8, 0.0, 0.3], DVec3::ZERO, [3, 3], 8.0);
     let wall = format!(
@@ -52,7 +51,7 @@ fn stokes(got: Matrix4x1<f64>, want: [f64; 4], what: &str) {
     assert!((got - want).abs().max() < 2e-6, "{what}: {got} is not {want}");
 }
 
-/// Malus: two sheets pass ½cos² of the angle between them, polarized along the one near the camera.
+/// Malus: two sheets transmit ½cos² of the angle between them, polarized along the one near the camera.
 #[test]
 fn malus_by_two_sheets() {
     for (near, far) in [
@@ -74,7 +73,7 @@ fn malus_by_two_sheets() {
     }
 }
 
-/// T and ε: crossed sheets pass T²ε of unpolarized light, and one alone T(1 + ε)/2.
+/// T and ε: crossed sheets transmit T²ε of unpolarized light, and one alone T(1 + ε)/2.
 #[test]
 fn a_polarizer_leaks() {
     let leaky = "transmittance = 0.8, extinction = 0.01 }\n";
@@ -85,8 +84,8 @@ fn a_polarizer_leaks() {
     stokes(both, [0.0064, 0.0, 0.0, 0.0], "crossed");
 }
 
-/// A quarter-wave sheet at 45° over a polarizer at 0° makes right circular light, at -45° left; a half-wave sheet
-/// mirrors the plane of polarization; angles count from behind as the same lines in space.
+/// A quarter-wave sheet at 45° over a polarizer at 0° makes right circular light, at -45° left; a half-wave
+/// sheet mirrors the plane of polarization; seen from behind, angles denote the same lines in space.
 #[test]
 fn retarders_have_the_pinned_signs() {
     let polarizer = "p.polarizer.angle_deg = 0\n";
@@ -115,7 +114,7 @@ fn retarders_have_the_pinned_signs() {
     let half = format!("{polarizer}q.retarder = {{ retardance_deg = 180, angle_deg = 30 }}\n");
     let (s, c) = 120_f64.to_radians().sin_cos();
     stokes(column(&half, &over), [0.5, 0.5 * c, 0.5 * s, 0.0], "half wave");
-    // Turned over about its u axis, the line at +45° lies at -45° for the camera; a world axis stays.
+    // Turned over about its u axis, the line at +45° is at -45° for the camera; a world axis stays.
     let behind = sheet(DVec3::Z * 1.3, DVec3::X, -DVec3::Y, "q") + &level(1.0, "p");
     stokes(
         column(&quarter("angle_deg = 45"), &behind),
@@ -188,7 +187,8 @@ fn tilted_sheets_in_front_of_metal() {
     assert_close(&got, &want, 1e-4, "two tilted sheets");
 }
 
-/// A mirror of silver under SiO, met at 60°, in front of rough gold: all 16 elements, films by Airy's sum in f64.
+/// A mirror of silver under SiO, at 60° incidence, in front of rough gold: all 16 elements, films by Airy's
+/// sum in f64.
 #[test]
 fn a_coated_mirror_in_front_of_metal() {
     let (n_film, d_film, silver) = (1.978, 85.0, Complex::new(0.0596, 3.5974));
@@ -212,7 +212,7 @@ fn a_coated_mirror_in_front_of_metal() {
         + &sheet(DVec3::ZERO, DVec3::X, DVec3::Y, "m")
         + &sheet(target, u, v, "gold")
         + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
-    // What the tangential fields' ratio is in proportion to, layer by layer: q for s, q/n² for p.
+    // The ratio of the tangential fields, layer by layer, is proportional to: q for s, q/n² for p.
     let sin2 = Complex::new(0.75, 0.0);
     let root = |n: Complex<f64>| (n * n - sin2).sqrt();
     let film = Complex::new(n_film, 0.0);
@@ -267,8 +267,9 @@ fn direction(stream: &mut Stream) -> Vec3A {
     DVec3::new(s * phi.cos(), s * phi.sin(), z).as_vec3a()
 }
 
-/// Any direction, any sheet, any wavelength: straight through, realizable, no more light than came, and with Δ =
-/// diag(1, 1, -1, 1) the matrix of the reversed ray is Δ Mᵀ Δ (the sign of s2 turns with the direction of view).
+/// For any direction, sheet and wavelength: straight transmission, realizable, no more light than incident,
+/// and with Δ = diag(1, 1, -1, 1) the matrix of the reversed ray is Δ Mᵀ Δ (the sign of s2 changes with the
+/// direction of view).
 #[test]
 fn sheets_are_realizable_and_reciprocal() {
     let set = materials(
@@ -288,7 +289,7 @@ fn sheets_are_realizable_and_reciprocal() {
             continue;
         }
         let id = case % 5;
-        // An axis across the ray, the same from both sides.
+        // An axis perpendicular to the ray, the same from both sides.
         let x = sunstone::optics::polarization::frame::perpendicular(wo);
         let lobe = |wo: Vec3A| {
             let sampled = set
@@ -327,8 +328,8 @@ fn sheets_are_realizable_and_reciprocal() {
     assert!(strongest > 0.1, "no case in which the sign flip matters");
 }
 
-/// A tilted wave plate against the exact phases of the two plane waves in a uniaxial plate of tiny birefringence
-/// (both obey Snell with their own normal component of the wave vector).
+/// A tilted wave plate against the exact phases of the two plane waves in a uniaxial plate of tiny
+/// birefringence (both obey Snell with their own normal component of the wave vector).
 #[test]
 fn a_tilted_plate_has_the_exact_retardance() {
     let (n_o, n_e) = (1.55 - 5e-5, 1.55 + 5e-5);
@@ -363,7 +364,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
     }
     let d0 = 50_f64.to_radians();
     assert!(least < 0.8 * d0 && most > 1.2 * d0, "{least} to {most}");
-    // In the principal planes the axes are those of the sheet itself.
+    // In the principal planes the axes are those of the sheet.
     for angle in [0.0_f32, 0.4, 1.2] {
         for axis in [optic.as_vec3a(), at.ns.cross(optic.as_vec3a())] {
             let wo = at.ns * angle.cos() + axis * angle.sin();
@@ -385,7 +386,7 @@ fn a_tilted_plate_has_the_exact_retardance() {
     }
 }
 
-/// Scene syntax: mistakes are named with their place and fix.
+/// Scene syntax: errors are reported with location and fix.
 #[test]
 fn mistakes_are_named() {
     for (text, words) in [
@@ -479,8 +480,9 @@ fn names_stand_for_numbers() {
     );
 }
 
-/// A surface that is a sheet in part shines as its other part alone, by its share: lit by a point, by the projector and by a
-/// shining disk, in both integrators, with and without the account of media that a null material asks for.
+/// A surface that is partly a sheet is as bright as its other part alone times its fraction: lit by a point,
+/// by the projector and by an emitting disk, in both integrators, with and without the tracking of media that
+/// a null material requires.
 #[test]
 fn sheets_in_part_are_as_bright_as_the_rest_of_them() {
     let matter = "d.diffuse.albedo = 0.8\nblack.diffuse.albedo = 0\nhole.null = {}\npol.polarizer = { angle_deg = 0 }\n\

@@ -1,6 +1,6 @@
-//! Shipped scenes whose light both paths from the camera and paths from both ends find: what they find is the same.
+//! Shipped scenes whose light both camera paths and bidirectional paths find: both find the same.
 //!
-//! The variable `SAMPLES` multiplies the numbers of samples, so that totals are known to a given share.
+//! The variable `SAMPLES` multiplies the numbers of samples, so that totals reach a given precision.
 
 use crate::optics::samples_factor;
 use crate::support::edit;
@@ -11,7 +11,7 @@ use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::Integrator;
 
-/// Camera pixels in a row.
+/// Camera pixels per row.
 const SIZE: usize = 16;
 
 /// Means and errors of every pixel and wavelength.
@@ -50,8 +50,8 @@ fn image(file: &str, integrator: Integrator, spp: u32, seed: u64) -> [Vec<f64>; 
     })
 }
 
-/// Renders both ways. Totals may differ by 5 of their errors, and by `most` of themselves; so may pixels by 5, and those whose
-/// error is known by z² of `spread` together.
+/// Renders with both integrators. Totals may differ by 5 errors and by the fraction `most`; pixels may differ
+/// by 5 errors, and those with known errors by z² of `spread` together.
 fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
     let factor = samples_factor();
     let [[a, e], [b, f]] = [
@@ -91,8 +91,8 @@ fn compare(file: &str, spp: [u32; 2], most: f64, spread: f64) {
             largest < 5.0 || spread > 1.2,
             "{file}: a pixel is {largest} sigma off"
         );
-        // z² has a variance of 3 where errors are known to a fifth; they are short where light is rare, as that which
-        // bidirectional paths find in stone and flesh: single pixels say nothing there.
+        // z² has a variance of 3 if errors are known to a fifth. They are too small where light is rare, as
+        // for bidirectional paths in stone and flesh: there single pixels are not significant.
         assert!(
             chi2 < spread * known + 5.0 * (3.0 * known).sqrt(),
             "{file}: chi² {chi2} of {known} pixels"
@@ -122,8 +122,9 @@ fn fruits() {
     compare("fruits/scene.toml", [256, 64], 0.5, 1.5);
 }
 
-/// Light that comes out of rough stone toward the projector's pinhole is met by few bidirectional samples, whose errors are too
-/// short for as long as these have not been met. (Paths from the camera look for it: `strategies::light_leaves_stones`.)
+/// Light that leaves rough stone toward the projector's pinhole is found by few bidirectional samples, and
+/// errors are too small until such samples occur. (Camera paths connect to it:
+/// `strategies::light_leaves_stones`.)
 #[test]
 fn statue() {
     compare("sss_statue/scene.toml", [256, 64], 0.1, 3.0);

@@ -1,8 +1,9 @@
 //! Multiple scattering in plane-parallel slabs: the tracer against doubling, all 16 elements.
 //!
-//! The slab is a wide cube of null boundary, z = -τ to 0 with a mean free path of 1 m, lit by a projector so far away
-//! that its light is parallel, and seen along one ray. Media have index 1; spheres have the relative index and the
-//! wavelength in water that Ramella-Roman, Prahl & Jacques (2005, Opt. Express 13, 4420) use: 1.59 in 1.33, 632.8 nm.
+//! The slab is a wide cube with a null boundary, z = -τ to 0, with a mean free path of 1 m. A projector so
+//! far away that its light is parallel illuminates it, and a single ray sees it. Media have index 1; spheres
+//! have the relative index and the wavelength in water of Ramella-Roman, Prahl & Jacques (2005, Opt. Express
+//! 13, 4420): 1.59 in 1.33, 632.8 nm.
 
 use crate::doubling::{Scattering, Slab, direction, horizontal, rayleigh};
 use crate::optics::{Device, M, amplitudes, head, mueller, project, samples_factor, turn};
@@ -15,7 +16,7 @@ use sunstone::transport::medium::size_distribution::SizeDistribution;
 pub const WATER: f64 = 1.33;
 const NM: f64 = 632.8;
 
-/// Half width of the slab, m: light that went so far does not come back.
+/// Half width of the slab, m: light does not return from there.
 const HALF: f64 = 40.0;
 /// Distance of the projector, m.
 const FAR: f64 = 2e4;
@@ -31,7 +32,7 @@ pub fn spheres(host: f64, diameter_nm: f64) -> Ensemble {
     ensemble
 }
 
-/// The matrix of spheres per steradian.
+/// The scattering matrix of spheres per steradian.
 pub fn mie(ensemble: &Ensemble) -> impl Fn(f64) -> Elements<f64> + '_ {
     |mu| {
         let [s11, s12, s33, s34] = ensemble.matrix(mu, &mut vec![]);
@@ -58,7 +59,8 @@ pub fn phase(diameter_nm: Option<f64>) -> String {
     }
 }
 
-/// How the slab is lit and seen: signed cosines against z of the directions of travel, and azimuths in degrees.
+/// Directions of illumination and view: signed cosines of the directions of travel against z, and azimuths in
+/// degrees.
 #[derive(Clone, Copy, Debug)]
 struct View {
     mu_in: f64,
@@ -68,13 +70,13 @@ struct View {
     phi: f64,
 }
 
-/// Mean radiance per unit irradiance and its standard errors as the tracer has them, and the same as doubling has it,
-/// all in the frames of camera and projector, which are turned by `rolls`.
+/// Mean radiance per unit irradiance and its standard errors from the tracer, and the mean from doubling, all
+/// in the frames of camera and projector, which are rotated by `rolls`.
 fn both(phase: &str, slab: &Slab, albedo: f64, view: View, rolls: [f64; 2], samples: [u32; 2]) -> [M; 3] {
     both_under("", phase, slab, albedo, view, rolls, samples)
 }
 
-/// The same with something over the slab that light is looked for through.
+/// The same with an object over the slab, through which connections are made.
 fn both_under(
     over: &str,
     phase: &str,
@@ -128,12 +130,12 @@ fn both_under(
     [mean, error, after * want * before]
 }
 
-/// What the scene leaves out (the slab's sides, light that is not quite parallel) is below 2·10⁻⁴.
+/// The effect of approximations in the scene (the slab's sides, nearly parallel light) is below 2·10⁻⁴.
 fn check(what: &str, phase: &str, slab: &Slab, albedo: f64, views: &[View], spp: u32) {
     check_to(0.04, what, phase, slab, albedo, views, spp);
 }
 
-/// The same where errors may be so large.
+/// The same with a given limit of errors.
 fn check_to(most: f64, what: &str, phase: &str, slab: &Slab, albedo: f64, views: &[View], spp: u32) {
     let (mut gain, mut weights) = (0.0, 0.0);
     for (seed, view) in views.iter().enumerate() {
@@ -175,7 +177,7 @@ fn view([mu_in, phi_in]: [f64; 2], [mu, phi]: [f64; 2]) -> View {
     }
 }
 
-/// Oblique light on Rayleigh slabs, lossless and not, seen from both sides.
+/// Oblique light on Rayleigh slabs, lossless and absorbing, seen from both sides.
 #[test]
 fn rayleigh_slabs_are_as_doubling_says() {
     let light = [0.6, 25.0];
@@ -190,11 +192,11 @@ fn rayleigh_slabs_are_as_doubling_says() {
     }
 }
 
-/// Spheres of 1 and 2 µm: circular light is made and kept, most light goes on forward.
+/// Spheres of 1 and 2 µm: circular polarization is created and kept, and most light is scattered forward.
 #[test]
 fn mie_slabs_are_as_doubling_says() {
     let light = [1.0, 0.0];
-    // The larger the spheres, the finer the structure of what they scatter back.
+    // Larger spheres have finer structure in their backscattering.
     for (diameter, nodes, optics, spp, views) in [
         (1000.0, 12, [2.0, 1.0], 150_000, [[0.6, 30.0], [-0.8, 75.0]]),
         (2000.0, 20, [4.0, 0.99], 120_000, [[0.8, -60.0], [-0.6, 110.0]]),
@@ -208,8 +210,9 @@ fn mie_slabs_are_as_doubling_says() {
     }
 }
 
-/// Conservative Rayleigh slabs from thin to thick, where Coulson's table is (0.5, a sun at cosine 0.2, see
-/// [`crate::published_slabs`], which holds doubling to it) and where it is not. The variable `SAMPLES` multiplies the samples.
+/// Lossless Rayleigh slabs from thin to thick, including Coulson's case (0.5, a sun at cosine 0.2;
+/// [`crate::published_slabs`] compares doubling with his table). The variable `SAMPLES` multiplies the
+/// samples.
 #[test]
 fn rayleigh_slabs_of_all_depths() {
     let factor = samples_factor();
@@ -233,10 +236,11 @@ fn rayleigh_slabs_of_all_depths() {
     }
 }
 
-/// Lossless slabs of spheres, thin and thick, under light along the normal, by small spheres (asymmetry 0.82) and large, seen from
-/// both sides at several angles: all 16 elements. Doubling is the reference; [`crate::published_slabs`] holds it to Ramella-Roman's table
-/// of spheres, and here it must lose no light. Planted: light that is scattered by the other spheres. The variable `SAMPLES`
-/// multiplies the samples.
+/// Lossless slabs of spheres, thin and thick, under light along the normal, with small spheres (asymmetry
+/// 0.82) and large ones, seen from both sides at several angles: all 16 elements. Doubling is the reference;
+/// [`crate::published_slabs`] compares it with Ramella-Roman's table of spheres, and here it must lose no
+/// light. Negative control: light scattered by the other spheres. The variable `SAMPLES` multiplies the
+/// samples.
 #[test]
 fn mie_slabs_to_depth_8() {
     mie_slabs(&[
@@ -246,7 +250,8 @@ fn mie_slabs_to_depth_8() {
     ]);
 }
 
-/// Where walks lean toward the light all the way, this is 14 % too dark at 9000 samples, of means whose tails are not met.
+/// If subpaths were biased toward the light all the way, the result would be 14 % too dark at 9000 samples,
+/// because the tails of the distribution are not sampled.
 #[test]
 fn mie_slabs_of_depth_32() {
     mie_slabs(&[(32.0, 9000, [[0.5, 75.0], [-0.3, -20.0]])]);
@@ -274,7 +279,7 @@ fn mie_slabs(cases: &[(f64, u32, [[f64; 2]; 2])]) {
             let what = format!("depth {tau}, spheres of {nm} nm");
             check_to(0.1, &what, &phase(Some(*nm)), slab, 1.0, &views, factor * spp);
         }
-        // The sizes are told apart.
+        // The sizes are distinguished.
         let [got, sigma, want] = both(
             &phase(Some(sizes[0].0)),
             &slabs[1],
@@ -294,8 +299,8 @@ fn mie_slabs(cases: &[(f64, u32, [[f64; 2]; 2])]) {
     }
 }
 
-/// Reflection and transmission of a pane of glass at a cosine, all its inner reflections summed, from either side: the two
-/// polarizations and what joins them go on by themselves.
+/// Reflection and transmission of a pane of glass at a cosine, with all inner reflections, from either side.
+/// The two polarizations and their correlation propagate independently.
 fn pane(mu: f64) -> [M; 2] {
     let [s, p] = amplitudes(mu, nalgebra::Complex::new(1.5, 0.0)).map(|r| r.re);
     let once = [s * s, p * p, s * p];
@@ -310,8 +315,8 @@ fn pane(mu: f64) -> [M; 2] {
     [matrix(all(once, once)), matrix(all([0.0; 3], [1.0; 3]))]
 }
 
-/// A Rayleigh slab under a pane, through which light comes, leaves and is sent back: adding and doubling against ways through
-/// the pane and walks from both ends.
+/// A Rayleigh slab under a pane, through which light enters, leaves and is reflected: adding and doubling
+/// against manifold connections through the pane and bidirectional paths.
 #[test]
 fn slabs_under_glass_are_as_adding_says() {
     let over = format!(
@@ -320,7 +325,7 @@ fn slabs_under_glass_are_as_adding_says() {
     let bare = Slab::new(&rayleigh, [1.0, 1.0], 16, &[0.8, 0.9, 0.6], &[0, 1, 2], 16);
     let slab = bare.under(pane);
     let [own, through] = pane(0.6);
-    // Nothing is lost, and a quarter to a tenth of what is sent up comes back.
+    // Nothing is lost, and a quarter to a tenth of the upward light returns.
     assert!((own[(0, 0)] + through[(0, 0)] - 1.0).abs() < 1e-12);
     let factor = samples_factor();
     for (seed, out) in [[0.9, 70.0], [0.6, -150.0]].into_iter().enumerate() {
@@ -359,8 +364,8 @@ fn slabs_under_glass_are_as_adding_says() {
     }
 }
 
-/// How much linear (s1) and circular (s3) polarization light keeps that enters along the normal and leaves 37° off it:
-/// mean and standard error as the tracer has them, and as doubling has them.
+/// Fraction of linear (s1) and circular (s3) polarization that is kept by light that enters along the normal
+/// and leaves at 37° to it: mean and standard error from the tracer, and the mean from doubling.
 fn kept(diameter: Option<f64>, scattering: Scattering, tau: f64) -> [[f64; 3]; 2] {
     const BATCHES: u32 = 16;
     let nodes = if diameter.is_some() { 20 } else { 12 };
@@ -372,7 +377,7 @@ fn kept(diameter: Option<f64>, scattering: Scattering, tau: f64) -> [[f64; 3]; 2
     let want = batches[0][2];
     [1, 3].map(|i| {
         let ratio = |m: &M| m[(i, i)] / m[(0, 0)];
-        // Numerator and denominator rise and fall together, so that their own errors say little: jackknife.
+        // Numerator and denominator are correlated, so that their separate errors do not suffice: jackknife.
         let without = |[got, ..]: &[M; 3]| (ratio(&(total - got)) - ratio(&total)).powi(2);
         let n = f64::from(BATCHES);
         let variance = (n - 1.0) / n * batches.iter().map(without).sum::<f64>();
@@ -380,8 +385,8 @@ fn kept(diameter: Option<f64>, scattering: Scattering, tau: f64) -> [[f64; 3]; 2
     })
 }
 
-/// Depolarization grows with depth. Dipoles lose circular polarization first; large spheres, which scatter forward, lose
-/// linear polarization first (MacKintosh, Zhu, Pine & Weitz 1989, Phys. Rev. B 40, 9342).
+/// Depolarization grows with depth. Dipoles lose circular polarization first; large spheres, which scatter
+/// forward, lose linear polarization first (MacKintosh, Zhu, Pine & Weitz 1989, Phys. Rev. B 40, 9342).
 #[test]
 fn helicity_outlives_linear_polarization_among_large_spheres() {
     let ensemble = spheres(WATER, 2000.0);
@@ -394,7 +399,7 @@ fn helicity_outlives_linear_polarization_among_large_spheres() {
         for (tau, point) in depths.iter().zip(&curve) {
             for (what, [got, sigma, want]) in ["linear", "circular"].iter().zip(point) {
                 println!("{diameter:?} nm, depth {tau}: {what} {got:.4} ± {sigma:.4}, doubling {want:.4}");
-                // Sixteen batches know their error to a fifth: Student's t is wider than Gauss.
+                // Sixteen batches give their error to a fifth: Student's t is wider than a Gaussian.
                 assert!(
                     (got - want).abs() < 6.5 * sigma,
                     "depth {tau}, {what}: {got} ± {sigma}, not {want}"

@@ -1,10 +1,11 @@
-//! Images that spots and projectors throw on a plane, in closed form, with both integrators.
+//! Images that spots and projectors project onto a plane, in closed form, with both integrators.
 
 use crate::lights::{check, m00, text};
 use crate::support::render_text;
 use glam::{DVec2, DVec3};
 
-/// Images of four squares, which a spot and a projector throw on the plane: a projector's light is even on a plane across its axis.
+/// Images of four squares, projected by a spot and by a projector; a projector's irradiance is constant on a
+/// plane perpendicular to its axis.
 #[test]
 fn images_are_projected() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -18,7 +19,7 @@ fn images_are_projected() {
     let slide = format!(
         "slide = {{ {image}, irradiance = 2, fov_x_deg = 60, pose.look_at = {{ origin = [0.1, 0.1, 2], target = [0.1, 0.1, 0] }} }}"
     );
-    // Its image's right is -y.
+    // Right in its image is -y.
     let spot = format!(
         "spot = {{ position = [0.1, 0.1, 2], direction = [0, 0, -1], intensity = 3, cutoff_deg = 40, beam_deg = 40, {image}, \
          up = [1, 0, 0] }}"
@@ -47,7 +48,7 @@ fn images_are_projected() {
                 &format!("spot, {what}"),
             );
         }
-        // Beyond the frustum, which ends 1.155 m from the axis.
+        // Outside the frustum, which ends 1.155 m from the axis.
         let beyond = text(
             integrator,
             200,

@@ -13,8 +13,8 @@ use sunstone::tensor::axes::AxisKind::{Bounces, T};
 const SILVER: Complex<f64> = Complex::new(0.06, 3.6);
 const ALPHA: f64 = 0.4;
 
-/// Renders camera → mirrors at `points` → rough gold at the last point ← projector, and compares with the product of
-/// matrices and with the path's length.
+/// Renders camera → mirrors at `points` → rough gold at the last point ← projector, and compares with the
+/// product of matrices and with the path length.
 fn check_chain(points: &[DVec3], tilt: DVec3, what: &str) {
     let camera = Device::ray(points[0].to_array(), points[1]).rolled(0.7);
     let last = points.len() - 2;
@@ -55,7 +55,7 @@ fn p(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// One silver mirror met at exactly 60°, then rough gold.
+/// One silver mirror at exactly 60° incidence, then rough gold.
 #[test]
 fn a_mirror_at_60_degrees() {
     let (s, c) = 60.0_f64.to_radians().sin_cos();
@@ -75,7 +75,7 @@ fn a_mirror_at_60_degrees() {
     check_chain(&points, p(-0.1, 0.06, 0.03), "askew");
 }
 
-/// Two and three mirrors whose planes of incidence are not parallel.
+/// Two and three mirrors with different planes of incidence.
 #[test]
 fn mirrors_with_turned_planes_of_incidence() {
     let two = [
@@ -97,8 +97,8 @@ fn mirrors_with_turned_planes_of_incidence() {
     check_chain(&three, p(0.0, 0.07, 0.05), "three mirrors");
 }
 
-/// Two dielectric plates at Brewster's angle in series, the second turned by φ about the ray between them, see a
-/// diffuse screen: what reaches the camera is linearly polarized and follows cos²φ.
+/// Two dielectric plates at Brewster's angle in series, the second rotated by φ about the ray between them,
+/// in front of a diffuse screen: light at the camera is linearly polarized and follows cos²φ.
 #[test]
 fn malus_by_two_brewster_reflections() {
     const N: f64 = 3.0;
@@ -109,7 +109,7 @@ fn malus_by_two_brewster_reflections() {
     assert!(amplitudes(brewster.cos(), eta)[1].norm() < 1e-12);
     let (s, c) = (2.0 * brewster).sin_cos();
     let (p1, p2) = (DVec3::ZERO, p(0.0, 0.0, 0.6));
-    // Light comes down -z to the first plate and leaves it in the plane y = 0.
+    // Light travels along -z to the first plate and leaves it in the plane y = 0.
     let eye = p(-s, 0.0, -c) * 0.8 * -1.0;
     let camera = Device::ray(eye.to_array(), p1).rolled(0.3);
     let d_out = (eye - p1).normalize();
@@ -118,7 +118,7 @@ fn malus_by_two_brewster_reflections() {
         let turned = DMat3::from_rotation_z(phi.to_radians());
         let p3 = p2 + turned * p(s, 0.0, c) * -0.7;
         let toward = (p2 - p3).normalize();
-        // The lamp stands off the line of sight, 1 m from the screen, which faces it.
+        // The lamp is off the line of sight, 1 m from the screen, which faces it.
         let lamp = p3 + (toward + turned * p(0.0, 0.5, 0.0)).normalize();
         let facing = (lamp - p3).normalize();
         let text = head(SPP, 5, 7)
@@ -131,17 +131,19 @@ fn malus_by_two_brewster_reflections() {
             + &plate(p2, p(0.0, 0.0, -1.0) - toward, 0.02, "glass")
             + &plate(p3, facing, 0.02, "white")
             + "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\nbounces = true\n";
-        // Each sample by itself, since their spread says how often light came.
+        // Each sample is a replicate, because the spread over samples gives the number of those that found
+        // light.
         let text = text.replacen("[render]", &format!("[render]\nreplicates = {SPP}"), 1);
         let r = render_text(&text);
         let got = mueller(&r.mean("m"), &[(Bounces, 3)]);
-        // Screen of radiance 1; both plates pass s alone; Stokes of the s-vector's direction in the camera's frame.
+        // Screen of radiance 1; both plates reflect only s; Stokes vector of the s-direction in the camera's
+        // frame.
         let malus = phi.to_radians().cos().powi(2);
         let full = reflectance * reflectance / 2.0;
         let axis = turn(d_out, s1, project(camera.right, d_out));
         let shape = axis * nalgebra::Vector4::new(1.0, 1.0, 0.0, 0.0);
-        // A sample either meets both reflections, and then always brings the same value, or brings nothing: mean and
-        // standard error tell that value and how often it came.
+        // A sample that hits both reflections always has the same value; any other is zero. Mean and standard
+        // error give that value and its frequency.
         let mean = got[(0, 0)];
         if malus < 1e-9 {
             assert!(mean < 1e-9, "crossed plates pass {mean}");

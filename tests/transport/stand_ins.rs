@@ -1,5 +1,5 @@
-//! The 25 stand-ins that ship: physical Mueller matrices, no light out of nothing, and a render of a table that looks
-//! like a render of its source.
+//! The 25 shipped stand-ins: realizable Mueller matrices, energy conservation, and a render with a table that
+//! agrees with a render of its source.
 
 use crate::support::render_text;
 use glam::Vec3A;
@@ -19,7 +19,7 @@ fn stand_ins() -> MaterialSet {
     MaterialSet::load(&path).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Number and name of every stand-in.
+/// Index and name of every stand-in.
 fn likes(set: &MaterialSet) -> Vec<(String, u32)> {
     let all: Vec<_> = set
         .names
@@ -72,7 +72,7 @@ fn stand_ins_are_realizable() {
     }
 }
 
-/// Directional albedo by sampling, 4000 samples a direction: at most 1, within 5 standard errors.
+/// Directional albedo by sampling, 4000 samples per direction: at most 1, within 5 standard errors.
 #[test]
 fn stand_ins_make_no_light() {
     let set = stand_ins();
@@ -100,8 +100,8 @@ fn stand_ins_make_no_light() {
     }
 }
 
-/// A ball of rough gold and one of its table, the same random numbers: the largest differences are those of linear
-/// interpolation in 2° steps at α = 0.3.
+/// A ball of rough gold and one of its table, with the same random numbers: the largest differences are those
+/// of linear interpolation in 2° steps at α = 0.3.
 #[test]
 fn a_table_renders_as_its_source() {
     let folder = tempfile::tempdir().unwrap();
@@ -143,7 +143,8 @@ polarization = "mueller"
         "{{ measured = {{ file = {:?} }} }}",
         path.to_str().unwrap()
     ));
-    // Where light or camera graze the ball, cells reach below the horizon and only their known corners count.
+    // Where light or camera directions are grazing, cells extend below the horizon and only their known
+    // corners count.
     let (mut compared, mut off, mut light) = (0, 0.0, 0.0);
     for (a, t) in analytic.data.chunks_exact(16).zip(table.data.chunks_exact(16)) {
         compared += u32::from(a[0] > 0.0);

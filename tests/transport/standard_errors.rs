@@ -1,4 +1,4 @@
-//! Standard errors are honest: over many seeds, deviations from the mean over seeds are as large as they say.
+//! Standard errors are honest: over many seeds, deviations from the mean over seeds agree with them.
 
 use crate::bidirectional::{FOG, WALLS};
 use crate::optics::head;
@@ -8,9 +8,9 @@ use sunstone::tensor::memory::Arrays;
 use sunstone::transport::render::schedule::{Share, Unwatched, render};
 use sunstone::transport::scene::{Integrator, Scene};
 
-/// How many, unless the variable `SEEDS` says otherwise.
+/// Number of seeds, unless the variable `SEEDS` sets it.
 const SEEDS: u64 = 64;
-/// Elements that make a variance.
+/// Minimum number of elements for a variance.
 const LEAST: f64 = 48.0;
 
 const SLICES: &str = r#"
@@ -30,16 +30,17 @@ name = "epipolar"
 projector = { nonepipolar = { half_width_px = 0.5 } }
 "#;
 
-/// z = (mean - mean over seeds) / standard error, with the factor √(S/(S-1)) for the mean over seeds holding the seed
-/// itself. An element has enough hits if its standard error hardly varies from seed to seed (by less than 15 %: for n
-/// samples of kurtosis κ the variation is ½ √((κ - 1)/n), so κ < 0.09·n): a handful of bright hits do not make a
-/// Gaussian. That choice looks at no deviation, so it cannot favour good ones.
+/// z = (mean - mean over seeds) / standard error, with the factor √(S/(S-1)) because the mean over seeds
+/// includes the seed itself. An element has enough hits if its standard error varies little from seed to seed
+/// (by less than 15 %: for n samples of kurtosis κ the variation is ½ √((κ - 1)/n), so κ < 0.09·n). A handful
+/// of bright hits are not Gaussian. The selection does not depend on deviations, so it cannot favour small
+/// ones.
 #[test]
 fn deviations_between_seeds_are_as_stated() {
     room(Integrator::Path, 256);
 }
 
-/// The same of samples that are stratified in 32 groups of 8.
+/// The same for samples stratified in 32 groups of 8.
 #[test]
 fn deviations_of_groups_are_as_stated() {
     room(Integrator::Path, 32);
@@ -51,7 +52,7 @@ fn deviations_of_added_passes_are_as_stated() {
     room(Integrator::Caustics, 256);
 }
 
-/// The same of a band about epipolar lines whose s' are drawn.
+/// The same for a band about epipolar lines with sampled s'.
 #[test]
 fn deviations_of_drawn_s_primes_are_as_stated() {
     let band = "[[slices]]\nname = \"band\"\nprojector = { epipolar = { half_width_px = 0.5 } }\nsplit_first_bounce = true\n";
@@ -61,7 +62,7 @@ fn deviations_of_drawn_s_primes_are_as_stated() {
     honest("drawn s'", &mut scene, 1.0);
 }
 
-/// Most of these elements are hit by chance: how many are left out says nothing.
+/// Most of these elements are hit at random: the number of excluded ones is irrelevant.
 fn room(integrator: Integrator, replicates: u32) {
     let mut scene = scene_of(&mirror_room(16, 16, 256, 16, SLICES));
     scene.settings.replicates = replicates;
@@ -73,10 +74,10 @@ fn room(integrator: Integrator, replicates: u32) {
     );
 }
 
-/// Of elements that all have light, as these, hardly any may be left out.
+/// If all elements have light, as here, almost none may be excluded.
 const LEFT_OUT: f64 = 0.01;
 
-/// A camera and a projector before a box of 2 m, and slices that a path's time, pixel s' and polarization go into.
+/// Camera and projector in front of a box of 2 m, and slices that resolve time, pixel s' and polarization.
 fn box_of(spp: u32, depth: u32, more: &str) -> String {
     format!(
         "wavelengths_nm = [550]\n[render]\nintegrator = \"bidirectional\"\nspp = {spp}\nmax_depth = {depth}\nseed = 0\n\
@@ -93,13 +94,13 @@ fn box_of(spp: u32, depth: u32, more: &str) -> String {
     )
 }
 
-/// Paths from both ends: their splats into other pixels, too, are samples of these pixels alone.
+/// Bidirectional paths: splats into other pixels also count only as samples of those pixels.
 #[test]
 fn deviations_of_bidirectional_paths_are_as_stated() {
     honest("bidirectional", &mut scene_of(&box_of(256, 5, "")), LEFT_OUT);
 }
 
-/// Light scattered in a medium around a ball, from both ends.
+/// Light scattered in a medium around a ball, with bidirectional paths.
 #[test]
 fn deviations_in_media_are_as_stated() {
     let fog = FOG
@@ -112,7 +113,7 @@ fn deviations_in_media_are_as_stated() {
     honest("media", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// Light that many scatterings polarize: a Rayleigh slab of depth 4, seen from below.
+/// Light polarized by multiple scattering: a Rayleigh slab of depth 4, seen from below.
 #[test]
 fn deviations_of_slabs_are_as_stated() {
     let text = head(512, 1000, 0)
@@ -126,8 +127,8 @@ fn deviations_of_slabs_are_as_stated() {
     honest("slab", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// Ways through glass and over a mirror, looked for and weighed against walks. (Intensities alone: what a mirror polarizes is
-/// seen by few paths, of which so short renders do not know the error.)
+/// Manifold connections through glass and over a mirror, weighted against subpaths. (Only intensities: few
+/// paths contribute to polarization by a mirror, so that short renders cannot estimate its error.)
 #[test]
 fn deviations_of_manifolds_are_as_stated() {
     let glass = "glass.dielectric = { ior = 1.5 }\nmirror.conductor = { metal = \"Ag\" }\n";
@@ -140,7 +141,7 @@ fn deviations_of_manifolds_are_as_stated() {
     honest("manifold", &mut scene_of(&text), LEFT_OUT);
 }
 
-/// At most a share `left_out` of the elements with light has too few hits.
+/// At most a fraction `left_out` of the elements with light has too few hits.
 fn honest(what: &str, scene: &mut Scene, left_out: f64) {
     let names: Vec<String> = scene.slices.iter().map(|s| s.name.clone()).collect();
     let mut values: Vec<Vec<[Vec<f32>; 2]>> = vec![Vec::new(); names.len()];
@@ -202,7 +203,7 @@ fn honest(what: &str, scene: &mut Scene, left_out: f64) {
             "{what}, {name}: {dropped} of {} elements have too few hits",
             elements + dropped
         );
-        // Of few elements the variance itself is not known better than this: 5 sigma.
+        // With few elements the variance is only known to this precision: 5 sigma.
         let unsure = 5.0 * (2.0 / n).sqrt();
         let window = 0.8 * (1.0 - unsure)..1.25 * (1.0 + unsure);
         assert!(

@@ -1,4 +1,5 @@
-//! Strategies in and out of the list: what several of them make stays the same, and is less noisy with all.
+//! Strategies can be disabled: light that several strategies find stays the same, with less noise if all are
+//! enabled.
 
 use crate::bidirectional::{DIFFUSE, FOG, WALLS, assert_agree, devices};
 use crate::support::{Rendered, render_scene, scene_of};
@@ -7,7 +8,7 @@ use sunstone::transport::render::strategies::strategies;
 use sunstone::transport::scene::Integrator;
 use sunstone::transport::strategy::{Strategies, Strategy};
 
-/// A render without some strategies, which it would have used.
+/// A render without some strategies that it would use.
 fn without(text: &str, integrator: Integrator, list: &[Strategy]) -> Rendered {
     let mut scene = scene_of(text);
     let manifold = scene.settings.manifold;
@@ -19,7 +20,7 @@ fn without(text: &str, integrator: Integrator, list: &[Strategy]) -> Rendered {
     render_scene(&scene)
 }
 
-/// A ball of stone before a wall, and a point that shines beside the projector.
+/// A ball of stone in front of a wall, and a point light next to the projector.
 fn stone(spp: u32, seed: u64, ior: &str, medium: &str) -> String {
     devices(spp, 60, seed as u32)
         + DIFFUSE
@@ -38,7 +39,7 @@ fn noise(r: &Rendered) -> f64 {
     sum(&error.data) / sum(&mean.data)
 }
 
-/// How many of their errors two renders' light differs by, at most: all of it, and that of one to four bounces.
+/// Largest difference of two renders' light in errors: of all light, and of light of one to four bounces.
 fn apart(a: &Rendered, b: &Rendered) -> f64 {
     let [a, b] = [a, b].map(|r| {
         let (mean, error) = (r.mean("m"), r.std_error("m"));
@@ -64,8 +65,8 @@ fn apart(a: &Rendered, b: &Rendered) -> f64 {
     deviations.fold(0.0, f64::max)
 }
 
-/// The largest deviation, in errors, of two renders' elements that both know to a twentieth, and how many these are. Of others, which
-/// are made of few samples by chance, the errors themselves are not known.
+/// The largest deviation, in errors, of elements that both renders know to a twentieth, and their number.
+/// Errors of other elements, which come from few random samples, are unreliable.
 fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     let (mut most, mut count) = (0.0_f32, 0);
     for slice in ["m", "t", "p"] {
@@ -81,9 +82,10 @@ fn known(a: &Rendered, b: &Rendered) -> (f32, usize) {
     (most, count)
 }
 
-/// Light that leaves a stone by its rough surface: next events through it and walks that come to it by chance make the same of it, in
-/// every element, number of bounces, projector pixel and bin of time; their light is that of paths from both ends,
-/// and another if the medium absorbs half as much again. With the same samples, next events leave a tenth of the variance and less.
+/// Light that leaves a stone through its rough surface: next-event estimation through the surface and random
+/// paths agree in every element, number of bounces, projector pixel and time bin. Their light equals that of
+/// bidirectional paths, and differs if the medium absorbs 50 % more. With the same samples, next-event
+/// estimation has at most a tenth of the variance.
 #[test]
 fn light_leaves_stones() {
     let phases = [
@@ -119,7 +121,7 @@ fn light_leaves_stones() {
     }
 }
 
-/// Bidirectional paths without one of their strategies, all of whose paths others make: weights still sum to one.
+/// Bidirectional paths without one strategy whose paths other strategies also find: weights still sum to one.
 #[test]
 fn others_take_over() {
     let text = |spp, seed| {

@@ -1,4 +1,4 @@
-//! Albedo images: orientation, sRGB decoding, channel for each wavelength, bilinear filtering with repetition.
+//! Albedo images: orientation, sRGB decoding, channel per wavelength, bilinear filtering with repetition.
 
 use crate::support::render_text;
 use sunstone::tensor::axes::AxisKind;
@@ -20,9 +20,9 @@ fn linear(c: u8) -> f64 {
     }
 }
 
-/// A plane under a constant sky of radiance 1 shows its albedo. Camera pixels coincide with texels, so a pixel is the
-/// mean of the bilinear filter over a texel: weights 1/8, 6/8, 1/8 along each axis, around the border too.
-/// 20 000 samples a pixel, 5 standard errors (plus 1e-5 for f32).
+/// A plane under a constant sky of radiance 1 shows its albedo. Camera pixels coincide with texels, so a
+/// pixel is the mean of the bilinear filter over a texel: weights 1/8, 6/8, 1/8 along each axis, also across
+/// the border. 20,000 samples per pixel, 5 standard errors (plus 1e-5 for f32).
 #[test]
 fn a_textured_plane_shows_its_picture() {
     let dir = tempfile::tempdir().unwrap();
@@ -55,7 +55,7 @@ name = "image"
     let picture = picture();
     for y in 0..4_i32 {
         for x in 0..4_i32 {
-            // 450 nm takes blue, 550 nm green, 660 nm red.
+            // 450 nm uses blue, 550 nm green, 660 nm red.
             for (lane, channel) in [(0, 2), (1, 1), (2, 0)] {
                 let mut want = 0.0;
                 for (dx, wx) in [(-1, 0.125), (0, 0.75), (1, 0.125)] {

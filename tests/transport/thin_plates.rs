@@ -1,5 +1,6 @@
-//! Thin plates of glass, and rough glass, are polarized: what users of other programs miss (Mitsuba 3's issue 1512, "why
-//! does the dielectric material display polarization information, while roughdielectric and thindielectric do not?").
+//! Thin plates of glass, and rough glass, are polarized, which users of other programs lack (Mitsuba 3's
+//! issue 1512, "why does the dielectric material display polarization information, while roughdielectric and
+//! thindielectric do not?").
 
 use crate::optics::{
     Device, M, amplitudes, assert_close, ggx_factor, head, mirror, mueller, plate, project, turn,
@@ -17,18 +18,19 @@ use sunstone::tensor::axes::AxisKind;
 use sunstone::transport::geometry::ray::Surface;
 use sunstone::transport::material::{Lanes, Lobe};
 
-/// A Mueller matrix of amplitudes of s and p, times a factor of power.
+/// A Mueller matrix from amplitudes of s and p, times a factor of power.
 fn of_amplitudes(s: f64, p: f64, factor: f64) -> M {
     let (a, b, c) = ((s * s + p * p) / 2.0, (s * s - p * p) / 2.0, s * p);
     M::new(a, b, 0., 0., b, a, 0., 0., 0., 0., c, 0., 0., 0., 0., c) * factor
 }
 
-/// Reflection and transmission of a plate in s frames: the orders' matrices, one by one, from Fresnel's amplitudes.
+/// Reflection and transmission of a plate in s frames: the matrices of the orders, one by one, from Fresnel's
+/// amplitudes.
 fn orders(cos: f64, n: f64) -> [M; 2] {
     let cos_t = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let outer = amplitudes(cos, Complex::new(n, 0.0)).map(|z| z.re);
     let inner = amplitudes(cos_t, Complex::new(1.0 / n, 0.0)).map(|z| z.re);
-    // Born & Wolf 1.5.2 (20), there and back.
+    // Born & Wolf 1.5.2 (20), in both directions.
     let enter = [2.0 * cos / (cos + n * cos_t), 2.0 * cos / (n * cos + cos_t)];
     let leave = [
         2.0 * n * cos_t / (n * cos_t + cos),
@@ -81,8 +83,8 @@ fn f64s(m: [[f32; 4]; 4]) -> M {
     M::from_fn(|i, j| f64::from(m[i][j]))
 }
 
-/// The closed forms are the sums over all orders, at any incidence, index and wavelength; together they keep all light;
-/// each can exist; and light may run backwards.
+/// The closed forms equal the sums over all orders, for any incidence, index and wavelength. Their sum
+/// conserves light, and they are realizable and reciprocal.
 #[test]
 fn plates_are_the_sum_of_their_orders() {
     let set = materials("pane.thin_dielectric = { ior = [1.3, 1.5, 2.4, 1.7] }\n");
@@ -131,7 +133,7 @@ fn plates_are_the_sum_of_their_orders() {
     assert!(polarized > 0.999, "at Brewster's angle all is s: {polarized}");
 }
 
-/// Under glass in water the plate is a film of air, which beyond the critical angle reflects all light whole.
+/// Under glass in water the plate is a film of air, which reflects all light beyond the critical angle.
 #[test]
 fn a_gap_reflects_totally() {
     let set = materials("gap.thin_dielectric = { ior = 1, exterior_ior = 1.5 }\n");
@@ -154,7 +156,8 @@ fn a_gap_reflects_totally() {
     }
 }
 
-/// A lobe is taken as often as it has power, with a weight that makes up for it; all wavelengths go on together.
+/// Lobes are sampled in proportion to their power, with compensating weights; all wavelengths continue
+/// together.
 #[test]
 fn lobes_are_taken_by_their_power() {
     let set = materials("pane.thin_dielectric = { ior = [1.3, 1.5, 2.4, 1.7] }\n");
@@ -194,7 +197,8 @@ fn lobes_are_taken_by_their_power() {
     assert!(off < 5.0 * (n * p * (1.0 - p)).sqrt(), "{taken:?}, p = {p}");
 }
 
-/// A window pane in front of the camera, and another in front of the projector: each acts once, as the closed form says.
+/// A window pane in front of the camera, and another in front of the projector: each acts once, as in the
+/// closed form.
 #[test]
 fn panes_on_both_sides() {
     let (target, eye) = (DVec3::ZERO, DVec3::new(0.4, -0.3, 1.6));
@@ -229,8 +233,8 @@ fn panes_on_both_sides() {
     assert!(want[(1, 0)].abs() > 0.05 * want[(0, 0)] && want[(0, 1)].abs() > 0.05 * want[(0, 0)]);
 }
 
-/// Rough glass through the tracer: light off a facet has Fresnel's matrix, all 16 elements, nearly whole s-polarized at
-/// Brewster's angle.
+/// Rough glass in a render: light from a facet has Fresnel's matrix, all 16 elements, almost completely
+/// s-polarized at Brewster's angle.
 #[test]
 fn rough_glass_is_polarized() {
     let brewster = 1.5_f64.atan();

@@ -1,4 +1,4 @@
-//! Objects that stand on one another, so that their surfaces touch within rounding.
+//! Stacked objects whose surfaces touch within rounding.
 
 use crate::optics::{Device, head};
 use crate::support::render_scene;
@@ -41,7 +41,7 @@ fn seen(objects: &str) -> (f64, f64, Vec<String>) {
     )
 }
 
-/// Fresnel's reflectance of unpolarized light, from outside of glass of index n.
+/// Fresnel's reflectance of unpolarized light, from outside glass of index n.
 fn fresnel(cos: f64, n: f64) -> f64 {
     let inner = (1.0 - (1.0 - cos * cos) / (n * n)).sqrt();
     let (s, p) = (
@@ -51,9 +51,10 @@ fn fresnel(cos: f64, n: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// A wide glass block on a table under uniform light 1: what a diffuse base below an interface shows (Saunderson 1942), F +
-/// (1 - F) ρ (1 - r) / (n² (1 - ρ r')), with r and r' = 1 - (1 - r)/n² the interface's hemispherical reflectances from outside
-/// and inside. The light in the glass meets the table whatever the heights are rounded to.
+/// A wide glass block on a table under uniform illumination 1: a diffuse base below an interface shows
+/// (Saunderson 1942) F + (1 - F) ρ (1 - r) / (n² (1 - ρ r')), with r and r' = 1 - (1 - r)/n² the interface's
+/// hemispherical reflectances from outside and inside. The light in the glass hits the table however the
+/// heights are rounded.
 #[test]
 fn glass_on_a_table_is_in_contact_with_it() {
     let (n, albedo) = (1.5, 0.5);
@@ -66,7 +67,7 @@ fn glass_on_a_table_is_in_contact_with_it() {
     let f = fresnel(1.0, n);
     let want = f + (1.0 - f) * albedo * (1.0 - r) / (n * n * (1.0 - albedo * inside));
     for z in [0.0, 0.1, -0.3] {
-        // The table's height is rounded otherwise than the block's.
+        // The table's height is rounded differently from the block's.
         for off in [0.0, 1e-7, -1e-7] {
             let (got, error, notes) = seen(&(block("block", "glass", z, z + 1.0) + &table(z + off)));
             assert!(
@@ -81,7 +82,7 @@ fn glass_on_a_table_is_in_contact_with_it() {
     }
 }
 
-/// What bends no light may be moved off: the table looks as if nothing lay on it.
+/// A boundary that does not refract may be shifted: the table looks as if nothing were on it.
 #[test]
 fn a_boundary_that_bends_no_light_is_moved_off() {
     let (got, error, notes) = seen(&(block("block", "sheet", 0.0, 1.0) + &table(0.0)));
@@ -89,7 +90,8 @@ fn a_boundary_that_bends_no_light_is_moved_off() {
     assert!(notes.len() == 1 && notes[0].contains("off it"), "{notes:?}");
 }
 
-/// Glass on glass with air between them is another thing than one piece of glass: the scene is refused, or rendered with a note.
+/// Glass on glass with air between them differs from a single piece of glass: the scene is refused, or
+/// rendered with a note.
 #[test]
 fn two_refracting_objects_that_touch_are_refused() {
     let both = block("upper", "glass", 1.0, 2.0) + &block("lower", "water", 0.0, 1.0);

@@ -1,5 +1,5 @@
-//! What users of other programs asked for in public and did not get, each working here. Two more have files of their own:
-//! [`crate::projector_sheets`] and [`crate::thin_plates`].
+//! Features that users of other programs requested in public and did not get; each works here. Two more have
+//! separate files: [`crate::projector_sheets`] and [`crate::thin_plates`].
 
 use crate::optics::{Device, GOLD_KEYS, assert_close, ggx_factor, head, mirror, mueller, plate, project};
 use crate::support::{Rendered, render_text};
@@ -19,16 +19,16 @@ use sunstone::transport::material::measured::write::{tabulate, write};
 
 const MATRIX: &str = "[[slices]]\nname = \"m\"\npolarization = \"mueller\"\n";
 
-/// A folder in memory where the system has one.
+/// A folder in memory if the system has one.
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm")
         .or_else(|_| tempfile::tempdir())
         .expect("a folder")
 }
 
-/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a ball at the origin, camera and
-/// projector 50 away and 9° to either side, was black under the projector if its material was a measured table.
-/// Here it looks like the metal that the table was made of.
+/// Mitsuba 3's issue 1067, "Rendering problem with measured polarized material": a ball at the origin, camera
+/// and projector 50 away and 9° to either side, was black under the projector if its material was a measured
+/// table. Here it equals the metal that the table was made from.
 #[test]
 fn measured_materials_under_a_projector() {
     let folder = folder();
@@ -61,7 +61,7 @@ fn measured_materials_under_a_projector() {
     let mut lit = 0;
     for (x, y) in (0..256).map(|k| (k % 16, k / 16)) {
         let [got, want] = [&table, &source].map(|t| mueller(t, &[(Y, y), (X, x)]));
-        // At the rim the coarse table is far from what it was made of.
+        // At the rim the coarse table differs from its source.
         let from_centre = (x as f64 - 7.5).hypot(y as f64 - 7.5) / 7.0;
         if want[(0, 0)] > 0.0 && from_centre < 0.8 {
             assert_close(&got, &want, 0.03, &format!("pixel {x} {y}"));
@@ -71,11 +71,11 @@ fn measured_materials_under_a_projector() {
     assert!(lit > 80, "{lit} pixels");
 }
 
-/// The folder of the scene that a process of this program is to render.
+/// Variable with the folder of the scene that a child process of this program renders.
 #[cfg(target_os = "linux")]
 const TOLD: &str = "SUNSTONE_TEST_RENDER";
 
-/// No test: what a process does that [`in_little_memory`] starts.
+/// Not a test: the code of the process that [`in_little_memory`] starts.
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "renders what another process tells it to"]
@@ -96,8 +96,8 @@ fn what_a_process_is_told_to() {
     assert!(done.expect("a render").complete);
 }
 
-/// Renders a wall of a table of `counts` entries and 5 bands, under a projector, in a process that
-/// may own no more than `limit_kib` of memory. Every entry holds the same matrix, whose BRDF is 0.1.
+/// Renders a wall with a table of `counts` entries and 5 bands, under a projector, in a process with at most
+/// `limit_kib` of memory. Every entry has the same matrix, whose BRDF is 0.1.
 #[cfg(target_os = "linux")]
 fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
     let folder = folder();
@@ -146,8 +146,9 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
     }
 }
 
-/// Mitsuba 3's issue 1747, "measured_polarized caused out of memory": one wall of a box. A render owns far less memory
-/// than the table is large, since it maps the file; here a table of 80 MB in a process that may own 32 MB.
+/// Mitsuba 3's issue 1747, "measured_polarized caused out of memory": one wall of a box. A render uses far
+/// less memory than the table's size, because it maps the file; here a table of 80 MB in a process with 32
+/// MB.
 #[cfg(target_os = "linux")]
 #[test]
 fn measured_tables_need_no_memory() {
@@ -162,9 +163,9 @@ fn full_tables_need_no_memory() {
     in_little_memory([361, 91, 91], 32 << 10, 950_000_000);
 }
 
-/// Mitsuba 3's issue 1737, "Confusion about Stokes output (RGB vs monochrome)": Stokes vectors and Mueller matrices of
-/// chosen wavelengths, not of RGB. Four metals' worth of constants at four wavelengths: each lane is its own closed form,
-/// and a render of one wavelength alone is the same.
+/// Mitsuba 3's issue 1737, "Confusion about Stokes output (RGB vs monochrome)": Stokes vectors and Mueller
+/// matrices of chosen wavelengths instead of RGB. Optical constants at four wavelengths: each lane follows
+/// its own closed form, and a render of a single wavelength is the same.
 #[test]
 fn every_wavelength_has_its_own_matrix() {
     let metals: [(f64, Complex<f64>); 4] = [
@@ -212,7 +213,7 @@ fn every_wavelength_has_its_own_matrix() {
     }
 }
 
-/// A box full of materials, lit by a projector, at one sample a pixel.
+/// A box with many materials, lit by a projector, at one sample per pixel.
 fn menagerie(seed: u32) -> Rendered {
     let names = [
         "rough_conductor = { metal = \"Au\", alpha = 0.1 }",
@@ -265,9 +266,9 @@ fn menagerie(seed: u32) -> Rendered {
     render_text(&text)
 }
 
-/// Mitsuba 3's issue 1650, "min(S0) < 0": no light state, polarized or not, gives less than no light, in any pixel, time
-/// bin, part of the projector or wavelength. The least of M00 + M01 s1 + M02 s2 + M03 s3 over all states is
-/// M00 - |(M01, M02, M03)|. One sample a pixel, so that nothing averages out.
+/// Mitsuba 3's issue 1650, "min(S0) < 0": no light state, polarized or not, gives negative light, in any
+/// pixel, time bin, part of the projector or wavelength. The minimum of M00 + M01 s1 + M02 s2 + M03 s3 over
+/// all states is M00 - |(M01, M02, M03)|. One sample per pixel, so that nothing averages out.
 #[test]
 fn no_light_is_negative() {
     let (mut lit, mut full) = (0, 0);
@@ -303,7 +304,7 @@ fn no_light_is_negative() {
     );
 }
 
-/// A wall with a raised plate before it, direct and indirect light apart.
+/// A wall with a raised plate in front of it, direct and indirect light separate.
 fn relief(camera: &Device, lamp: &Device) -> Rendered {
     let text = head(32, 3, 2)
         + &camera.keys("camera")
@@ -319,9 +320,9 @@ fn relief(camera: &Device, lamp: &Device) -> Rendered {
     render_text(&text)
 }
 
-/// Mitsuba 2's issue 618, "How to trace the true value of rays emitted from a bitmap projector in the camera": for every
-/// camera pixel, the projector pixel that its light started from. `moment` over `sum` is that pixel, to be compared with
-/// what a structured-light scanner decodes; here with the geometry.
+/// Mitsuba 2's issue 618, "How to trace the true value of rays emitted from a bitmap projector in the
+/// camera": for every camera pixel, the projector pixel that its light started from. `moment` over `sum` is
+/// that pixel, for comparison with a decoded structured-light scan; here it is compared with the geometry.
 #[test]
 fn every_pixel_knows_where_its_light_started() {
     let camera = Device::look_at([0.2, 0.1, 1.5], DVec3::ZERO, [40, 30], 60.0);
@@ -343,7 +344,7 @@ fn every_pixel_knows_where_its_light_started() {
                 assert!((f64::from(t.at(&at)) - total).abs() <= 1e-5 * light * 24.0);
             }
         }
-        // Direct light on the wall or the raised plate: where the pixel's corners fall on the projector.
+        // Direct light on the wall or the raised plate: projector positions of the pixel's corners.
         let landing: Vec<Option<[u32; 2]>> =
             [(0.01, 0.01), (0.99, 0.01), (0.01, 0.99), (0.99, 0.99), (0.5, 0.5)]
                 .iter()
@@ -372,7 +373,7 @@ fn every_pixel_knows_where_its_light_started() {
     );
 }
 
-/// Nearest of the relief's three planes along a ray, as distance.
+/// Distance along a ray to the nearest of the relief's three planes.
 fn nearest(origin: DVec3, dir: DVec3) -> f64 {
     let planes = [
         (DVec3::ZERO, DVec3::Z, 3.0),
@@ -390,7 +391,8 @@ fn nearest(origin: DVec3, dir: DVec3) -> f64 {
     hits.fold(f64::INFINITY, f64::min)
 }
 
-/// The projector pixel that lights what a camera ray sees; `None` in shadow or outside the projector's image.
+/// The projector pixel that illuminates the point a camera ray sees; `None` in shadow or outside the
+/// projector's image.
 fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
     let dir = camera.direction(px, py);
     let t = nearest(camera.origin, dir);
@@ -402,7 +404,7 @@ fn start(camera: &Device, lamp: &Device, px: f64, py: f64) -> Option<[u32; 2]> {
     (lit && inside).then_some([u as u32, v as u32])
 }
 
-/// The same for a Stokes image: what the polarizations of camera and projector add to it is in the slice as well.
+/// The same for a Stokes image: the slice also resolves the polarizations of camera and projector.
 #[test]
 fn moments_go_with_mueller_matrices() {
     let camera = Device::ray([0.1, 0.0, 1.5], DVec3::ZERO);

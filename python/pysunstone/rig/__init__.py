@@ -1,6 +1,6 @@
-"""Rigs: sessions that execute a plan, with the instruments of a rig file and with instruments written in Python.
+"""Sessions that execute a plan on a rig, with the instruments of a rig file and with instruments written in Python.
 
-See docs/python-rig.md. `pysunstone.rig.bluesky` is the bridge to bluesky and ophyd-async.
+See docs/python-rig.md. `pysunstone.rig.bluesky` connects instruments to bluesky and ophyd-async.
 """
 
 from pysunstone.rig.instruments import (

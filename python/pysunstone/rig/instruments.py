@@ -1,10 +1,10 @@
-"""What a session asks of instruments: a class of methods for each kind, and what goes in and comes out.
+"""Protocols of the instruments that a session uses: one class per kind, with its settings and results.
 
-Write a class that follows one of the protocols, in whatever way it talks to its hardware, and give an object of it to a `Session`.
-Every call either does what it says within `within_s` seconds or raises: `TimeoutError` where no answer came (tried again),
-`OSError` where the line is gone (`reconnect`, then tried again; pyserial's and PyUSB's errors are such), `InstrumentError` to say more.
-Any other exception ends the session. What `limits` says is held by the session: no method is asked for more than that. Angles are
-degrees, times seconds, rates hertz.
+To add an instrument, write a class that follows one of the protocols and pass an object of it to a `Session`. Every call either
+finishes within `within_s` seconds or raises an exception: `TimeoutError` if no answer came (the session tries again), `OSError`
+if the connection is lost (the session calls `reconnect` and tries again; pyserial's and PyUSB's errors are `OSError`),
+`InstrumentError` to give details. Any other exception ends the session. The session enforces `limits`: no method receives a
+request beyond them. Angles are in degrees, times in seconds, rates in hertz.
 """
 
 from __future__ import annotations
@@ -43,25 +43,25 @@ __all__ = [
     "StageReading",
 ]
 
-#: Kinds of failures, and what a session does: ``timeout`` asks again; ``stalled`` homes and asks again; ``disconnected`` connects anew
-#: and asks again; ``saturated`` tries again; ``limit`` and ``refused`` end the run.
+#: Kinds of faults and the session's reaction. ``timeout``: try again. ``stalled``: home and try again. ``disconnected``:
+#: reconnect and try again. ``saturated``: try again. ``limit`` and ``refused``: end the run.
 Fault = Literal["timeout", "limit", "stalled", "disconnected", "saturated", "refused"]
 
 
 class InstrumentError(RuntimeError):
     """An instrument failed.
 
-    Raise it in an instrument to say how; a session that an instrument ended raises it with the instrument's name, and the original
-    exception as its cause.
+    An instrument raises this error to describe a failure. A session that ends because of an instrument raises it with the
+    instrument's name, and with the original exception as its cause.
 
     Parameters
     ----------
     fault
-        Kind of the failure, which says what the session does about it.
+        Kind of the failure, which selects the session's reaction.
     what
-        What happened and how to fix it, in words.
+        Description of the failure and its fix.
     instrument
-        Its name in the session; the session fills it in.
+        Name of the instrument in the session, set by the session.
     """
 
     def __init__(self, fault: Fault, what: str, instrument: str | None = None, rest: str = "") -> None:
@@ -73,13 +73,13 @@ class InstrumentError(RuntimeError):
         self._rest = rest
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # An exception is copied by its text alone otherwise.
+        # By default, pickling copies an exception by its text alone.
         return type(self), (self.fault, self.what, self.instrument, self._rest)
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What an instrument says of itself."""
+    """Identity that an instrument reports."""
 
     maker: str
     model: str
@@ -89,92 +89,97 @@ class Identity:
 
 @runtime_checkable
 class Instrument(Protocol):
-    """Any instrument. The session calls it from a thread of its own, one call at a time.
+    """Base of all instruments. The session calls an instrument from one separate thread, one call at a time.
 
-    Who inherits from a protocol below gets these three, which suit instruments that cannot say who they are and need no connecting.
-    A number of degrees Celsius from ``temperature_c`` is noted in the journal.
+    Classes that inherit from a protocol below get these three methods. They suit instruments that cannot report their identity
+    and need no connection. A value of ``temperature_c`` is recorded in the journal.
     """
 
     def identify(self, within_s: float) -> Identity:
-        """Who it is: proof that the line works."""
+        """Return the identity; also checks the connection."""
         return Identity(type(self).__module__, type(self).__name__, "unknown")
 
     def reconnect(self, within_s: float) -> None:
-        """Connect anew after the line was lost, and forget what was under way. Settings are made again after that."""
+        """Reconnect after the connection was lost, and discard operations in progress. The session then applies the settings
+        again.
+        """
         return None
 
     def temperature_c(self) -> float | None:
-        """Temperature, degrees Celsius, where it knows it."""
+        """Return the temperature in degrees Celsius, or None if unknown."""
         return None
 
 
 @dataclass(frozen=True)
 class StageLimits:
-    """What a rotation stage can do."""
+    """Limits of a rotation stage."""
 
     range_deg: tuple[float, float] = (-np.inf, np.inf)
-    """Least and greatest angle of its own scale."""
+    """Smallest and largest angle of the stage's own scale."""
     velocity_deg_per_s: float = 25.0
-    """Greatest speed; `Session.cost` reckons with it."""
+    """Highest speed; `Session.cost` uses it."""
     acceleration_deg_per_s2: float = 25.0
     resolution_deg: float = 0.001
-    """Least step of the encoder: a goal counts as reached within two of them."""
+    """Smallest step of the encoder. A target counts as reached within two steps."""
 
 
 @dataclass(frozen=True)
 class StageReading:
-    """Where a stage is."""
+    """Position of a stage."""
 
     angle_deg: float
-    """By its encoder."""
+    """Angle according to the encoder."""
     moving: bool = False
     homed: bool = True
-    """Its zero has been found since it was switched on."""
+    """The zero position has been found since the stage was switched on."""
 
 
 class RotationStage(Instrument, Protocol):
-    """A motorized rotation stage that carries a polarizer or retarder. Moves are begun and waited for apart: several turn at once."""
+    """A motorized rotation stage that carries a polarizer or retarder.
+
+    Moves are started and awaited in separate calls, so that several stages turn simultaneously.
+    """
 
     @abstractmethod
     def limits(self) -> StageLimits:
-        """What it can do; asked once."""
+        """Return the limits; called once."""
         raise NotImplementedError
 
     @abstractmethod
     def home(self, within_s: float) -> None:
-        """Find its zero and wait for it."""
+        """Find the zero position and wait until it is found."""
 
     @abstractmethod
     def begin_move(self, angle_deg: float) -> None:
-        """Begin a move to an angle of its scale and return at once. A move under way is replaced."""
+        """Start a move to an angle of the stage's scale and return immediately. It replaces a move in progress."""
 
     @abstractmethod
     def finish_move(self, within_s: float) -> StageReading:
-        """Wait for the end of the move that was begun, and say where the encoder then is."""
+        """Wait for the end of the started move and return the encoder's reading."""
         raise NotImplementedError
 
     @abstractmethod
     def read(self, within_s: float) -> StageReading:
-        """Where it is."""
+        """Return the position."""
         raise NotImplementedError
 
     @abstractmethod
     def stop(self, within_s: float) -> None:
-        """Stop at once."""
+        """Stop immediately."""
 
 
 @dataclass(frozen=True)
 class ProjectorLimits:
-    """What a pattern projector can do."""
+    """Limits of a pattern projector."""
 
     size: tuple[int, int]
     """Columns and rows."""
     patterns: int = 4096
-    """How many its memory holds."""
+    """Number of patterns that the memory holds."""
     bits: int = 8
-    """Bits a pixel: 1 where a pixel is on (255) or off (0)."""
+    """Bits per pixel: 1 if a pixel is either on (255) or off (0)."""
     shortest_s: float = 0.0
-    """Shortest time a pattern can stand."""
+    """Shortest time that a pattern can be shown."""
 
 
 class PatternProjector(Instrument, Protocol):
@@ -182,25 +187,26 @@ class PatternProjector(Instrument, Protocol):
 
     @abstractmethod
     def limits(self) -> ProjectorLimits:
-        """What it can do; asked once."""
+        """Return the limits; called once."""
         raise NotImplementedError
 
     @abstractmethod
     def load(self, patterns: Sequence[npt.NDArray[np.uint8]], within_s: float) -> None:
-        """Load patterns, numbered from 0: arrays (rows, columns), 255 is full light. Those loaded before are forgotten."""
+        """Load patterns, numbered from 0: arrays (rows, columns), 255 is full intensity. They replace all patterns loaded before.
+        """
 
     @abstractmethod
     def show(self, pattern: int, within_s: float) -> None:
-        """Show a loaded pattern until another is asked for, and return when its light stands."""
+        """Show a loaded pattern until the next request, and return when its light is stable."""
 
     @abstractmethod
     def dark(self, within_s: float) -> None:
-        """No light."""
+        """Turn the light off."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """Part of the sensor that is read: columns and rows from its upper left corner."""
+    """Region of the sensor to read: columns and rows from its upper left corner."""
 
     x: int
     y: int
@@ -210,42 +216,42 @@ class Region:
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """What a camera is set to."""
+    """Settings of a camera."""
 
     region: Region
     exposure_s: float
     gain_db: float = 0.0
     format: str = "Mono12p"
-    """GenICam's name of the digital numbers: Mono8, Mono10p, Mono12p or Mono16, of which arrays hold the numbers unpacked."""
+    """GenICam name of the pixel format: Mono8, Mono10p, Mono12p or Mono16. Arrays hold the unpacked digital numbers."""
     trigger: Literal["software", "line"] = "software"
-    """What begins an exposure: the call, or the projector's line."""
+    """Start of an exposure: by the call, or by the projector's trigger line."""
 
 
 @dataclass(frozen=True)
 class CameraLimits:
-    """What a camera can do."""
+    """Limits of a camera."""
 
     size: tuple[int, int]
     """Columns and rows of the sensor."""
     step: tuple[int, int] = (1, 1)
-    """Columns and rows of regions are multiples of these."""
+    """Regions must be multiples of these numbers of columns and rows."""
     exposure_s: tuple[float, float] = (1e-6, 3600.0)
     gain_db: tuple[float, float] = (0.0, 0.0)
     formats: tuple[str, ...] = ("Mono12p",)
     row_time_s: float = 0.0
-    """Time to read one row; `Session.cost` reckons with it."""
+    """Time to read one row; `Session.cost` uses it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One frame."""
+    """One frame of a camera."""
 
     pixels: npt.NDArray[Any]
     """Digital numbers, (rows, columns) of the region, the sensor's upper row first; uint8 or uint16."""
     number: int | None = None
-    """The camera's own count of frames, by which lost and stale ones are told; None where it does not count."""
+    """The camera's frame counter, which reveals lost and stale frames; None if the camera does not count."""
     timestamp_ns: int = 0
-    """The camera's own clock at the begin of the exposure."""
+    """The camera's clock at the start of the exposure, nanoseconds."""
 
 
 class AreaCamera(Instrument, Protocol):
@@ -253,66 +259,68 @@ class AreaCamera(Instrument, Protocol):
 
     @abstractmethod
     def limits(self) -> CameraLimits:
-        """What it can do; asked once."""
+        """Return the limits; called once."""
         raise NotImplementedError
 
     @abstractmethod
     def configure(self, settings: CameraSettings, within_s: float) -> None:
-        """Set everything; holds for all exposures that follow. An exposure under way is forgotten."""
+        """Apply all settings, for all following exposures. An exposure in progress is discarded."""
 
     @abstractmethod
     def expose(self) -> None:
-        """Begin one exposure and return at once."""
+        """Start one exposure and return immediately."""
 
     @abstractmethod
     def frame(self, within_s: float) -> Frame | npt.NDArray[Any]:
-        """Wait for the frame of the exposure that was begun: a `Frame`, or its array alone."""
+        """Wait for the frame of the started exposure: a `Frame`, or its array alone."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class GalvoLimits:
-    """What a galvo scanner can do."""
+    """Limits of a galvo scanner."""
 
     range_deg: tuple[float, float]
-    """Greatest optical angle from the axis, in x and in y."""
+    """Largest optical angle from the axis, in x and in y."""
     resolution_deg: float = 1e-3
     settle_s: float = 0.0
-    """Time until the beam stands after a small step."""
+    """Time until the beam is stable after a small step."""
 
 
 class GalvoScanner(Instrument, Protocol):
-    """A pair of galvo mirrors that points a beam."""
+    """A pair of galvo mirrors that directs a beam."""
 
     @abstractmethod
     def limits(self) -> GalvoLimits:
-        """What it can do; asked once."""
+        """Return the limits; called once."""
         raise NotImplementedError
 
     @abstractmethod
     def point(self, angles_deg: tuple[float, float], within_s: float) -> tuple[float, float]:
-        """Point the beam to optical angles from the axis, in x and y, wait until it stands, and say where the mirrors are."""
+        """Direct the beam to optical angles from the axis, in x and y, wait until it is stable, and return the angles of the
+        mirrors.
+        """
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class LaserLimits:
-    """What a pulsed laser can do."""
+    """Limits of a pulsed laser."""
 
     wavelength_nm: float
     rate_hz: tuple[float, float]
-    """Least and greatest rate of pulses."""
+    """Lowest and highest pulse rate."""
 
 
 @dataclass(frozen=True)
 class LaserState:
-    """How a laser is."""
+    """State of a laser."""
 
     emitting: bool
-    """Light comes out."""
+    """Light is emitted."""
     rate_hz: float
     power: float = 1.0
-    """Mean power over nominal: plans wait while it is below their limit."""
+    """Mean power relative to the nominal power. Plans wait while it is below their limit."""
 
 
 class PulsedLaser(Instrument, Protocol):
@@ -320,82 +328,82 @@ class PulsedLaser(Instrument, Protocol):
 
     @abstractmethod
     def limits(self) -> LaserLimits:
-        """What it can do; asked once."""
+        """Return the limits; called once."""
         raise NotImplementedError
 
     @abstractmethod
     def emit(self, on: bool, rate_hz: float, within_s: float) -> None:
-        """Light on at a rate, or off."""
+        """Turn the light on at a pulse rate, or off."""
 
     @abstractmethod
     def state(self, within_s: float) -> LaserState:
-        """How it is."""
+        """Return the state."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class CounterLimits:
-    """What a photon counter can do."""
+    """Limits of a photon counter."""
 
     bins: int = 32768
-    """Bins of a histogram."""
+    """Largest number of bins of a histogram."""
     finest_ps: float = 25.0
-    """Width of its finest bin, picoseconds; others are powers of two times that."""
+    """Width of the finest bin, picoseconds; other widths are this times powers of two."""
     longest_s: float = 3600.0
     """Longest acquisition."""
     full: int = 2**32 - 1
-    """Counts that a bin holds before it is full."""
+    """Counts at which a bin is full."""
     tags: str | None = None
-    """Type of the records of its time tags ("TimeHarp 260 P T3", "MultiHarp T3", ...), if it gives any."""
+    """Type of the time-tag records ("TimeHarp 260 P T3", "MultiHarp T3", ...), or None if the counter gives none."""
 
 
 @dataclass(frozen=True)
 class CounterSettings:
-    """What a counter is set to."""
+    """Settings of a photon counter."""
 
     bins: int
-    """From the sync pulse on."""
+    """Number of bins, starting at the sync pulse."""
     bin_ps: float
     dwell_s: float
-    """How long photons are counted."""
+    """Counting time."""
     offset_ps: float = 0.0
-    """Added to the sync's time."""
+    """Offset added to the time of the sync pulse."""
     tags: bool = False
-    """Give time tags instead of a histogram."""
+    """Return time tags instead of a histogram."""
 
 
 @dataclass(frozen=True, eq=False)
 class Histogram:
-    """What was counted in one acquisition."""
+    """Result of one acquisition."""
 
     counts: npt.NDArray[Any]
-    """By bin, integers; empty where time tags were asked for."""
+    """Counts per bin, integers; empty if time tags were requested."""
     pulses: int
-    """Laser pulses while it counted."""
+    """Laser pulses during the acquisition."""
     number: int | None = None
-    """The counter's own number of the acquisition; None where it does not count."""
+    """The counter's number of the acquisition; None if it does not count."""
     timestamp_ns: int = 0
     records: npt.NDArray[Any] | None = None
-    """The 32-bit records of its time tags, as the card sent them."""
+    """32-bit time-tag records, as the card sent them."""
 
 
 class PhotonCounter(Instrument, Protocol):
-    """A single-photon detector with its time-correlated counting."""
+    """A single-photon detector with time-correlated counting."""
 
     @abstractmethod
     def limits(self) -> CounterLimits:
-        """What it can do; asked once."""
+        """Return the limits; called once."""
         raise NotImplementedError
 
     @abstractmethod
     def configure(self, settings: CounterSettings, within_s: float) -> None:
-        """Set everything; holds for all acquisitions that follow."""
+        """Apply all settings, for all following acquisitions."""
 
     @abstractmethod
     def begin(self) -> None:
-        """Begin an acquisition and return at once."""
+        """Start an acquisition and return immediately."""
 
     @abstractmethod
     def finish(self, within_s: float) -> Histogram:
-        """Wait for its end."""
+        """Wait for the end of the acquisition and return its result."""
         raise NotImplementedError

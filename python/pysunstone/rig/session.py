@@ -1,4 +1,4 @@
-"""Sessions: a plan, executed by the instruments of a rig file and by those that are objects of Python."""
+"""Sessions: execution of a plan by the instruments of a rig file and by Python objects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pysunstone.rig.instruments import Instrument
 
 __all__ = ["Check", "Cost", "Outcome", "Report", "Session", "check"]
 
-#: Methods that tell one kind from all others.
+#: Methods that identify the kind of an instrument.
 _KINDS = {
     "stage": ("begin_move", "finish_move", "home", "read", "stop"),
     "projector": ("load", "show", "dark"),
@@ -28,30 +28,30 @@ _COMMON = ("identify", "reconnect", "limits")
 
 @dataclass(frozen=True)
 class Cost:
-    """What a run costs. Tries again, homing and saving are not in it; saving runs beside."""
+    """Cost of a run, without retries, homing and saving (saving runs in parallel)."""
 
     frames: int
     duration_s: float
-    """On the rig's clock."""
+    """Duration on the rig's clock."""
     moving_s: float
-    """Of it, while stages move."""
+    """Part of the duration during which stages move."""
     raw_bytes: int
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run did."""
+    """Result of a run."""
 
     taken: int
-    """Frames that it took."""
+    """Number of frames taken."""
     retries: int
-    """Tries that failed."""
+    """Number of failed attempts."""
     elapsed_s: float
-    """Time that passed on the rig's clock, which of a simulated bench is not that of the wall."""
+    """Elapsed time on the rig's clock. A simulated bench has its own clock, which differs from wall time."""
 
 
 def _kind(instrument: object) -> str | None:
-    """The kind whose methods it has all of."""
+    """Return the kind of which the instrument has all methods."""
     found = [kind for kind, names in _KINDS.items() if all(callable(getattr(instrument, n, None)) for n in (*names, *_COMMON))]
     return found[0] if found else None
 
@@ -63,9 +63,9 @@ def _lacks(instrument: object, kind: str) -> list[str]:
 class Session(MutableMapping[str, Any]):
     """A plan and the instruments that execute it.
 
-    It is a mapping of names to instruments: ``projector``, ``camera``, ``galvo``, ``laser``, ``counter``, and stages by the names of the
-    scheme's elements that they carry. Those of the rig file are there from the begin, simulated or real; each can be used as it is, or
-    replaced by an object that follows the same protocol:
+    A session maps names to instruments: ``projector``, ``camera``, ``galvo``, ``laser``, ``counter``, and stages by the names of
+    the scheme's elements that they carry. The instruments of the rig file, simulated or real, are present from the start. Use
+    them directly, or replace them by objects that follow the same protocol:
 
     >>> session = Session("rigs/spatio_polarimetric/plan.toml")     # doctest: +SKIP
     >>> session["camera"] = MyCamera()                              # doctest: +SKIP
@@ -78,22 +78,23 @@ class Session(MutableMapping[str, Any]):
     rig
         Rig file, instead of the plan's.
     instruments
-        Instruments of Python by name. Those of the same names in the rig file are not connected; nor need they be in it.
+        Python instruments by name. They replace instruments of the same names in the rig file, which are then not connected. The
+        rig file does not have to list them.
     sample
-        Capture a known sample instead of the scene, to calibrate with: air, mirror or polarizer. A simulated bench puts it there.
+        Capture a known sample instead of the scene, for calibration: air, mirror or polarizer. A simulated bench inserts it.
     dry
-        To ask for the cost: a bench's scene is not rendered, and its light meets nothing.
+        Prepare only for `cost`: the scene of a simulated bench is not rendered, and nothing is captured.
     bench_folder
-        Where a bench keeps the tensors of the scenes that it plays.
+        Folder where a simulated bench keeps the tensors of its scenes.
     progress
-        Of that render, as of `Scene.render`.
+        Progress of that render, as for `Scene.render`.
 
     Raises
     ------
     InputError
-        A file is wrong, or rig and plan do not fit.
+        If a file is wrong, or the rig does not fit the plan.
     RenderError
-        An instrument of the file does not answer, or the render failed.
+        If an instrument of the rig file does not answer, or the render fails.
     """
 
     def __init__(
@@ -132,7 +133,7 @@ class Session(MutableMapping[str, Any]):
         return len(self._instruments)
 
     def cost(self) -> Cost:
-        """What a run costs, before anything moves; refuses a plan that the instruments cannot do."""
+        """Return the cost of a run, without moving anything; refuse a plan that the instruments cannot execute."""
         return Cost(*_native.rig_cost(self._native, self._instruments))
 
     def run(
@@ -143,38 +144,38 @@ class Session(MutableMapping[str, Any]):
         force: bool = False,
         progress: bool | Progress | None = None,
     ) -> Outcome:
-        """Take all frames of the plan into a store, each safe on disk before the next counts.
+        """Take all frames of the plan into a store. Each frame is safe on disk before the next one counts.
 
-        The store is that of ``sunstone rig run``: `open_store` reads it, ``sunstone reconstruct`` makes Mueller matrices of it. Ctrl-C,
-        or an exception of `progress`, ends it after the frame in flight.
+        The store is that of ``sunstone rig run``. `open_store` reads it, and ``sunstone reconstruct`` computes Mueller matrices
+        from it. Ctrl-C, or an exception in `progress`, ends the run after the frame in flight.
 
         Parameters
         ----------
         output
             The store.
         resume
-            Go on with a run that did not come to its end.
+            Resume an unfinished run.
         force
-            Replace what is there.
+            Replace an existing store.
         progress
-            ``True``, or a function of frames done and frames in all.
+            ``True`` for a bar, or a function that is called with the finished and total number of frames.
 
         Raises
         ------
         InstrumentError
-            An instrument failed for good; an exception of Python's is its cause.
+            If an instrument fails permanently. If a Python instrument raised an exception, that is the cause.
         InputError
-            The plan cannot be done, or the store is another run's.
+            If the plan cannot be executed, or the store belongs to another run.
         RenderError
-            The disk failed.
+            If the disk fails.
         """
         if self._dry:
-            raise InputError("a dry session takes nothing; open it without dry=True")
+            raise InputError("a dry session takes nothing; open the session without dry=True")
         with told(progress, "frame") as show:
             return Outcome(*_native.rig_run(self._native, self._instruments, output, resume, force, show))
 
     def check(self, name: str) -> Report:
-        """Run the checks of its kind on an instrument, which moves and shines."""
+        """Run the checks of an instrument's kind on it. The instrument moves and emits light."""
         return check(self._instruments[name], name=name)
 
     def __repr__(self) -> str:
@@ -184,26 +185,26 @@ class Session(MutableMapping[str, Any]):
 def _fits(name: str, instrument: object) -> None:
     kind = name if name in _KINDS and name != "stage" else "stage"
     if lacks := _lacks(instrument, kind):
-        what = f"`{name}`" if kind == name else f"`{name}`, a stage by its name (there are {', '.join(list(_KINDS)[1:])} besides),"
+        what = f"`{name}`" if kind == name else f"`{name}`, a stage by its name (other names: {', '.join(list(_KINDS)[1:])}),"
         raise InputError(f"{what} is a {type(instrument).__name__}, which has no method {', '.join(lacks)}")
 
 
 @dataclass(frozen=True)
 class Check:
-    """A check: what an instrument shall do, and what it did instead, if anything."""
+    """One check: its requirement, and the fault, if any."""
 
     name: str
     fault: str | None
 
 
 class Report(tuple[Check, ...]):
-    """Checks of one instrument; true where it keeps all of its promises."""
+    """Results of the checks of one instrument; true if all pass."""
 
     __slots__ = ()
 
     @property
     def faults(self) -> list[Check]:
-        """What it did not do."""
+        """Failed checks."""
         return [c for c in self if c.fault is not None]
 
     def __bool__(self) -> bool:
@@ -216,17 +217,17 @@ class Report(tuple[Check, ...]):
 
 
 def check(instrument: Instrument, *, name: str | None = None) -> Report:
-    """Check whether an instrument keeps to its protocol, by the suite that every driver of Sunstone passes.
+    """Check whether an instrument follows its protocol, with the suite that every driver of Sunstone passes.
 
-    It moves, shines and exposes meanwhile. What the session itself holds for an instrument (limits, one exposure at a time) is kept by
-    the session here as well.
+    The instrument moves, emits light and exposes. The session enforces the same rules here as in a run (limits, one exposure at a
+    time).
 
     Parameters
     ----------
     instrument
-        An instrument of any kind; the kind is told by its methods.
+        An instrument of any kind; its methods determine the kind.
     name
-        In messages; that of its class without it.
+        Name for messages; by default that of the class.
     """
     kind = _kind(instrument)
     if kind is None:

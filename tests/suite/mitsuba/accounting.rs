@@ -1,4 +1,5 @@
-//! Everything that a Mitsuba scene says is used, noted or refused: an item that means nothing, in every kind of element.
+//! Every item of a Mitsuba scene is used, noted or refused. The tests add an unknown item to every kind of
+//! element.
 
 use super::imported;
 
@@ -41,7 +42,7 @@ const WHOLE: &str = r#"<scene version="3.0.0">
 </scene>
 "#;
 
-/// The files that the scene names.
+/// Folder with the files that the scene refers to.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(
@@ -111,7 +112,7 @@ fn items_that_mean_nothing_are_noted_or_refused_everywhere() {
         for (at, _) in WHOLE.match_indices(&format!("{tag} ")) {
             let end = at + WHOLE[at..].find('>').unwrap();
             for item in ITEMS {
-                // An element that is closed at once is opened.
+                // Opens a self-closing element.
                 let kind = &tag[1..];
                 let text = match WHOLE[..end].strip_suffix('/') {
                     Some(start) => format!("{start}>{item}</{kind}{}", &WHOLE[end..]),
@@ -131,7 +132,7 @@ fn items_that_mean_nothing_are_noted_or_refused_everywhere() {
     assert!(tried > 500, "{tried}");
 }
 
-/// Items that elements have, whose value changes the image: each changes the scene, is noted or is refused.
+/// Known items whose value changes the image: each changes the scene, is noted or is refused.
 #[test]
 fn known_items_are_never_silent() {
     let folder = folder();

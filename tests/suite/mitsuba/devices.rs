@@ -1,4 +1,4 @@
-//! Cameras and lights of other programs that look or shine through an image, and media on grids: orthographic sensors, projectors, spots
+//! Import of cameras and emitters with images, and of media on grids: orthographic sensors, projectors, spots
 //! with a texture, heterogeneous media.
 
 use super::imported;
@@ -30,7 +30,7 @@ fn squares(folder: &Path) {
 
 const BITMAP: &str = "<string name=\"filename\" value=\"squares.png\"/><string name=\"filter_type\" value=\"nearest\"/></texture>";
 
-/// Grids of extinction and albedo, in boxes of their own; a constant extinction ends with the unit cube too.
+/// Grids of extinction and albedo, in separate boxes; a constant extinction also ends with the unit cube.
 #[test]
 fn heterogeneous_media_keep_their_boxes() {
     let folder = tempfile::tempdir().unwrap();
@@ -80,7 +80,7 @@ fn heterogeneous_media_keep_their_boxes() {
         depths(&scene(&volume("sigma_t", ""))),
         [3.0, 0.0, 4.0 * 0.95 * 0.75],
     );
-    // The file's box is 2 m wide: at 1.5 m too.
+    // The file's box is 2 m wide, so it also covers 1.5 m.
     near(
         depths(&scene(&volume("sigma_t", own)))[..].try_into().unwrap(),
         [3.0, 3.0, 4.0 * 0.95 * 0.75],
@@ -94,7 +94,7 @@ fn heterogeneous_media_keep_their_boxes() {
     assert!(e.message.contains("wrap_mode `repeat`"), "{e}");
 }
 
-/// The image is twice as wide as `to_world` scales it; rays begin at the near plane.
+/// The image is twice as wide as the scale of `to_world`; rays begin at the near plane.
 #[test]
 fn orthographic_sensors_are_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -114,7 +114,7 @@ fn orthographic_sensors_are_read() {
         (Vec3A::new(0.0, 0.0, 4.5), [40, 20])
     );
     assert!((camera.focal.x - 40.0 / 6.0).abs() < 1e-9, "{}", import.toml);
-    // The middle of the first pixel: to the left, which is +x here, and up.
+    // The centre of the first pixel: to the left, which is +x here, and up.
     let first = camera.at(glam::DVec2::splat(0.5));
     let want = Vec3A::new(3.0 - 0.075, 1.5 - 0.075, 4.5);
     assert!((first.origin - want).length() < 1e-5, "{}", first.origin);
@@ -133,7 +133,7 @@ fn orthographic_sensors_are_read() {
     assert!(e.message.contains("scales x and y differently"), "{e}");
 }
 
-/// The lights of a scene with one emitter and a perspective sensor.
+/// The emitters of a scene with one emitter and a perspective sensor.
 fn lights(folder: &Path, emitter: &str) -> (Import, Scene) {
     let import =
         imported(folder, &text("<sensor type=\"perspective\"/>", emitter)).unwrap_or_else(|e| panic!("{e}"));
@@ -141,7 +141,7 @@ fn lights(folder: &Path, emitter: &str) -> (Import, Scene) {
     (import, scene)
 }
 
-/// Radiant intensity at the scene's wavelengths along a direction.
+/// Radiant intensity at the scene's wavelengths in a direction.
 fn sent(scene: &Scene, light: &PointEmitter, dir: Vec3A) -> [f32; 3] {
     let share = light.profile.value(dir.normalize());
     let all = light
@@ -150,7 +150,8 @@ fn sent(scene: &Scene, light: &PointEmitter, dir: Vec3A) -> [f32; 3] {
     [all[2], all[1], all[0]]
 }
 
-/// A projector of colours is light of the scene; one that is white has the pixels that T resolves.
+/// A projector of colours becomes an emitter of the scene; a white one becomes the projector, whose pixels T
+/// resolves.
 #[test]
 fn projectors_of_images_become_slides() {
     let folder = tempfile::tempdir().unwrap();
@@ -168,7 +169,8 @@ fn projectors_of_images_become_slides() {
     let [light] = &scene.points[..] else {
         panic!("{}", import.toml);
     };
-    // Mitsuba's right is -x of the emitter, which looks along +z with +y up; irradiances are π times what its file says.
+    // Mitsuba's right is -x of the emitter, which looks along +z with +y up; irradiances are π times the
+    // value in its file.
     for (dir, colour) in [
         (Vec3A::new(0.5, 0.5, 1.0), [1.0, 0.0, 0.0]),
         (Vec3A::new(-0.5, 0.5, 1.0), [0.0, 1.0, 0.0]),
@@ -191,7 +193,7 @@ fn projectors_of_images_become_slides() {
     assert_eq!((projector.pinhole.resolution, scene.points.len()), ([3, 2], 0));
 }
 
-/// The image of a spot stands over the square around its cone, and rises with the emitter's +y.
+/// The image of a spot covers the square around its cone; its up direction is the emitter's +y.
 #[test]
 fn spots_project_textures() {
     let folder = tempfile::tempdir().unwrap();
@@ -205,7 +207,7 @@ fn spots_project_textures() {
         panic!("{}", import.toml);
     };
     assert!(matches!(light.profile, Profile::Spot { .. }));
-    // As Mitsuba's own `eval_direction` says: u with +x, v with +y, and rows of an image from the top.
+    // As in Mitsuba's own `eval_direction`: u with +x, v with +y, and rows of an image from the top.
     for (dir, colour) in [
         (Vec3A::new(-0.5, -0.5, 1.0), [1.0, 0.0, 0.0]),
         (Vec3A::new(0.5, -0.5, 1.0), [0.0, 1.0, 0.0]),

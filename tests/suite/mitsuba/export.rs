@@ -1,9 +1,9 @@
-//! What Mitsuba lacks is refused by name, and folders in use are left alone.
+//! Features that Mitsuba lacks are refused by name, and non-empty folders are not changed.
 
 use super::{ALL, exported, folder};
 use sunstone::scene::mitsuba::export::Export;
 
-/// What is put in place of a passage of [`ALL`], and words of the message.
+/// Replacements of a passage of [`ALL`], and words of the message.
 const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
     (
         "cx = 13.5",
@@ -171,7 +171,7 @@ fn a_folder_in_use_is_left_alone() {
         export.xml
     );
     assert_eq!(std::fs::read_to_string(out.join("mine.txt")).unwrap(), "mine");
-    // A file that cannot be copied leaves nothing behind.
+    // If a file cannot be copied, nothing is written.
     std::fs::remove_file(folder.path().join("table.pbsdf")).unwrap();
     let fresh = folder.path().join("fresh");
     assert!(export.write(&fresh, false).is_err());

@@ -1,4 +1,4 @@
-//! Shapes that become meshes in files beside the scene file: curves and grids of distances.
+//! Shapes that become mesh files next to the scene file: curves and grids of distances.
 
 use super::{imported, imported_whole};
 use glam::Vec3A;
@@ -17,7 +17,7 @@ fn text(shape: &str) -> String {
     )
 }
 
-/// The scene as it is written and read again.
+/// The scene after writing and reading.
 fn written(folder: &Path, import: &Import) -> Scene {
     let toml = folder.join("scene.toml");
     import.write(&toml, true).unwrap();
@@ -50,7 +50,7 @@ fn sphere() -> Vec<u8> {
     out
 }
 
-/// `to_world` moves points and leaves radii (Mitsuba's `bsplinecurve` and `linearcurve`).
+/// `to_world` moves points but does not scale radii (as Mitsuba's `bsplinecurve` and `linearcurve`).
 #[test]
 fn curves_become_tubes_of_their_radius() {
     let folder = tempfile::tempdir().unwrap();
@@ -106,7 +106,7 @@ fn equal_shapes_share_a_file() {
 fn grids_of_distances_become_their_surface() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("ball.vol"), sphere()).unwrap();
-    // Along the edge of four cells, the gradient of each leans by 0.2 twice.
+    // Along the edge of four cells, the gradient of each deviates by 0.2 in two directions.
     for (normals, least) in [
         ("", -0.999),
         ("<string name=\"normals\" value=\"analytic\"/>", -0.95),
@@ -131,7 +131,7 @@ fn grids_of_distances_become_their_surface() {
     assert!(e.to_string().contains("no emitter"), "{e}");
 }
 
-/// Each message names the scene's place, the file and what is wrong.
+/// Each message gives the location in the scene, the file and the fault.
 #[test]
 fn broken_curves_and_grids_are_refused_with_their_place() {
     let folder = tempfile::tempdir().unwrap();
@@ -152,7 +152,7 @@ fn broken_curves_and_grids_are_refused_with_their_place() {
     }
 }
 
-/// From a dictionary of Python, with its files in memory.
+/// From a Python dictionary, with its files in memory.
 #[test]
 fn files_in_memory_are_enough() {
     let files: BTreeMap<String, Vec<u8>> = [("curve.txt".to_owned(), CURVE.into())].into();

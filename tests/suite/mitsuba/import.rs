@@ -1,4 +1,4 @@
-//! Scenes that people write for Mitsuba: what is read, and what is told with its place.
+//! Hand-written scenes for Mitsuba: what is read, and what is reported with its location.
 
 use super::{ALL, exported, imported, imported_whole};
 use glam::Vec3A;
@@ -9,7 +9,7 @@ use sunstone::scene::mitsuba::import::Import;
 use sunstone::scene::syntax::values::TimeFile;
 use sunstone::transport::geometry::ray::Ray;
 
-/// A scene as a person writes it.
+/// A hand-written scene.
 const HAND: &str = r#"<scene version="3.0.0">
     <default name="fov" value="30"/>
     <integrator type="path"><integer name="max_depth" value="5"/></integrator>
@@ -56,7 +56,7 @@ fn a_scene_by_hand_is_read() {
         dir: Vec3A::NEG_Z,
     };
     let depth = |x, y| scene.geometry.intersect(&ray(x, y), 100.0).map(|h| h.t);
-    // Scaled along x, then turned: it is tall.
+    // Scaled along x, then rotated: it is tall.
     assert_eq!((depth(0.0, -1.9), depth(-1.1, 0.0)), (Some(5.0), None));
     assert!((depth(1.0, 2.0).unwrap() - 3.5).abs() < 1e-6);
     let define = BTreeMap::from([
@@ -162,7 +162,7 @@ fn what_is_not_understood_is_told_with_its_place() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
-    // A circle of references, and elements nested without end.
+    // A circle of references, and endlessly nested elements.
     let text = HAND.replace("<rgb name=\"reflectance\" value=\"0.1, 0.2, 0.3\"/>", "");
     let text = text.replace(
         "<bsdf type=\"diffuse\">",
@@ -175,11 +175,11 @@ fn what_is_not_understood_is_told_with_its_place() {
     assert!(e.message.contains("nested too deeply"), "{}", e.message);
 }
 
-/// Whatever else is wrong does not hide a fault: all are told, each at its line, in order.
+/// Faults do not hide each other: all are reported, each with its line, in order.
 #[test]
 fn all_problems_are_told_at_once() {
     let folder = tempfile::tempdir().unwrap();
-    // Faults in elements of their own, from top to bottom.
+    // Faults in separate elements, from top to bottom.
     let faults: Vec<_> = [3, 4, 10, 11, 12, 14, 17]
         .into_iter()
         .filter_map(|line| UNREADABLE.iter().find(|f| f.2 == line))
@@ -230,7 +230,7 @@ fn one_sided_is_black_behind() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
-    /// Whatever happens to a file, the answer is a scene or an error.
+    /// Any damage to a file gives a scene or an error.
     #[test]
     fn broken_files_do_no_harm(
         whole in any::<bool>(),
@@ -275,7 +275,7 @@ fn flipped_rectangles_face_the_other_way() {
     }
 }
 
-/// 1 if the normals of a shape, met from outside, face the ray, -1 if they point away.
+/// 1 if the normals of a shape, hit from outside, face the ray, -1 if they point away.
 fn facing(folder: &Path, shape: &str) -> f32 {
     let text = format!(
         "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><emitter type=\"constant\"/>{shape}</scene>"
@@ -296,8 +296,8 @@ fn facing(folder: &Path, shape: &str) -> f32 {
 const TENT: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 1\n";
 const TENT_FACES: &str = "f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
 
-/// The orientation of Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`): mirrors turn spheres and meshes whose
-/// normals are computed inside out, others not; `flip_normals` turns all.
+/// The orientation as in Mitsuba 3.9.1 (the shading normals of `scene.ray_intersect`): mirroring turns
+/// spheres and meshes with computed normals inside out, but not other shapes; `flip_normals` turns all.
 #[test]
 fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -305,7 +305,7 @@ fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
         + "f 1//1 2//2 5//5\nf 2//2 3//3 5//5\nf 3//3 4//4 5//5\nf 4//4 1//1 5//5\n";
     std::fs::write(folder.path().join("bare.obj"), format!("{TENT}{TENT_FACES}")).unwrap();
     std::fs::write(folder.path().join("normals.obj"), with_normals).unwrap();
-    // What is inside the element, and the signs for no scale, x = -1, z = -1 and all three -1.
+    // Content of the element, and the signs for no scale, x = -1, z = -1 and all three -1.
     let bare = "<string name=\"filename\" value=\"bare.obj\"/>";
     let normals = "<string name=\"filename\" value=\"normals.obj\"/>";
     let flat = format!("{normals}<boolean name=\"face_normals\" value=\"true\"/>");
@@ -327,7 +327,7 @@ fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
         let scales = ["x=\"1\"", "x=\"-1\"", "z=\"-1\"", "x=\"-1\" y=\"-1\" z=\"-1\""];
         for (scale, sign) in scales.into_iter().zip(signs) {
             for (flip, turned) in [("false", 1.0), ("true", -1.0)] {
-                // A tent that a mirror turns downwards is met from below, through its open base.
+                // A pyramid that a mirroring turns downwards is hit from below, through its open base.
                 let up = if kind == "obj" && scale.contains("z=") {
                     "<rotate x=\"1\" angle=\"180\"/>"
                 } else {
@@ -343,8 +343,8 @@ fn mirrors_and_flips_orient_shapes_as_in_mitsuba() {
     }
 }
 
-/// Meshes without normals are smooth, unless `face_normals`: where two faces meet at a right angle, the normal of the edge
-/// points between them.
+/// Meshes without normals are smooth, unless `face_normals` is set: where two faces form a right angle, the
+/// normal at the edge points between them.
 #[test]
 fn meshes_without_normals_are_smooth_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -365,7 +365,7 @@ fn meshes_without_normals_are_smooth_as_in_mitsuba() {
         let hit = scene.geometry.intersect(&ray, 100.0).unwrap();
         scene.geometry.surface(&ray, &hit).ns
     };
-    // As Mitsuba 3.9.1 has it, although the faces are of two groups.
+    // As in Mitsuba 3.9.1, although the faces belong to two groups.
     let expected = Vec3A::new(-0.007_091_65, 0.999_975, 0.0);
     assert!((normal("") - expected).length() < 1e-5, "{}", normal(""));
     let flat = normal("<boolean name=\"face_normals\" value=\"true\"/>");
@@ -375,7 +375,8 @@ fn meshes_without_normals_are_smooth_as_in_mitsuba() {
     );
 }
 
-/// Names of Mitsuba 0.x are those of Mitsuba 3 afterwards, with a note; each included file is read by its own version.
+/// Names of Mitsuba 0.x are upgraded to those of Mitsuba 3, with a note; each included file is read by its
+/// own version.
 #[test]
 fn old_files_are_upgraded() {
     let folder = tempfile::tempdir().unwrap();
@@ -395,7 +396,7 @@ fn old_files_are_upgraded() {
     let [a, b] = [&new, &old].map(|text| imported(folder.path(), text).unwrap());
     assert_eq!(a.toml, b.toml);
     assert!(b.notes.iter().any(|n| n.contains("Mitsuba 0.x")) && !a.notes.iter().any(|n| n.contains("0.x")));
-    // The same names in a file of Mitsuba 3 are unknown.
+    // The same names are unknown in a file of Mitsuba 3.
     let e = imported(folder.path(), &HAND.replace("max_depth", "maxDepth")).unwrap_err();
     assert!(e.message.contains("`maxDepth`"), "{e}");
     let part = "<scene version=\"0.5.0\"><shape type=\"sphere\"><transform name=\"toWorld\"><translate x=\"3\"/>\
@@ -405,7 +406,7 @@ fn old_files_are_upgraded() {
     assert!(imported(folder.path(), &text).unwrap().toml.contains("3.0"));
 }
 
-/// Of two folders that hold a file, the last `<path>` goes first, before the scene's own.
+/// If two folders contain a file, the last `<path>` takes precedence, before the scene's own folder.
 #[test]
 fn paths_are_searched_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -436,7 +437,7 @@ fn paths_are_searched_as_in_mitsuba() {
     assert!(e.message.contains("there is no folder"), "{e}");
 }
 
-/// A rotation about an axis that is not of length 1 scales and shears as in Mitsuba 3, which is noted.
+/// A rotation about an axis that is not of unit length scales and shears as in Mitsuba 3, which is noted.
 #[test]
 fn rotations_about_long_axes_are_those_of_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -447,7 +448,8 @@ fn rotations_about_long_axes_are_those_of_mitsuba() {
         "{:?}",
         import.notes
     );
-    // cos I + sin [a]x + (1 - cos) a aᵀ of a = (2, 0, 0): x is scaled by 4, y goes to 2 z; before it, x was scaled by 2.
+    // cos I + sin [a]x + (1 - cos) a aᵀ for a = (2, 0, 0): x is scaled by 4, y becomes 2 z; before it, x was
+    // scaled by 2.
     assert!(
         ["[8.0, 0.0", "[7.99999999999999"]
             .iter()
@@ -462,7 +464,7 @@ fn rotations_about_long_axes_are_those_of_mitsuba() {
     assert!(e.message.contains("no axis"), "{e}");
 }
 
-/// The window of a cropped film is the same window of the whole film's image.
+/// The window of a cropped film is the same window of the full film's image.
 #[test]
 fn cropped_films_are_windows_of_the_whole_image() {
     let folder = tempfile::tempdir().unwrap();
@@ -488,7 +490,8 @@ fn cropped_films_are_windows_of_the_whole_image() {
     assert!(e.message.contains("crop window"), "{e}");
 }
 
-/// A film of mitransient becomes a slice of time bins beside the image; integrators of Mitsuba's Python package stop at 6.
+/// A film of mitransient becomes a slice of time bins in addition to the image; integrators of Mitsuba's
+/// Python package have a maximum depth of 6.
 #[test]
 fn transient_films_become_time_bins() {
     let folder = tempfile::tempdir().unwrap();
@@ -507,7 +510,7 @@ fn transient_films_become_time_bins() {
     let TimeFile::Bins(bins) = &transient.time else {
         panic!("{}", import.toml);
     };
-    // 1 ns a bin; path lengths count from the near clipping plane, at 0.01 m.
+    // 1 ns per bin; path lengths start at the near clipping plane, at 0.01 m.
     assert!(
         (*bins.bin_ps - 1000.0).abs() < 1e-6 && (bins.start_ps - 10_000.0).abs() < 1e-6,
         "{bins:?}"
@@ -526,7 +529,8 @@ fn transient_films_become_time_bins() {
     assert!(import.notes.iter().any(|n| n.contains("camera_unwarp")));
 }
 
-/// Facets have one roughness, the root of those along u and v, and one that is not 0; numbers in images are luminances.
+/// Facets have a single roughness, the root of the product of those along u and v, and never 0; numbers in
+/// images are luminances.
 #[test]
 fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
     let folder = tempfile::tempdir().unwrap();
@@ -553,7 +557,7 @@ fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
         (number("alpha", 0.0), "alpha = 0.001", "an alpha below 0.001"),
         (
             squares("alpha_u", 0.25, 0.0625) + &squares("alpha_v", 1.0, 0.25),
-            // Mitsuba exchanges the squares where a number is asked for.
+            // Mitsuba exchanges the squares where a number is required.
             "checkerboard = [0.125, 0.5]",
             "alpha_u and alpha_v",
         ),
@@ -587,7 +591,7 @@ fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
     }
 }
 
-/// Defaults are Mitsuba's: endless paths, black lamps, grey shapes.
+/// Defaults are Mitsuba's: unlimited paths, black lamps, grey shapes.
 #[test]
 fn defaults_are_those_of_mitsuba() {
     let folder = tempfile::tempdir().unwrap();
@@ -613,7 +617,7 @@ fn defaults_are_those_of_mitsuba() {
     );
 }
 
-/// What counts towards the longest path differs between integrators, and is noted where it does.
+/// Integrators count path lengths differently; differences are noted.
 #[test]
 fn thin_glass_under_volumetric_integrators_is_noted() {
     let folder = tempfile::tempdir().unwrap();
@@ -626,7 +630,7 @@ fn thin_glass_under_volumetric_integrators_is_noted() {
     assert!(noted(&glass.replace("\"path\"", "\"volpath\"")));
 }
 
-/// Whatever stands at the top of a scene may be named by a reference; what nothing names is noted.
+/// References can name any top-level element; unreferenced elements are noted.
 #[test]
 fn references_reach_everything_at_the_top() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Groups and instances: Mitsuba's `shapegroup` and `instance`, there and back; files of places; faults by name.
+//! Groups and instances: Mitsuba's `shapegroup` and `instance`, in both directions; files of placements;
+//! faults by name.
 
 use super::{exported, imported};
 use glam::Vec3A;
@@ -31,7 +32,7 @@ const HAND: &str = r#"<scene version="3.0.0">
 </scene>
 "#;
 
-/// Rays meet the same in both scenes.
+/// Asserts that rays hit the same surfaces in both scenes; returns the number of hits.
 fn same(a: &Scene, b: &Scene) -> usize {
     let mut stream = Stream::new(31, 0, 0);
     let (mut hits, mut apart) = (0, 0);
@@ -47,9 +48,9 @@ fn same(a: &Scene, b: &Scene) -> usize {
             g.intersect(&ray, f32::INFINITY).map(|h| g.surface(&ray, &h))
         });
         match (p, q) {
-            // A mirror turns shapes of Mitsuba inside out, and copies of groups not.
+            // In Mitsuba, mirroring turns shapes inside out, but not copies of groups.
             (Some(p), Some(q)) if p.ng.dot(q.ng).abs() > 0.999 => {
-                // Beside a grazing ray, rounding is small.
+                // Away from grazing incidence, rounding errors are small.
                 if p.ng.dot(ray.dir).abs() > 0.1 {
                     assert!((p.p - q.p).length() < 1e-4, "{p:?} {q:?}");
                 }
@@ -81,13 +82,14 @@ fn shape_groups_are_read() {
         };
         scene.geometry.intersect(&ray, 100.0).map(|h| h.t)
     };
-    // The first tree's ball; the second's, which lies to the left and is 1 wide and 2 high; the third's.
+    // The first tree's ball; the second's, which is on the left and 1 wide and 2 high; the third's.
     assert!((meets(0.0, 1.0).unwrap() - 8.5).abs() < 1e-5);
     assert!(meets(2.5, 0.9).is_some() && meets(2.5, 1.1).is_none() && meets(2.2, 0.0).is_none());
     assert!((meets(-2.0, 0.0).unwrap() - 8.5).abs() < 1e-5);
-    // The cube stands on the other side in the mirror image.
+    // In the mirror image the cube is on the opposite side.
     assert!(meets(-2.7, -1.0).is_some() && meets(-1.3, -1.0).is_none());
-    // The same written out; uneven scales aside, which spheres of Mitsuba do not follow, and copies do.
+    // The same without instances, except for uneven scales, which copies apply to spheres and Mitsuba's
+    // spheres do not.
     let even = HAND.replace(r#"<scale x="2" y="0.5"/>"#, r#"<scale value="2"/>"#);
     let import = imported(folder.path(), &even).unwrap();
     let scene = sunstone::scene::from_text(&path, &import.toml).unwrap();
@@ -329,7 +331,7 @@ fn places_are_lists_or_arrays() {
         let e = built(folder.path(), &text).err().expect(message);
         assert!(e.message.contains(message) && e.help.is_some(), "{message}: {e}");
     }
-    // What stands where is part of what a scene means.
+    // The placements affect a scene's hash.
     let moved = built(folder.path(), &SCENE.replace("[0, -1, 1]", "[0, -1, 1.5]")).unwrap();
     assert_ne!(moved.sha256, listed.sha256);
 }

@@ -1,4 +1,5 @@
-//! There and back again: what is expressible comes back the same, what is not is refused by name.
+//! Round trips: what Mitsuba can express is unchanged after export and import; anything else is refused by
+//! name.
 
 use glam::Vec3A;
 use std::collections::BTreeMap;
@@ -24,7 +25,7 @@ mod import;
 mod instances;
 mod there_and_back;
 
-/// Every material and every shape that Mitsuba has too.
+/// Every material and every shape that Mitsuba also has.
 const ALL: &str = r#"
 wavelengths_nm = [550]
 [render]
@@ -113,7 +114,7 @@ name = "mueller"
 polarization = "mueller"
 "#;
 
-/// A folder with the files that [`ALL`] names.
+/// A folder with the files that [`ALL`] refers to.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -150,12 +151,12 @@ fn exported(folder: &Path, text: &str) -> Result<Export, InputError> {
     Export::from_text(&folder.join("scene.toml"), text, None)
 }
 
-/// An import, or what is wrong first.
+/// An import, or its first error.
 fn imported(folder: &Path, xml: &str) -> Result<Import, InputError> {
     imported_whole(folder, xml).map_err(|mut e| e.0.remove(0))
 }
 
-/// An import, or all that is wrong.
+/// An import, or all its errors.
 fn imported_whole(folder: &Path, xml: &str) -> Result<Import, ImportError> {
     Import::from_text(
         &folder.join("scene.xml"),
@@ -194,8 +195,8 @@ fn same_spectrum(a: Spectral, b: Spectral) {
     }
 }
 
-/// Asserts that two scenes are one: devices, emitters, and what rays meet, 16 elements and all. Gives how many rays met
-/// something, and how many comparisons of matrices were made.
+/// Asserts that two scenes are equal: devices, emitters, and the surfaces that rays hit, with all 16
+/// elements. Returns the number of hits and of compared matrices.
 fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
     assert_eq!(a.wavelengths, b.wavelengths);
     assert_eq!(a.settings.spp, b.settings.spp);
@@ -257,7 +258,8 @@ fn assert_same(a: &Scene, b: &Scene) -> (usize, usize) {
     (hits, matrices)
 }
 
-/// True if there was anything to compare. At the horizon f32 of moved shapes decides; values near zero may be missing.
+/// Asserts that two matrices are equal; returns whether both exist. A missing matrix counts as zero, because
+/// near the horizon the f32 rounding of moved shapes decides whether it exists.
 fn same_matrix([a, b]: [Option<[[f32; 4]; 4]>; 2]) -> bool {
     let zero = [[0.0; 4]; 4];
     let compared = a.is_some() && b.is_some();

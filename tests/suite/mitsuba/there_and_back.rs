@@ -1,4 +1,4 @@
-//! What goes to Mitsuba and back is the same scene.
+//! A scene is unchanged after an export to Mitsuba and an import.
 
 use super::{ALL, assert_same, exported, folder};
 use std::collections::BTreeMap;
@@ -43,7 +43,7 @@ fn several_wavelengths_come_back() {
         sunstone::scene::from_text(&path, &back.toml).unwrap(),
     );
     assert_same(&a, &b);
-    // One of them alone is the scene at that wavelength.
+    // A single wavelength exports the scene at that wavelength.
     let one = Export::from_text(&path, &text, Some(450.0)).unwrap();
     assert!(!one.xml.contains("450:"), "plain numbers for mono variants");
     assert!(one.xml.contains("name=\"intensity\" value=\"1\""), "{}", one.xml);

@@ -1,7 +1,8 @@
-"""The bridge to bluesky and ophyd-async: their devices as instruments of a session, and instruments as their devices.
+"""Bridge to bluesky and ophyd-async: their devices as instruments of a session, and instruments as their devices.
 
-A device is known by bluesky's protocols alone, so that neither library is needed here: `Movable` (``set`` gives a status), `Readable`,
-`Locatable`, `Triggerable`, `Stoppable`; those of ophyd-async, whose methods are coroutines, as well.
+Devices are recognized by bluesky's protocols, so that neither library is required: `Movable` (``set`` returns a status),
+`Readable`, `Locatable`, `Triggerable`, `Stoppable`. The protocols of ophyd-async, whose methods are coroutines, are also
+supported.
 """
 
 from pysunstone.rig.bluesky.devices import CameraOfDevice, StageOfDevice, event_loop

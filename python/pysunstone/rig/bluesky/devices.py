@@ -27,18 +27,18 @@ from pysunstone.rig.instruments import (
 
 __all__ = ["CameraOfDevice", "Device", "StageOfDevice", "event_loop", "position", "reconnect"]
 
-#: Longest wait for an answer that no deadline of the session is given for, seconds.
+#: Timeout in seconds for requests to which the session gives no deadline.
 _ANSWER_S = 10.0
 _own_loop: asyncio.AbstractEventLoop | None = None
 _lock = threading.Lock()
 
 
 def event_loop() -> asyncio.AbstractEventLoop:
-    """The loop in which devices are asked: that of bluesky's RunEngine where there is one, else one on a thread of its own.
+    """Return the event loop for devices: that of bluesky's RunEngine if there is one, else a loop on a separate thread.
 
-    Devices of ophyd-async belong to the loop in which they were connected: connect them in this one,
-    ``asyncio.run_coroutine_threadsafe(device.connect(), event_loop()).result()``, or by ophyd-async's ``init_devices`` after a RunEngine
-    was made.
+    Devices of ophyd-async belong to the loop in which they were connected. Connect them in this loop, with
+    ``asyncio.run_coroutine_threadsafe(device.connect(), event_loop()).result()``, or with ophyd-async's ``init_devices`` after
+    you created a RunEngine.
     """
     engine = sys.modules.get("bluesky.run_engine")
     found: asyncio.AbstractEventLoop | None = engine.get_bluesky_event_loop() if engine else None
@@ -63,7 +63,7 @@ class Device:
         return str(getattr(self.device, "name", "") or type(self.device).__name__)
 
     def ask(self, method: Callable[..., Any], *arguments: Any, within_s: float) -> Any:
-        """What a method answers, or what its coroutine does."""
+        """Return the result of a method or of its coroutine."""
 
         async def asked() -> Any:
             answer = method(*arguments)
@@ -72,7 +72,7 @@ class Device:
         return self._run(asked, within_s)
 
     def begin(self, method: Callable[..., Any], *arguments: Any) -> Any:
-        """The status of what a method begins."""
+        """Return the status of an operation that a method starts."""
 
         async def begun() -> Any:
             return method(*arguments)
@@ -80,14 +80,14 @@ class Device:
         return self._run(begun, _ANSWER_S)
 
     def wait(self, status: Any, within_s: float) -> None:
-        """Waits for a status; raises what it failed with."""
+        """Wait for a status; raise its exception if it failed."""
         ended = threading.Event()
 
         def end(_: object) -> None:
             ended.set()
 
         async def listen() -> None:
-            # Callbacks of asyncio's tasks are added in their own thread.
+            # Callbacks of asyncio tasks must be added in the thread of their loop.
             status.add_callback(end)
 
         self._run(listen, _ANSWER_S)
@@ -95,11 +95,11 @@ class Device:
             raise TimeoutError(f"{self.name()} is not done after {within_s:.1f} s")
         error = status.exception()
         if isinstance(error, asyncio.CancelledError):
-            raise RuntimeError(f"{self.name()} was stopped on its way") from error
+            raise RuntimeError(f"{self.name()} was stopped during the operation") from error
         if error is not None:
             raise error
         if not status.success:
-            raise RuntimeError(f"{self.name()} did not do it, and does not say why")
+            raise RuntimeError(f"{self.name()} failed without a reason")
 
     def _run(self, work: Callable[[], Any], within_s: float) -> Any:
         future = asyncio.run_coroutine_threadsafe(work(), self._loop or event_loop())
@@ -116,7 +116,7 @@ class Device:
         return Identity(of.__module__.partition(".")[0], of.__name__, self.name())
 
     def value(self, key: str | None, within_s: float) -> Any:
-        """What it reads: the value of a key; of its own name, or its only one, without a key."""
+        """Return the value of a key that the device reads. By default the key is the device's name, or the only key."""
         reading = self.ask(self.device.read, within_s=within_s)
         wanted = key if key is not None else self.name()
         if wanted not in reading and key is None and len(reading) == 1:
@@ -132,15 +132,15 @@ class StageOfDevice(RotationStage):
     Parameters
     ----------
     device
-        `Movable` in degrees, and `Locatable` or `Readable`; `Stoppable` where it can stop.
+        `Movable` in degrees, and `Locatable` or `Readable`; `Stoppable` if it can stop.
     limits
-        What it can do: a session holds it to that.
+        Limits of the stage, which the session enforces.
     home
-        Called to find its zero, on the session's thread. Without it the device is taken to know its zero always.
+        Called on the session's thread to find the zero position. Without it, the zero position counts as always known.
     key
-        Of ``read`` of a device that is not `Locatable`; its own name without it.
+        Key of ``read``, for a device that is not `Locatable`; by default its name.
     loop
-        Where its coroutines run; `event_loop` without it.
+        Event loop of its coroutines; by default `event_loop`.
     """
 
     def __init__(
@@ -178,7 +178,7 @@ class StageOfDevice(RotationStage):
 
     def begin_move(self, angle_deg: float) -> None:
         if self._status is not None and not self._status.done:
-            # Devices of bluesky take no second goal on their way to a first one.
+            # Devices of bluesky do not accept a new target during a move.
             self.stop(_ANSWER_S)
         self._status = self._of.begin(self._of.device.set, angle_deg)
 
@@ -201,13 +201,13 @@ class StageOfDevice(RotationStage):
         if stop is not None:
             self._of.ask(stop, within_s=within_s)
         if self._status is not None:
-            # A status that the stop ended has failed, which is as it should be.
+            # The status of a stopped move fails; this is expected.
             until = time.monotonic() + within_s
             while not self._status.done and time.monotonic() < until:
                 time.sleep(0.005)
             if not self._status.done:
-                raise TimeoutError(f"{self._of.name()} cannot be stopped, or moves still after {within_s:.1f} s")
-            # asyncio complains of failures that nobody looked at.
+                raise TimeoutError(f"{self._of.name()} did not stop within {within_s:.1f} s")
+            # asyncio warns about exceptions that are never retrieved.
             self._status.exception()
             self._status = None
 
@@ -218,17 +218,18 @@ class CameraOfDevice(AreaCamera):
     Parameters
     ----------
     device
-        `Triggerable`, and `Readable` with an array of integers: its picture. Detectors that write their pictures into files are not read.
+        `Triggerable`, and `Readable` with an integer array, the image. Detectors that write their images to files are not
+        supported.
     limits
-        What it can do. Pictures of the whole sensor are cut to the region that is asked for.
+        Limits of the camera. Images of the whole sensor are cropped to the requested region.
     exposure
-        `Movable`: the exposure, seconds. Without it the device exposes as it is set, whatever the plan says.
+        `Movable`: exposure time, seconds. Without it the device keeps its exposure time, regardless of the plan.
     gain
-        `Movable`: the gain, decibels.
+        `Movable`: gain, decibels.
     key
-        Of the picture in ``read``; the device's own name, or the only one there is, without it.
+        Key of the image in ``read``; by default the device's name, or the only key.
     loop
-        Where its coroutines run; `event_loop` without it.
+        Event loop of its coroutines; by default `event_loop`.
     """
 
     def __init__(
@@ -261,7 +262,7 @@ class CameraOfDevice(AreaCamera):
 
     def configure(self, settings: CameraSettings, within_s: float) -> None:
         if settings.trigger != "software":
-            raise InstrumentError("limit", "a device of bluesky is triggered by software alone")
+            raise InstrumentError("limit", "a device of bluesky supports only the software trigger")
         for device, value in ((self._exposure, settings.exposure_s), (self._gain, settings.gain_db)):
             if device is not None:
                 device.wait(device.begin(device.device.set, value), within_s)
@@ -273,7 +274,7 @@ class CameraOfDevice(AreaCamera):
     def frame(self, within_s: float) -> npt.NDArray[Any]:
         settings = self._settings
         if settings is None or self._status is None:
-            raise InstrumentError("refused", "no exposure was begun")
+            raise InstrumentError("refused", "no exposure was started")
         self._of.wait(self._status, within_s)
         image = np.asarray(self._of.value(self._key, _ANSWER_S))
         if np.issubdtype(image.dtype, np.signedinteger) and image.size and image.min() >= 0:
@@ -285,7 +286,7 @@ class CameraOfDevice(AreaCamera):
 
 
 def position(of: Device, key: str | None, within_s: float) -> float:
-    """Where a device is: by ``locate`` where it has that, else a key of what it reads."""
+    """Return the position of a device: from ``locate`` if available, else from a key that it reads."""
     locate = getattr(of.device, "locate", None)
     if locate is not None:
         return float(of.ask(locate, within_s=within_s)["readback"])
@@ -293,7 +294,7 @@ def position(of: Device, key: str | None, within_s: float) -> float:
 
 
 def reconnect(of: Device, within_s: float) -> None:
-    """Connects a device of ophyd-async anew; others mind their own lines."""
+    """Reconnect a device of ophyd-async; other devices manage their own connections."""
     connect = getattr(of.device, "connect", None)
     if connect is not None and inspect.iscoroutinefunction(connect):
         of.ask(lambda: connect(force_reconnect=True), within_s=within_s)

@@ -1,4 +1,4 @@
-"""Instruments as devices of bluesky, for its RunEngine."""
+"""Instruments as devices for bluesky's RunEngine."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from pysunstone.rig.instruments import AreaCamera, CameraSettings, Frame, Instru
 
 __all__ = ["MovableProjector", "MovableStage", "ReadableCamera", "Status"]
 
-#: How long a stage is waited for at a time, seconds.
+#: Longest single wait for a stage, seconds.
 _LOOK_S = 0.2
 
 
 class Status:
-    """The status of work on a thread of its own, as bluesky has it."""
+    """Status of an operation on a separate thread, following bluesky's protocol."""
 
     def __init__(self, work: Callable[[], object]) -> None:
         self._future: concurrent.futures.Future[object] = concurrent.futures.Future()
@@ -34,33 +34,33 @@ class Status:
         threading.Thread(target=do, daemon=True).start()
 
     def add_callback(self, callback: Callable[[Status], object]) -> None:
-        """Call with this status when it ends; at once where it has."""
+        """Call `callback` with this status when it ends, or immediately if it has ended."""
         self._future.add_done_callback(lambda _: callback(self))
 
     def exception(self, timeout: float | None = 0.0) -> BaseException | None:
-        """What it failed with; ``TimeoutError`` where it has not ended."""
+        """Return the exception of the operation, or None; raise ``TimeoutError`` if it has not ended."""
         try:
             return self._future.exception(timeout)
         except concurrent.futures.TimeoutError:
             raise TimeoutError("it has not ended") from None
 
     def wait(self, timeout: float | None = None) -> None:
-        """Wait for its end; raises what it failed with."""
+        """Wait for the end; raise the exception of a failed operation."""
         self._future.result(timeout)
 
     @property
     def done(self) -> bool:
-        """It has ended."""
+        """Whether the operation has ended."""
         return self._future.done()
 
     @property
     def success(self) -> bool:
-        """It has ended well."""
+        """Whether the operation has ended successfully."""
         return self.done and self._future.exception() is None
 
 
 class _AsDevice:
-    """What all devices of bluesky have."""
+    """Common part of all devices for bluesky."""
 
     parent = None
 
@@ -69,11 +69,11 @@ class _AsDevice:
         self._turn = threading.Lock()
 
     def read_configuration(self) -> dict[str, Any]:
-        """Nothing."""
+        """Return an empty configuration."""
         return {}
 
     def describe_configuration(self) -> dict[str, Any]:
-        """Nothing."""
+        """Return an empty description."""
         return {}
 
     def _reading(self, value: Any) -> dict[str, Any]:
@@ -83,7 +83,7 @@ class _AsDevice:
 class MovableStage(_AsDevice):
     """A rotation stage as a device of bluesky: `Movable`, `Locatable`, `Readable` and `Stoppable`, in degrees of its own scale.
 
-    A stage whose zero is not known is homed before its first move.
+    A stage whose zero position is unknown is homed before its first move.
     """
 
     def __init__(self, stage: RotationStage, name: str, *, within_s: float = 600.0) -> None:
@@ -95,16 +95,16 @@ class MovableStage(_AsDevice):
 
     @property
     def hints(self) -> dict[str, Any]:
-        """What plots show."""
+        """Fields that bluesky plots by default."""
         return {"fields": [self.name]}
 
     @property
     def position(self) -> float:
-        """Where it is."""
+        """Current angle, degrees."""
         return self._stage.read(self._within_s).angle_deg
 
     def set(self, value: float) -> Status:
-        """Begin a move."""
+        """Start a move."""
         self._goal = float(value)
         self._stopped = None
 
@@ -118,7 +118,7 @@ class MovableStage(_AsDevice):
         return Status(move)
 
     def _finish(self, until: float) -> None:
-        # In short waits, so that another thread comes to stop it.
+        # Wait in short intervals, so that another thread can stop the stage.
         while self._stopped is None:
             try:
                 self._stage.finish_move(_LOOK_S)
@@ -128,29 +128,29 @@ class MovableStage(_AsDevice):
                 if not passes or time.monotonic() > until:
                     raise
         if self._stopped is False:
-            raise InstrumentError("stalled", "it was stopped on its way", self.name)
+            raise InstrumentError("stalled", "it was stopped during the move", self.name)
 
     def stop(self, success: bool = False) -> None:
-        """Stop at once; what was on its way fails, unless `success`."""
+        """Stop immediately. The move in progress fails, unless `success`."""
         self._stopped = success
         self._stage.stop(self._within_s)
 
     def locate(self) -> dict[str, float]:
-        """Where it was sent, and where it is."""
+        """Return the target and the current position."""
         at = self.position
         return {"setpoint": at if self._goal is None else self._goal, "readback": at}
 
     def read(self) -> dict[str, Any]:
-        """Where it is."""
+        """Read the current angle."""
         return self._reading(self.position)
 
     def describe(self) -> dict[str, Any]:
-        """What `read` has."""
+        """Describe the keys of `read`."""
         return {self.name: {"source": f"pysunstone:{self.name}", "dtype": "number", "shape": [], "units": "deg"}}
 
 
 class MovableProjector(_AsDevice):
-    """A projector as a device of bluesky that is set to the number of a pattern; -1 is no light."""
+    """A projector as a device of bluesky. Set it to the number of a pattern; -1 turns the light off."""
 
     def __init__(
         self, projector: PatternProjector, name: str, patterns: Sequence[npt.NDArray[np.uint8]], *, within_s: float = 30.0
@@ -175,16 +175,16 @@ class MovableProjector(_AsDevice):
         return Status(show)
 
     def read(self) -> dict[str, Any]:
-        """The pattern that is shown."""
+        """Read the number of the current pattern."""
         return self._reading(self._shown)
 
     def describe(self) -> dict[str, Any]:
-        """What `read` has."""
+        """Describe the keys of `read`."""
         return {self.name: {"source": f"pysunstone:{self.name}", "dtype": "integer", "shape": []}}
 
 
 class ReadableCamera(_AsDevice):
-    """A camera as a device of bluesky: `Triggerable` and `Readable`; its picture is an array (rows, columns) of digital numbers."""
+    """A camera as a device of bluesky: `Triggerable` and `Readable`. Its image is an array (rows, columns) of digital numbers."""
 
     def __init__(self, camera: AreaCamera, name: str, settings: CameraSettings, *, within_s: float = 30.0) -> None:
         super().__init__(name)
@@ -195,7 +195,7 @@ class ReadableCamera(_AsDevice):
         camera.configure(settings, within_s)
 
     def trigger(self) -> Status:
-        """Take a picture."""
+        """Take an image."""
 
         def take() -> None:
             with self._turn:
@@ -206,25 +206,25 @@ class ReadableCamera(_AsDevice):
         return Status(take)
 
     def read(self) -> dict[str, Any]:
-        """The last picture."""
+        """Read the last image."""
         if self._image is None:
-            raise InstrumentError("refused", "no picture was taken; trigger it first", self.name)
+            raise InstrumentError("refused", "no image was taken; trigger the camera first", self.name)
         return self._reading(self._image)
 
     def describe(self) -> dict[str, Any]:
-        """What `read` has."""
+        """Describe the keys of `read`."""
         region = self._settings.region
         shape = [region.height, region.width]
         return {self.name: {"source": f"pysunstone:{self.name}", "dtype": "array", "dtype_numpy": "<u2", "shape": shape}}
 
     def read_configuration(self) -> dict[str, Any]:
-        """Exposure and gain."""
+        """Read the exposure time and gain."""
         settings = self._settings
         found = {"exposure_s": settings.exposure_s, "gain_db": settings.gain_db}
         return {f"{self.name}-{key}": {"value": value, "timestamp": time.time()} for key, value in found.items()}
 
     def describe_configuration(self) -> dict[str, Any]:
-        """What `read_configuration` has."""
+        """Describe the keys of `read_configuration`."""
         units = {"exposure_s": "s", "gain_db": "dB"}
         return {
             f"{self.name}-{key}": {"source": f"pysunstone:{self.name}", "dtype": "number", "shape": [], "units": unit}

@@ -1,4 +1,4 @@
-"""Devices of bluesky and ophyd-async as what a scan is made with: mirrors, laser, photon counter."""
+"""Devices of bluesky and ophyd-async as the instruments of a scan: mirrors, laser, photon counter."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ __all__ = ["CounterOfDevice", "GalvoOfDevices", "LaserOfDevices"]
 
 
 class GalvoOfDevices(GalvoScanner):
-    """Two bluesky devices that move, as a pair of mirrors.
+    """Two bluesky devices that move, as a pair of galvo mirrors.
 
     Parameters
     ----------
     x, y
-        `Movable` in optical degrees from the axis, and `Locatable` or `Readable`. Both move at once.
+        `Movable` in optical degrees from the axis, and `Locatable` or `Readable`. Both move simultaneously.
     limits
-        What they can do; after both have ended, the beam is given ``settle_s``.
+        Limits of the mirrors. After both moves the scanner waits ``settle_s``.
     loop
-        Where their coroutines run; `event_loop` without it.
+        Event loop of their coroutines; by default `event_loop`.
     """
 
     def __init__(self, x: Any, y: Any, limits: GalvoLimits, *, loop: asyncio.AbstractEventLoop | None = None) -> None:
@@ -64,20 +64,20 @@ class GalvoOfDevices(GalvoScanner):
 
 
 class LaserOfDevices(PulsedLaser):
-    """A bluesky device that opens a laser's shutter, as a pulsed laser.
+    """A bluesky device that controls a laser's shutter, as a pulsed laser.
 
     Parameters
     ----------
     shutter
-        `Movable`: 1 lets light out, 0 does not; `Locatable` or `Readable`.
+        `Movable`: 1 is open, 0 is closed; `Locatable` or `Readable`.
     limits
-        Its wavelength and rates.
+        Wavelength and pulse rates.
     rate
-        `Movable`: pulses a second. Without it the laser has the rate that it has.
+        `Movable`: pulses per second. Without it the laser keeps its rate.
     power
-        `Readable`: mean power over nominal. Without it plans wait for no power.
+        `Readable`: mean power relative to the nominal power. Without it plans do not wait for the power.
     loop
-        Where their coroutines run; `event_loop` without it.
+        Event loop of their coroutines; by default `event_loop`.
     """
 
     def __init__(
@@ -123,17 +123,17 @@ class CounterOfDevice(PhotonCounter):
     Parameters
     ----------
     device
-        `Triggerable`, and `Readable` with an array of counts by bin, which begins at the sync pulse; more bins than are asked for are cut.
+        `Triggerable`, and `Readable` with an array of counts per bin that begins at the sync pulse. Surplus bins are cut off.
     limits
-        What it can do. Bins have its finest width alone.
+        Limits of the counter. All bins have its finest width.
     rate_hz
-        Rate of the laser, by which pulses are reckoned: that of the plan.
+        Pulse rate of the laser, as in the plan, used to compute the number of pulses.
     dwell
-        `Movable`: how long photons are counted, seconds. Without it the device counts as it is set, whatever the plan says.
+        `Movable`: counting time, seconds. Without it the device keeps its counting time, regardless of the plan.
     key
-        Of the counts in ``read``; the device's own name, or the only one there is, without it.
+        Key of the counts in ``read``; by default the device's name, or the only key.
     loop
-        Where its coroutines run; `event_loop` without it.
+        Event loop of its coroutines; by default `event_loop`.
     """
 
     def __init__(
@@ -180,7 +180,7 @@ class CounterOfDevice(PhotonCounter):
     def finish(self, within_s: float) -> Histogram:
         settings = self._settings
         if settings is None or self._status is None:
-            raise InstrumentError("refused", "no acquisition was begun")
+            raise InstrumentError("refused", "no acquisition was started")
         self._of.wait(self._status, within_s)
         counts = np.asarray(self._of.value(self._key, within_s))
         return Histogram(counts[: settings.bins], round(settings.dwell_s * self._rate_hz))
