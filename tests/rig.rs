@@ -786,8 +786,8 @@ fn a_scanned_plane_calibrates_the_counter() {
     println!("{told}");
     for (name, truth) in [
         ("width (FWHM)", 61.0),
-        ("share of the tail", 0.3),
-        ("time of the tail", 150.0),
+        ("tail fraction", 0.3),
+        ("tail time constant", 150.0),
     ] {
         let [value, sigma] = stated(&told.replace(" ps", "").replace('±', ""), name);
         assert!(
@@ -833,7 +833,7 @@ fn a_scanned_plane_calibrates_the_counter() {
     for (arguments, words) in [
         (
             vec!["calibrate", "counter", "--distance=1,2"],
-            "each of the 1 runs",
+            "one distance per run, 1 in total",
         ),
         (vec!["calibrate", "sensor"], "it is of a scan"),
     ] {

@@ -33,7 +33,7 @@ def test_an_application_is_the_commands(tmp_path: Path) -> None:
     assert told
     words = ["apply", "metamerism", "--preview", "--seeds", 1, "--scenes", rendered.ROOT / "scenes"]
     said = run(*words, "--renders", tmp_path / "renders", "-o", tmp_path / "out")
-    assert "(0 renders made now)" in said
+    assert "(0 new renders)" in said
     report = json.loads((tmp_path / "out/report.json").read_text())
     assert len(found.rows) == len(report["rows"]) > 4
     for row, want in zip(found.rows, report["rows"], strict=True):

@@ -314,7 +314,7 @@ fn a_store_in_shards_answers_as_before() {
     let d = dir.path();
     run(d, &["shard", "out/room.zarr", "-o", "shards.zarr"]);
     run(d, &["verify", "shards.zarr"]);
-    assert!(run(d, &["info", "shards.zarr"]).contains("in shards"));
+    assert!(run(d, &["info", "shards.zarr"]).contains("sharded"));
     let probe = |store: &str| run(d, &["probe", store, "xt", "-k", "x=3", "--csv", "-"]);
     assert_eq!(probe("shards.zarr"), probe("out/room.zarr"));
     let again = refused(d, &["shard", "shards.zarr", "-o", "twice.zarr"]);

@@ -176,9 +176,9 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
         );
         String::from_utf8_lossy(&out.stdout).into_owned()
     };
-    assert!(make("a.png", "r").contains("(1 renders made now)"));
-    assert!(make("b.png", "r").contains("(0 renders made now)"));
-    assert!(make("c.png", "other").contains("(1 renders made now)"));
+    assert!(make("a.png", "r").contains("(1 new renders)"));
+    assert!(make("b.png", "r").contains("(0 new renders)"));
+    assert!(make("c.png", "other").contains("(1 new renders)"));
     let read = |name: &str| std::fs::read(folder.path().join(name)).expect("a picture");
     assert_eq!(read("a.png"), read("b.png"));
     assert_eq!(read("a.png"), read("c.png"));
@@ -194,7 +194,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     // A scene that changed is rendered anew, and looks otherwise.
     let scene = scenes.path().join("scene.toml");
     std::fs::write(&scene, edit(SCENE, "radius = 0.8", "radius = 0.7")).expect("a scene");
-    assert!(make("d.png", "r").contains("(1 renders made now)"));
+    assert!(make("d.png", "r").contains("(1 new renders)"));
     assert_ne!(read("a.png"), read("d.png"));
     // All of a folder, and both sizes.
     run(

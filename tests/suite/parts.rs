@@ -433,7 +433,7 @@ fn a_killed_part_resumes_to_the_same_bytes() {
     }
     run(at, &[&begin[..], &["--resume"]].concat(), 0);
     let again = run(at, &[&begin[..], &["--resume"]].concat(), 0);
-    assert!(String::from_utf8_lossy(&again.stdout).contains("was complete already"));
+    assert!(String::from_utf8_lossy(&again.stdout).contains("already complete"));
     run(at, &["merge", "1", "2", "-o", "all"], 0);
     run(at, &["render", "scene.toml", "-o", "whole"], 0);
     assert_same_store(&at.join("whole"), &at.join("all"));
@@ -447,11 +447,11 @@ fn wrong_options_are_told() {
     for (option, value, words) in [
         ("--part", "0/8", "no part 0 of 8"),
         ("--part", "9/8", "no part 9 of 8"),
-        ("--part", "3", "give K/N"),
-        ("--part", "3/8/9", "give K/N"),
-        ("--part", "-1/8", "give K/N"),
+        ("--part", "3", "expected K/N"),
+        ("--part", "3/8/9", "expected K/N"),
+        ("--part", "-1/8", "expected K/N"),
         ("--tiles", "5-4", "lower number first"),
-        ("--tiles", "x", "give A-B"),
+        ("--tiles", "x", "expected A-B"),
         ("--tiles", "0-36", "tiles 0 to 35"),
     ] {
         let option = format!("{option}={value}");

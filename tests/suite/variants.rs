@@ -180,7 +180,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     ];
     let first = run(at, &arguments, 0);
     let first = String::from_utf8_lossy(&first.stdout).into_owned();
-    assert!(first.contains("(20 renders made now)"), "{first}");
+    assert!(first.contains("(20 new renders)"), "{first}");
     let report = at.join("out/apply/metamerism_preview");
     for name in ["table.csv", "scores.csv", "report.json", "score_rgb.png"] {
         assert!(report.join(name).is_file(), "{name}");
@@ -275,7 +275,7 @@ fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
         scenes,
     ];
     let said = String::from_utf8_lossy(&run(at, &arguments, 0).stdout).into_owned();
-    assert!(said.contains("(20 renders made now)"), "{said}");
+    assert!(said.contains("(20 new renders)"), "{said}");
     let table =
         std::fs::read_to_string(at.join("out/apply/ellipsometry_preview/table.csv")).expect("a table");
     let mean = |metric: &str, method: &str| -> f64 {
