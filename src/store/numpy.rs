@@ -35,7 +35,7 @@ pub struct NumpyArray {
 #[derive(Debug, Error)]
 pub enum NumpyError {
     /// The file cannot be read, or is no array.
-    #[error("{}: {cause}; give a .npy file as numpy.save writes it", path.display())]
+    #[error("{}: {cause}; pass a .npy file written by numpy.save", path.display())]
     Read {
         /// The file.
         path: PathBuf,
@@ -51,13 +51,13 @@ pub enum NumpyError {
         found: String,
     },
     /// Its elements are in column-major order, and there is not the memory to put them in row-major order.
-    #[error("{}: its elements are in column-major order and too many to be put in order; save numpy.ascontiguousarray(array)", path.display())]
+    #[error("{}: its elements are in column-major order, and memory is insufficient to reorder them; save numpy.ascontiguousarray(array)", path.display())]
     Order {
         /// The file.
         path: PathBuf,
     },
     /// It is cut short.
-    #[error("{}: it ends before the array of shape {shape:?} does; save it anew", path.display())]
+    #[error("{}: the file ends before the end of the array of shape {shape:?}; save it again", path.display())]
     Short {
         /// The file.
         path: PathBuf,

@@ -13,7 +13,7 @@ use tensor::part::Part;
 #[derive(Debug, thiserror::Error)]
 pub enum ShardError {
     /// The output is the input.
-    #[error("{path} is to be read and written at once: choose another `-o`")]
+    #[error("{path} is both the input and the output: choose another `-o`")]
     Itself {
         /// The store.
         path: PathBuf,
@@ -27,13 +27,13 @@ pub enum ShardError {
         part: Part,
     },
     /// It is in shards already.
-    #[error("{path} is in shards already: copy it as it is")]
+    #[error("{path} is already sharded: copy it instead")]
     Already {
         /// The store.
         path: PathBuf,
     },
     /// There are no slices in it.
-    #[error("{path} has no slices, so it is not put into shards: give a store made by `sunstone render`")]
+    #[error("{path} has no slices, so it cannot be sharded: use a store made by `sunstone render`")]
     Nothing {
         /// The store.
         path: PathBuf,

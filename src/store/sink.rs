@@ -36,7 +36,7 @@ pub enum SinkError {
     Access(#[from] AccessError),
     /// The journal cannot be written.
     #[error(
-        "cannot write the progress journal in {path}: {cause}; make room or check permissions, then run again with --resume"
+        "cannot write the progress journal in {path}: {cause}; free disk space or check permissions, then run again with --resume"
     )]
     Journal {
         /// The store.
@@ -45,13 +45,15 @@ pub enum SinkError {
         cause: std::io::Error,
     },
     /// Values came before the render began.
-    #[error("{path} takes no values before the render begins: call `begin` first")]
+    #[error("{path} is not ready to receive values: call `begin` first")]
     NotBegun {
         /// The store.
         path: PathBuf,
     },
     /// Values came for a slice that the render does not have.
-    #[error("{path} has {slices} slices, and values came for number {slice}: count the job's slices from 0")]
+    #[error(
+        "{path} has {slices} slices, but values were sent for slice {slice}: count the job's slices from 0"
+    )]
     NoSlice {
         /// The store.
         path: PathBuf,
@@ -65,8 +67,8 @@ pub enum SinkError {
     Denoised(#[from] Denoised),
     /// What is to be resumed is another render.
     #[error(
-        "{path} holds another render: its {what} differs ({theirs}, now {ours}); use the same scene file and options, \
-         another -o, or --force to replace it"
+        "{path} contains another render: its {what} differs ({theirs}, now {ours}); use the same scene file and options, another -o, or \
+         --force to replace it"
     )]
     Mismatch {
         /// The store.
@@ -420,7 +422,7 @@ mod tests {
         let again = message(sound.begin(&job(1, 4)).map(drop));
         assert!(again.contains("--resume") && again.contains("--force"), "{again}");
         let other = message(sound.put(&piece(3, &[0.0; 4])));
-        assert!(other.contains("number 3") && other.contains("from 0"), "{other}");
+        assert!(other.contains("slice 3") && other.contains("from 0"), "{other}");
         let short = message(sound.put(&piece(0, &[0.0; 3])));
         assert!(short.contains("one value per element"), "{short}");
         // What is known of zeros may be too short to be true: then it is not believed.

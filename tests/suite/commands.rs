@@ -318,7 +318,7 @@ fn a_store_in_shards_answers_as_before() {
     let probe = |store: &str| run(d, &["probe", store, "xt", "-k", "x=3", "--csv", "-"]);
     assert_eq!(probe("shards.zarr"), probe("out/room.zarr"));
     let again = refused(d, &["shard", "shards.zarr", "-o", "twice.zarr"]);
-    assert!(again.contains("in shards already"), "{again}");
+    assert!(again.contains("already sharded"), "{again}");
     let onto = refused(d, &["shard", "out/room.zarr", "-o", "out/room.zarr"]);
     assert!(onto.contains("another name"), "{onto}");
 }

@@ -315,15 +315,18 @@ fn wrong_sets_are_refused() {
     refused(&["first", "last"], &["tiles 4 to 5 are missing", "--tiles 4-5"]);
     refused(
         &["p1", "p2", "p3", "first"],
-        &["both have tile", "leave one of them out"],
+        &["both contain tile", "remove one of them"],
     );
-    refused(&["p1", "half"], &["both have tile 0"]);
+    refused(&["p1", "half"], &["both contain tile 0"]);
     // Planted: one part is of another seed, or of other samples.
     refused(&["p1", "seed", "p3"], &["different renders", "`seeds` differs"]);
     refused(&["p1", "p2", "seed", "p3"], &["`seeds` differs"]);
     refused(&["p1", "spp", "p3"], &["per_pixel` differs"]);
-    refused(&["p1", "p2", "p3", "other"], &["part 1 of 3", "is not a part"]);
-    refused(&["other", "p1"], &["is not a part"]);
+    refused(
+        &["p1", "p2", "p3", "other"],
+        &["part 1 of 3", "is a whole render"],
+    );
+    refused(&["other", "p1"], &["is a whole render"]);
     // The same part twice is one part, if it is the same.
     scene.settings.spp = 4;
     part(&scene, SHARES[1], &at("twin"));
@@ -355,7 +358,7 @@ fn wrong_sets_are_refused() {
     sum.write(Field::Mean, &[0, 0, 1], &[1, 1, 1], &[7.0])
         .expect("a number");
     twin.finish().expect("a part");
-    refused(&["p1", "twin", "p3"], &["another part has too"]);
+    refused(&["p1", "twin", "p3"], &["another part also has"]);
 }
 
 /// More machines than tiles: some have nothing to do, and it is a part all the same.

@@ -9,10 +9,10 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum MergeError {
     /// There is nothing to merge.
-    #[error("nothing to merge: name at least two stores")]
+    #[error("nothing to merge: pass at least two stores")]
     TooFew,
     /// A store lacks an attribute that merging needs.
-    #[error("{path} has no usable attribute `{key}`, so it cannot be merged: render it with this program")]
+    #[error("cannot merge {path}: its attribute `{key}` is missing or invalid; render it with this program")]
     Attribute {
         /// The store or slice.
         path: PathBuf,
@@ -21,7 +21,7 @@ pub enum MergeError {
     },
     /// The stores are of different scenes.
     #[error(
-        "{first} and {second} are of different scenes (`scene_sha256` differs): merge renders of one scene"
+        "{first} and {second} are renders of different scenes (`scene_sha256` differs): merge renders of one scene"
     )]
     Scenes {
         /// One store.
@@ -31,7 +31,7 @@ pub enum MergeError {
     },
     /// The stores hold different paths of one scene: some may miss light that others found.
     #[error(
-        "{first} and {second} were rendered with different `integrator`s: merge renders by one (`sunstone render --integrator`)"
+        "{first} and {second} were rendered with different `integrator`s: merge renders with one (`sunstone render --integrator`)"
     )]
     Integrators {
         /// One store.
@@ -41,8 +41,8 @@ pub enum MergeError {
     },
     /// A camera axis of a slice does not say which pixels its elements are.
     #[error(
-        "{path}: coordinate {coordinate} of axis `{axis}` is not that of whole pixels, so its samples cannot be told: \
-         render it again, or restore it from a copy"
+        "{path}: coordinate {coordinate} of axis `{axis}` is not the centre of whole pixels, so its sample count is unknown: render it \
+         again, or restore it from a backup"
     )]
     Pixels {
         /// The slice.
@@ -54,7 +54,7 @@ pub enum MergeError {
     },
     /// A seed occurs twice.
     #[error(
-        "seed {seed} of {path} occurs twice, its samples would count double: render with another `--seed`"
+        "seed {seed} of {path} occurs twice, so its samples would be counted twice: render with another `--seed`"
     )]
     Seed {
         /// The store with the second occurrence.
@@ -63,13 +63,13 @@ pub enum MergeError {
         seed: i128,
     },
     /// The output is an input.
-    #[error("{path} is to be merged and written at once: choose another `-o`")]
+    #[error("{path} is both an input and the output: choose another `-o`")]
     Itself {
         /// The store.
         path: PathBuf,
     },
     /// The stores keep different slices.
-    #[error("{first} and {second} differ in slice `{slice}`: merge renders that keep the same slices")]
+    #[error("{first} and {second} differ in slice `{slice}`: merge renders with the same slices")]
     Layout {
         /// One store.
         first: PathBuf,

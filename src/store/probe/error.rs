@@ -7,7 +7,7 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum ProbeError {
     /// An axis is selected that the slice does not have.
-    #[error("slice `{slice}` has no axis `{axis}`; it has: {available}")]
+    #[error("slice `{slice}` has no axis `{axis}`; available: {available}")]
     NoAxis {
         /// Name of the slice.
         slice: String,
@@ -38,7 +38,7 @@ pub enum ProbeError {
     },
     /// A Stokes state is given, but the slice was stored for unpolarized light alone.
     #[error(
-        "slice `{slice}` keeps intensity alone: give the Stokes state 1,0,0,0 or render polarization `mueller`"
+        "slice `{slice}` contains only intensity: use the Stokes state 1,0,0,0, or render with polarization `mueller`"
     )]
     Stokes {
         /// Name of the slice.
@@ -53,7 +53,7 @@ pub enum ProbeError {
         reason: String,
     },
     /// The result does not fit in memory.
-    #[error("the result would hold {elements} elements: select less, or sum over an axis")]
+    #[error("the result would have {elements} elements: select less, or sum over an axis")]
     TooLarge {
         /// Number of elements.
         elements: u128,
@@ -65,7 +65,7 @@ pub enum ProbeError {
     #[error(transparent)]
     Create(#[from] CreateError),
     /// A file cannot be written.
-    #[error("cannot write {path}: {cause}; check that the directory is writable and the disk has room")]
+    #[error("cannot write {path}: {cause}; check that the directory is writable and the disk is not full")]
     Write {
         /// The file.
         path: PathBuf,

@@ -36,7 +36,7 @@ pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> 
     match serde_json::from_slice(bytes) {
         // What reads or changes a description does so by its keys.
         Ok(object @ Value::Object(_)) => Ok(object),
-        Ok(_) => Err(damaged("it is no JSON object".into())),
-        Err(e) => Err(damaged(format!("no valid JSON: {e}"))),
+        Ok(_) => Err(damaged("it is not a JSON object".into())),
+        Err(e) => Err(damaged(format!("invalid JSON: {e}"))),
     }
 }

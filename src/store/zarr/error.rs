@@ -10,7 +10,7 @@ use tensor::part::Part;
 pub enum CreateError {
     /// Something is already there.
     #[error(
-        "{path} already exists: continue it with `--resume`, overwrite it with `--force`, or choose another `-o`"
+        "{path} already exists: resume it with `--resume`, replace it with `--force`, or choose another `-o`"
     )]
     Exists {
         /// Where the store should go.
@@ -23,7 +23,7 @@ pub enum CreateError {
         path: PathBuf,
     },
     /// It would lie in a store, which is whole as it is and is replaced as a whole.
-    #[error("{path} lies in a store ({store}): choose another `-o`")]
+    #[error("{path} is inside a store ({store}): choose another `-o`")]
     Within {
         /// Where the store should go.
         path: PathBuf,
@@ -39,7 +39,7 @@ pub enum CreateError {
         reason: String,
     },
     /// Another process writes there.
-    #[error("{path} is being written by {holder}: wait for it to end, or choose another `-o`")]
+    #[error("{path} is being written by {holder}: wait until that process ends, or choose another `-o`")]
     Locked {
         /// Where the store should go.
         path: PathBuf,
@@ -55,7 +55,7 @@ pub enum CreateError {
         refusal: Refusal,
     },
     /// The file system or the Zarr library refused.
-    #[error("cannot create {path}: {cause}; check that the directory is writable and the disk has room")]
+    #[error("cannot create {path}: {cause}; check that the directory is writable and the disk is not full")]
     Write {
         /// File or directory that could not be written.
         path: PathBuf,
@@ -144,13 +144,13 @@ impl OpenError {
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// There is nothing at the path.
-    #[error("{path} does not exist: give the path of a store made by `sunstone render`")]
+    #[error("{path} does not exist: pass the path of a store made by `sunstone render`")]
     Missing {
         /// The path asked for.
         path: PathBuf,
     },
     /// There is something, but no Sunstone store.
-    #[error("{path} is not a Sunstone store ({reason}): give the path of a store made by `sunstone render`")]
+    #[error("{path} is not a Sunstone store ({reason}): pass the path of a store made by `sunstone render`")]
     NotAStore {
         /// The path asked for.
         path: PathBuf,
@@ -158,7 +158,7 @@ pub enum OpenError {
         reason: String,
     },
     /// The store has no slice of that name.
-    #[error("{path} has no slice `{name}`; it has: {available}")]
+    #[error("{path} has no slice `{name}`; available: {available}")]
     NoSlice {
         /// The store.
         path: PathBuf,
@@ -168,7 +168,7 @@ pub enum OpenError {
         available: String,
     },
     /// An array or its description is damaged.
-    #[error("{path} is damaged: {reason}; render it again, or restore it from a copy")]
+    #[error("{path} is damaged: {reason}; render it again, or restore it from a backup")]
     Damaged {
         /// The damaged array, group or file.
         path: PathBuf,
@@ -176,7 +176,7 @@ pub enum OpenError {
         reason: String,
     },
     /// Another process writes the store.
-    #[error("{path} is being written by {holder}: wait for it to end")]
+    #[error("{path} is being written by {holder}: wait until that process ends")]
     Locked {
         /// The store.
         path: PathBuf,
@@ -184,7 +184,7 @@ pub enum OpenError {
         holder: String,
     },
     /// The store is not finished.
-    #[error("{path} is not finished: go on with `sunstone render --resume`, or render it again")]
+    #[error("{path} is not finished: resume it with `sunstone render --resume`, or render it again")]
     Unfinished {
         /// The store.
         path: PathBuf,
@@ -211,7 +211,7 @@ pub enum OpenError {
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// The slice has no such field.
-    #[error("slice {path} has no field `{field}`: overflow is kept only where time is resolved")]
+    #[error("slice {path} has no field `{field}`: overflow is stored only for time-resolved slices")]
     NoField {
         /// The slice.
         path: PathBuf,
@@ -219,15 +219,15 @@ pub enum AccessError {
         field: &'static str,
     },
     /// The store keeps no sample counts.
-    #[error("{path} keeps no sample counts per pixel: create it with a sample grid")]
+    #[error("{path} has no sample counts per pixel: create it with a sample grid")]
     NoSamples {
         /// The store.
         path: PathBuf,
     },
     /// The store is not finished.
     #[error(
-        "{path} is of an unfinished render, so that some of its values are missing: go on with `render --resume`, or \
-         take what there is with `--partial` (NaN where nothing is rendered)"
+        "{path} belongs to an unfinished render, so some values are missing: resume with `render --resume`, or read the existing values \
+         with `--partial` (NaN where nothing is rendered)"
     )]
     Unfinished {
         /// The slice.
@@ -235,8 +235,8 @@ pub enum AccessError {
     },
     /// The store is a part of a render.
     #[error(
-        "{path} is of {part} of a render, so that most of its values are elsewhere: join all parts with \
-         `sunstone merge PART.. -o WHOLE`, or take what there is with `--partial` (NaN where nothing is rendered)"
+        "{path} is {part} of a render, so most values are in other parts: join all parts with `sunstone merge PART.. -o WHOLE`, or read \
+         the existing values with `--partial` (NaN where nothing is rendered)"
     )]
     Part {
         /// The slice.
@@ -245,7 +245,7 @@ pub enum AccessError {
         part: Part,
     },
     /// The region does not lie inside the array.
-    #[error("region {start:?} + {shape:?} does not lie inside {path} of shape {array:?}: shrink the region")]
+    #[error("region {start:?} + {shape:?} is not inside {path} of shape {array:?}: shrink the region")]
     Region {
         /// The array.
         path: PathBuf,
@@ -265,7 +265,9 @@ pub enum AccessError {
         elements: usize,
     },
     /// The number of values does not match the region.
-    #[error("{found} values for a region of {expected} in {path}: pass one value per element, row-major")]
+    #[error(
+        "expected {expected} values for the region of {path}, got {found}: pass one value per element, row-major"
+    )]
     Length {
         /// The array.
         path: PathBuf,
@@ -275,7 +277,7 @@ pub enum AccessError {
         found: usize,
     },
     /// A chunk is truncated, corrupt or unreadable.
-    #[error("chunk {chunk:?} of {path} cannot be read: {cause}; render it again, or restore it from a copy")]
+    #[error("cannot read chunk {chunk:?} of {path}: {cause}; render it again, or restore it from a backup")]
     Chunk {
         /// The array.
         path: PathBuf,
@@ -286,7 +288,7 @@ pub enum AccessError {
     },
     /// A shard is truncated, corrupt, exchanged or unreadable.
     #[error(
-        "shard {shard:?} of {path} cannot be read: {cause}; restore it from a copy, or make it again (`sunstone shard`)"
+        "cannot read shard {shard:?} of {path}: {cause}; restore it from a backup, or shard it again (`sunstone shard`)"
     )]
     Shard {
         /// The array.
@@ -297,13 +299,13 @@ pub enum AccessError {
         cause: String,
     },
     /// The array is in shards, which are not changed.
-    #[error("{path} is in shards, which are not changed: write another store, and shard it")]
+    #[error("{path} is sharded, and shards cannot be changed: write another store, then shard it")]
     Sharded {
         /// The array.
         path: PathBuf,
     },
     /// An object store refused a chunk, or could not be asked.
-    #[error("chunk {chunk:?} of {path} cannot be read: {refusal}")]
+    #[error("cannot read chunk {chunk:?} of {path}: {refusal}")]
     Remote {
         /// The array.
         path: PathBuf,
@@ -313,7 +315,7 @@ pub enum AccessError {
         refusal: Box<Refusal>,
     },
     /// An object store did not take a file.
-    #[error("cannot write {path}: {refusal}, then continue with `--resume`")]
+    #[error("cannot write {path}: {refusal}, then resume with `--resume`")]
     Put {
         /// The array.
         path: PathBuf,
@@ -321,7 +323,7 @@ pub enum AccessError {
         refusal: Box<Refusal>,
     },
     /// A file could not be written.
-    #[error("cannot write {path}: {cause}; check that the disk has room, then continue with `--resume`")]
+    #[error("cannot write {path}: {cause}; check that the disk is not full, then resume with `--resume`")]
     Write {
         /// The array or file.
         path: PathBuf,

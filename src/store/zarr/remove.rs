@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum RemoveError {
     /// Something that is not a store is there.
-    #[error("{path} is not a Sunstone store, so it is not removed")]
+    #[error("{path} is not a Sunstone store, so it was not removed")]
     NotAStore {
         /// What was named.
         path: PathBuf,

@@ -10,7 +10,7 @@ use tensor::part::Part;
 pub enum JoinError {
     /// Some inputs are parts and some are not.
     #[error(
-        "{part} is {of} of a render and {other} is not a part of one: join the parts of each render first, then merge renders"
+        "{part} is {of} of a render, but {other} is a whole render: join the parts of each render first, then merge the renders"
     )]
     Mixed {
         /// A part.
@@ -21,13 +21,15 @@ pub enum JoinError {
         other: PathBuf,
     },
     /// Parts are joined whole or not at all.
-    #[error("{path} is a part of a render, and parts are joined when all are there: leave out `--partial`")]
+    #[error(
+        "{path} is a part of a render, and only complete sets of parts can be joined: remove `--partial`"
+    )]
     Partial {
         /// The part.
         path: PathBuf,
     },
     /// A part is not finished.
-    #[error("{path}, {part} of a render, is not finished: go on with `sunstone render --resume`")]
+    #[error("{path} ({part} of a render) is not finished: resume it with `sunstone render --resume`")]
     Unfinished {
         /// The part.
         path: PathBuf,
@@ -36,7 +38,7 @@ pub enum JoinError {
     },
     /// The parts are of different renders.
     #[error(
-        "{first} and {second} are parts of different renders: `{what}` differs ({theirs} and {ours}); give the parts of one"
+        "{first} and {second} are parts of different renders: `{what}` differs ({theirs} and {ours}); pass the parts of one render"
     )]
     Renders {
         /// One part.
@@ -51,7 +53,7 @@ pub enum JoinError {
         ours: String,
     },
     /// Two parts have tiles in common.
-    #[error("{first} ({part}) and {second} ({other}) both have tile {tile}: leave one of them out")]
+    #[error("{first} ({part}) and {second} ({other}) both contain tile {tile}: remove one of them")]
     Overlap {
         /// One part.
         first: PathBuf,
@@ -66,7 +68,7 @@ pub enum JoinError {
     },
     /// Two stores are the same part and have different values.
     #[error(
-        "{first} and {second} are both {part} and differ in {file}: one of them is not what was rendered; render it again"
+        "{first} and {second} are both {part} but differ in {file}: one of them is damaged; render it again"
     )]
     Differ {
         /// One store.
@@ -79,7 +81,7 @@ pub enum JoinError {
         file: String,
     },
     /// Tiles are missing.
-    #[error("{missing} missing: render what is missing (`sunstone render {option}`) and join again")]
+    #[error("{missing} missing: render with `sunstone render {option}`, then join again")]
     Missing {
         /// Which, with their verb.
         missing: String,
@@ -88,7 +90,7 @@ pub enum JoinError {
     },
     /// An element has values in two parts.
     #[error(
-        "{second} has values in `{field}` that another part has too ({}): one of them is not what was rendered; render it again",
+        "{second} has values in `{field}` that another part also has ({}): one of them is damaged; render it again",
         first.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     Twice {
@@ -100,7 +102,7 @@ pub enum JoinError {
         field: &'static str,
     },
     /// A store is no part of a render.
-    #[error("{path} is not a part of a render: give the parts of one")]
+    #[error("{path} is not a part of a render: pass only parts of one render")]
     NoPart {
         /// The store.
         path: PathBuf,
