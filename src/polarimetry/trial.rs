@@ -21,20 +21,20 @@ const BRIGHT: f64 = 0.1;
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
     /// No error is relative to nothing.
-    #[error("the mean T00 of the matrices is not positive, so no error is relative to it")]
+    #[error("the mean T00 of the matrices is not positive, so errors cannot be normalized")]
     Dark,
     /// A prior weighs what it expects against a noise that is not known.
     #[error(
-        "a prior weighs what is expected against the noise, which a [spad] does not state; give a standard deviation or a [cmos]"
+        "a prior needs the noise of the intensities, which [spad] does not define; set a standard deviation, or use [cmos]"
     )]
     NoiseUnknown,
     /// The least norm is of one design matrix, and every pixel has its own.
     #[error(
-        "its rank is below 16 and every pixel has a ray of its own: give a prior, more captures, or rays along the axis"
+        "its rank is below 16 and every pixel has its own ray: use a prior, more captures, or rays along the axis"
     )]
     Oblique,
     /// `repeat` is 0.
-    #[error("nothing was tried")]
+    #[error("there was no trial")]
     NoTries,
     /// The simulation was refused.
     #[error(transparent)]

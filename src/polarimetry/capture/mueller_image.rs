@@ -19,12 +19,10 @@ pub const DEFAULT_NM: f64 = 550.0;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageError {
     /// A wavelength is not positive and finite.
-    #[error("{0}; give nanometres, as in 450,550,660")]
+    #[error("invalid wavelength {0}; expected nanometres, such as 450,550,660")]
     Wavelength(f64),
     /// The last axis is not that of the wavelengths.
-    #[error(
-        "the last axis before the matrices, of shape {shape:?}, is not as long as the {wavelengths} wavelengths"
-    )]
+    #[error("expected {wavelengths} wavelengths on the last axis before the matrices, got shape {shape:?}")]
     Wavelengths {
         /// Lengths of the axes before the two of Stokes elements.
         shape: Vec<usize>,
@@ -33,15 +31,14 @@ pub enum ImageError {
     },
     /// Light that is kept in parts, which no sensor sees apart.
     #[error(
-        "the slice has an axis {0}, along which no sensor tells light apart; choose an entry with -k {0}=0, or a slice that \
-         is summed over it"
+        "the slice has an axis {0}, which sensors cannot resolve; select an entry with -k {0}=0, or use a slice summed over it"
     )]
     Parts(&'static str),
     /// An axis without entries.
-    #[error("there are no matrices; keep at least one of each axis")]
+    #[error("there are no matrices; keep at least one entry of each axis")]
     Empty,
     /// The elements do not fill the shape.
-    #[error("{found} elements do not fill the shape {shape:?} of matrices of 16")]
+    #[error("{found} elements do not fill matrices of shape {shape:?} with 16 elements each")]
     Elements {
         /// Lengths of the axes before the two of Stokes elements.
         shape: Vec<usize>,
@@ -50,7 +47,7 @@ pub enum ImageError {
     },
     /// Binning and superpixels take two rows and two columns.
     #[error(
-        "an image of {height} x {width} is too small for binning or demosaicking; take out `binning` and `demosaic`"
+        "an image of {height} x {width} is too small for binning or demosaicking; remove `binning` and `demosaic`"
     )]
     TooSmall {
         /// Rows.
@@ -60,7 +57,7 @@ pub enum ImageError {
     },
     /// A diode counts photons in time bins, and there are none.
     #[error(
-        "a [spad] counts photons in time bins; capture a slice with time bins and no projector axes, or give a [cmos]"
+        "a [spad] counts photons in time bins; use a slice with time bins and without projector axes, or use [cmos]"
     )]
     NoTimeBins,
     /// The counter's bins are not those of the image.

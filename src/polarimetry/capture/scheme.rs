@@ -53,9 +53,7 @@ impl Sensor {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum SchemeError {
     /// Lists of settings are not of one length.
-    #[error(
-        "the settings of `{name}` are {found}, but those of `{other}` are {want}; give one for each capture"
-    )]
+    #[error("`{name}` has {found} settings, but `{other}` has {want}; list one setting per capture")]
     Lengths {
         /// Name of the element.
         name: String,
@@ -67,10 +65,10 @@ pub enum SchemeError {
         want: usize,
     },
     /// There is no capture.
-    #[error("a scheme has at least one capture; give settings for it")]
+    #[error("the scheme has no captures; add at least one setting")]
     Empty,
     /// A setting is not finite.
-    #[error("the setting of `{name}` at capture {capture} is not a finite number; fix it")]
+    #[error("the setting of `{name}` at capture {capture} is not a finite number; correct it")]
     NotFinite {
         /// Name of the element.
         name: String,
