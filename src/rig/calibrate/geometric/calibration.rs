@@ -288,7 +288,7 @@ impl Calibration {
     /// # Errors
     /// [`InputError`] if it is no calibration, or one of no device.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        let fix = "give a calibration as `sunstone calibrate` writes it";
+        let fix = "use a calibration file written by `sunstone calibrate`";
         let text = document::read(path, "calibration", fix)?;
         let calibration: Self = calibration_file::parse(path, &text, fix)?;
         let sound = |d: &DeviceTable| d.device().is_some() && d.pose().is_some();
@@ -299,7 +299,7 @@ impl Calibration {
             file: path.to_owned(),
             text: text.into(),
             span: None,
-            message: "the matrix, the coefficients or the pose of a device are none".into(),
+            message: "the matrix, the distortion coefficients or the pose of a device are invalid".into(),
             help: Some(fix.into()),
         })
     }

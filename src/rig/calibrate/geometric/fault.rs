@@ -4,10 +4,10 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Fault {
     /// Nothing to work on.
-    #[error("there is no view of the board: give images in which all of it is seen")]
+    #[error("no view shows the board: use images that show the complete board")]
     NoViews,
     /// Lists of different lengths.
-    #[error("view {view}: {found} points do not go with the {wanted} of the board")]
+    #[error("view {view}: got {found} points, but the board has {wanted}")]
     Count {
         /// The view.
         view: usize,
@@ -23,14 +23,16 @@ pub enum Fault {
         view: usize,
     },
     /// Points on a line tell no pose.
-    #[error("view {view}: its points lie on a line or at one place, which tells no pose; leave the view out")]
+    #[error(
+        "view {view}: its points are on a line or at one place, so the pose is undetermined; exclude the view"
+    )]
     Collinear {
         /// The view.
         view: usize,
     },
     /// A board that is none.
     #[error(
-        "a board of {columns} × {rows} corners with squares of {square} m: at least 3 × 3 inner corners and a positive length are wanted"
+        "a board of {columns} × {rows} corners with squares of {square} m: expected at least 3 × 3 inner corners and a positive length"
     )]
     Board {
         /// Inner corners along x.
@@ -41,7 +43,7 @@ pub enum Fault {
         square: f64,
     },
     /// Fewer numbers than unknowns.
-    #[error("{measured} coordinates do not determine {unknown} unknowns: give more views, or fix parameters")]
+    #[error("{measured} coordinates do not determine {unknown} unknowns: use more views, or fix parameters")]
     TooFew {
         /// Measured numbers.
         measured: usize,
@@ -49,7 +51,7 @@ pub enum Fault {
         unknown: usize,
     },
     /// The views leave a combination of parameters open.
-    #[error("these views cannot tell {what}; {fix}")]
+    #[error("these views do not determine {what}; {fix}")]
     NotDetermined {
         /// Parameters, or combinations of them.
         what: String,
@@ -58,8 +60,8 @@ pub enum Fault {
     },
     /// The fit went nowhere.
     #[error(
-        "no camera fits the points: the best leaves {rms:.3} pixels RMS; check that the columns, rows and \
-         order of the corners are the board's, and that the images are all of one camera and size"
+        "no camera model fits the points: the best fit has {rms:.3} pixels RMS; check the columns, the rows and the order of the corners, \
+         and that all images are from one camera and have one size"
     )]
     NoFit {
         /// Root mean square of the distances, pixels.

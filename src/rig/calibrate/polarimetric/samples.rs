@@ -34,10 +34,10 @@ pub struct Sample {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CalibrationError {
     /// Nothing was measured.
-    #[error("there is no sample; capture air, a mirror or a known plate")]
+    #[error("no samples; capture air, a mirror or a known plate")]
     NoSample,
     /// A sample has not a number for each measurement.
-    #[error("sample `{name}` has {found} intensities, its scheme {want} measurements")]
+    #[error("sample `{name}` has {found} intensities, but its scheme has {want} measurements")]
     Lengths {
         /// The sample.
         name: String,
@@ -48,14 +48,14 @@ pub enum CalibrationError {
     },
     /// A sample shows nothing.
     #[error(
-        "sample `{name}` is dark, or its noise is not positive; light it, and leave saturated captures out"
+        "sample `{name}` is dark, or its noise is not positive; increase the light, and exclude saturated captures"
     )]
     Dark {
         /// The sample.
         name: String,
     },
     /// Samples are of different rigs.
-    #[error("samples `{first}` and `{other}` were captured with other elements")]
+    #[error("samples `{first}` and `{other}` were captured with different elements")]
     Elements {
         /// A sample.
         first: String,

@@ -4,11 +4,11 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RadiometricError {
     /// No dark frames.
-    #[error("there are no dark frames; capture some with the lens capped")]
+    #[error("no dark frames; capture some with the lens cap on")]
     NoDark,
     /// Too few frames for a variance.
     #[error(
-        "the stack of {exposure_s} s has {frames} frames; noise is told from two on, and well from sixteen"
+        "the stack of {exposure_s} s has {frames} frames; a noise estimate needs at least 2, and 16 or more are recommended"
     )]
     Frames {
         /// Exposure of the stack.
@@ -17,7 +17,7 @@ pub enum RadiometricError {
         frames: u32,
     },
     /// Frames are not of one sensor.
-    #[error("a frame has {found} pixels, the others {want}; give frames of the same region")]
+    #[error("a frame has {found} pixels, but the others have {want}; use frames of one region")]
     Size {
         /// Pixels of the frame.
         found: usize,
@@ -25,7 +25,7 @@ pub enum RadiometricError {
         want: usize,
     },
     /// A setting that no frame has.
-    #[error("{what} is {value}; give {need}")]
+    #[error("{what} is {value}; expected {need}")]
     Setting {
         /// What.
         what: &'static str,
@@ -36,14 +36,15 @@ pub enum RadiometricError {
     },
     /// Frames without noise.
     #[error(
-        "the frames at {exposure_s} s do not differ from one another: the noise is below a digital number (raise the gain), or one frame came several times"
+        "all frames at {exposure_s} s are identical: the noise is below one digital number (increase the gain), or one frame was stored \
+         several times"
     )]
     Constant {
         /// Exposure of the stack.
         exposure_s: f64,
     },
     /// No pixel is left.
-    #[error("no pixel is left: {hot} are hot, {noisy} noisy, {stuck} stuck")]
+    #[error("no usable pixels: {hot} hot, {noisy} noisy, {stuck} stuck")]
     NoPixel {
         /// Pixels with much dark signal.
         hot: usize,
