@@ -468,30 +468,30 @@ def test_instruments_keep_their_promises(idle: rig.Session, name: str) -> None:
 
 #: Instrument, method, another answer, and the checks that find it.
 PLANTED: list[tuple[str, str, Callable[[Any], Any], set[str]]] = [
-    ("retarder_2", "identify", lambda i: rig.Identity("", "", ""), {"says who it is"}),
-    ("retarder_2", "temperature_c", lambda t: 1000.0, {"has a temperature that can be, or none"}),
+    ("retarder_2", "identify", lambda i: rig.Identity("", "", ""), {"reports its identity"}),
+    ("retarder_2", "temperature_c", lambda t: 1000.0, {"reports a plausible temperature or none"}),
     (
         "retarder_2",
         "finish_move",
         lambda r: rig.StageReading(r.angle_deg + 0.1),
         {
-            "goes where it is sent, and says so",
-            "a move that is begun again goes to the second goal",
-            "a deadline that is too short is a timeout, and the move goes on",
-            "goes on after that",
+            "moves to the requested angle and reports it",
+            "a second move replaces the first",
+            "reports a timeout at a short deadline and continues the move",
+            "moves after a stop",
         },
     ),
     (
         "retarder_2",
         "read",
         lambda r: rig.StageReading(r.angle_deg, True, False),
-        {"says that it is homed, at rest, near zero", "stops on the way"},
+        {"reports homed, at rest and near zero after homing", "stops during a move"},
     ),
-    ("camera", "frame", lambda f: rig.Frame(f.pixels, 7), {"delivers what it was set to"}),
-    ("camera", "frame", lambda f: f.pixels[:1, :1], {"delivers what it was set to", "one exposure at a time"}),
-    ("galvo", "point", lambda at: (at[0], 0.0), {"points where it is told"}),
-    ("laser", "state", lambda s: rig.LaserState(True, s.rate_hz), {"goes off"}),
-    ("counter", "finish", lambda h: rig.Histogram(h.counts, 0, h.number), {"counts as many bins as it is set to"}),
+    ("camera", "frame", lambda f: rig.Frame(f.pixels, 7), {"delivers frames with the configured region and format"}),
+    ("camera", "frame", lambda f: f.pixels[:1, :1], {"delivers frames with the configured region and format", "refuses a second exposure during the first"}),
+    ("galvo", "point", lambda at: (at[0], 0.0), {"points to the requested angles"}),
+    ("laser", "state", lambda s: rig.LaserState(True, s.rate_hz), {"turns off"}),
+    ("counter", "finish", lambda h: rig.Histogram(h.counts, 0, h.number), {"returns the configured number of bins"}),
 ]
 
 
@@ -501,7 +501,7 @@ def test_planted_faults_are_found(
 ) -> None:
     report = rig.check(replaced(rigs.AROUND.get(name, rigs.Stage)(idle[name]), method, answer))
     assert not report and found <= {c.name for c in report.faults}, str(report)
-    assert f"of {len(report)} promises" in str(report)
+    assert f"of {len(report)} checks" in str(report)
 
 
 def test_a_camera_without_patience_is_found(idle: rig.Session) -> None:
@@ -512,7 +512,7 @@ def test_a_camera_without_patience_is_found(idle: rig.Session) -> None:
             return super().frame(1000.0)
 
     faults = rig.check(Stubborn(idle["camera"])).faults
-    assert [c.name for c in faults] == ["a deadline that is too short is a timeout, and the frame comes still"]
+    assert [c.name for c in faults] == ["reports a timeout at a short deadline and delivers the frame later"]
 
 
 def test_what_is_no_instrument_is_not_checked() -> None:
