@@ -208,7 +208,7 @@ LIES: list[tuple[Callable[[rig.Frame], Any], str]] = [
     (of_frame(number="seven"), "`number` is 'seven'; give the camera's count of frames, or None"),
     (of_frame(number=-1), "`number` is -1"),
     (of_frame(timestamp_ns=None), "`timestamp_ns` is None; give nanoseconds"),
-    (of_frame(number=1), "a frame of before came once more"),
+    (of_frame(number=1), "an old frame arrived again"),
 ]
 
 
@@ -233,7 +233,7 @@ ANSWERS: list[tuple[str, str, str, Callable[[Any], Any], str]] = [
     ("camera", "retarder_2", "read", lambda r: None, "`read` answered None: it has no `angle_deg`; give a finite number of degrees"),
     ("camera", "retarder_2", "read", lambda r: rig.StageReading(np.nan), "`angle_deg` is NaN; give a finite number of degrees"),
     ("camera", "retarder_2", "read", lambda r: rig.StageReading("12"), "`angle_deg` is '12'"),  # type: ignore[arg-type]
-    ("camera", "retarder_2", "finish_move", lambda r: rig.StageReading(r.angle_deg + 0.5), "stalled: it is at .* instead of"),
+    ("camera", "retarder_2", "finish_move", lambda r: rig.StageReading(r.angle_deg + 0.5), "stalled: the stage is at .*, expected"),
     ("scan", "galvo", "point", lambda at: at[0], "give where the mirrors are, two finite numbers of degrees"),
     ("scan", "laser", "state", lambda s: rig.LaserState(True, np.inf), "`rate_hz` is inf"),
     ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts[:-1], h.pulses), "`finish` answered 63 counts; it was set to 64 bins"),
@@ -259,7 +259,7 @@ def test_limits_that_cannot_be_are_told(tmp_path: Path) -> None:
     with pytest.raises(ps.InputError, match="camera: `limits` answered .* no format is called `RGB8`; Mono8, "):
         session.cost()
     session["camera"] = replaced(session["camera"], "limits", lambda _: rig.CameraLimits((12, 10), exposure_s=(0.02, 1)))
-    with pytest.raises(ps.InputError, match="camera: limit: an exposure of 10ms is not within 20ms to 1s"):
+    with pytest.raises(ps.InputError, match="camera: limit: exposure 10ms is outside 20ms to 1s"):
         session.cost()
 
 
@@ -274,7 +274,7 @@ def test_what_is_no_instrument_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ps.InputError, match="it is, or holds, what is read"):
         session.run(tmp_path, force=True)
     del session["camera"]
-    with pytest.raises(ps.InputError, match="the plan needs a camera, and the rig has none"):
+    with pytest.raises(ps.InputError, match="the plan needs a camera, but the rig has none"):
         session.cost()
 
 
@@ -282,7 +282,7 @@ def test_a_file_needs_no_instruments_that_python_gives(tmp_path: Path, sound: di
     lent = rig.Session(rigs.write(tmp_path) / "camera.toml")
     text = rigs.RIG.replace("[camera]\nsize = [12, 10]\n", '[camera]\ndriver = "python"\nsize = [12, 10]\n')
     (tmp_path / "rig.toml").write_text(text)
-    with pytest.raises(ps.RenderError, match="`camera` is written in Python; give it to"):
+    with pytest.raises(ps.RenderError, match="`camera` is implemented in Python; pass it to"):
         rig.Session(tmp_path / "camera.toml")
     session = rig.Session(tmp_path / "camera.toml", instruments={"camera": rigs.Camera(lent["camera"])})
     # Another bench's camera sees another bench: dark, but it runs.

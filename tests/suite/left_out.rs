@@ -142,9 +142,9 @@ fn photons_of_which_none_can_be_counted_are_refused() {
             RecordType::GenericT3,
             photons(),
             &["--pixels", "2,2", "--pixel-marker", "3"],
-            "marker 3, which begins a pixel, never comes",
+            "marker 3, which begins each pixel, never occurs",
         ),
-        (RecordType::GenericT2, photons(), &[], "it has no sync pulses"),
+        (RecordType::GenericT2, photons(), &[], "there are no sync pulses"),
         (
             RecordType::GenericT3,
             vec![],

@@ -14,7 +14,7 @@ pub enum RunError {
     #[error(transparent)]
     Disk(#[from] DiskError),
     /// Ctrl-C.
-    #[error("interrupted; `--resume` goes on")]
+    #[error("interrupted; resume with `--resume`")]
     Interrupted,
 }
 
