@@ -1,7 +1,7 @@
 //! Why a picture was not drawn, and the fix.
 
 /// What a wavelength to draw must be.
-pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, nanometres";
+pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, in nanometres";
 
 /// Why a picture was not drawn.
 #[derive(Debug, thiserror::Error)]
@@ -17,7 +17,7 @@ pub enum FigureError {
         fix: &'static str,
     },
     /// An axis of the slice has no entries.
-    #[error("slice `{slice}` holds no values: its axis `{axis}` is empty; keep at least one entry of it")]
+    #[error("slice `{slice}` has no values: its axis `{axis}` is empty; keep at least one entry")]
     Empty {
         /// Name of the slice.
         slice: String,
@@ -25,7 +25,7 @@ pub enum FigureError {
         axis: &'static str,
     },
     /// The values do not fill the axes, or an axis is there twice.
-    #[error("slice `{slice}` is damaged: {found} values for axes {axes}; read or render it again")]
+    #[error("slice `{slice}` is damaged: {found} values for axes {axes}; render it again")]
     Damaged {
         /// Name of the slice.
         slice: String,
@@ -35,7 +35,7 @@ pub enum FigureError {
         axes: String,
     },
     /// A row or element that the slice does not have.
-    #[error("slice `{slice}` has {len} {what}, so index {index} does not exist; choose 0 to {}", len.saturating_sub(1))]
+    #[error("slice `{slice}` has {len} {what}, so index {index} does not exist; use 0 to {}", len.saturating_sub(1))]
     Index {
         /// Name of the slice.
         slice: String,
@@ -57,7 +57,7 @@ pub enum FigureError {
         must: &'static str,
     },
     /// The path does not say how to write the picture.
-    #[error("{path}: pictures are written as {known}; name the file so")]
+    #[error("{path}: expected the extension {known}; change the extension")]
     Extension {
         /// Where it should have gone.
         path: String,
@@ -65,7 +65,7 @@ pub enum FigureError {
         known: &'static str,
     },
     /// The picture could not be encoded.
-    #[error("the picture could not be encoded: {0}; draw fewer or smaller panels")]
+    #[error("cannot encode the picture: {0}; draw fewer or smaller panels")]
     Encode(String),
     /// The picture could not be written.
     #[error("cannot write picture {path}: {source}")]
