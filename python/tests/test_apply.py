@@ -147,7 +147,7 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
         (lambda: apply.patterns("gray", 0), "columns"),
         (lambda: apply.patterns("gray", 50, periods=[3.0]), "periods"),
         (lambda: apply.patterns("micro-phase-shift", 50), "periods"),
-        (lambda: apply.decode("gray", np.ones((3, 2, 2)), 50), "3 captures, and the code has 12"),
+        (lambda: apply.decode("gray", np.ones((3, 2, 2)), 50), "got 3 captures, but the code has 12"),
         (lambda: apply.decode("phase-shift", np.ones((4, 2, 2)), 50, periods=[20.0]), "periods"),
         (lambda: apply.decode("gray", np.ones((3, 2)), 50), "captures, rows, columns"),
         (lambda: apply.depth(both, np.ones((3, 2))), "camera of 16 rows of 24"),

@@ -14,7 +14,9 @@ pub enum ApplyError {
         name: String,
     },
     /// A slice does not resolve what is needed of it.
-    #[error("slice `{slice}` of variant {variant} does not resolve {axis}: give it in the scene file")]
+    #[error(
+        "slice `{slice}` of variant {variant} does not resolve {axis}: correct the slice in the scene file"
+    )]
     Axis {
         /// The variant.
         variant: u64,
@@ -24,7 +26,7 @@ pub enum ApplyError {
         axis: &'static str,
     },
     /// Maps of different sizes, or variants of different wavelengths.
-    #[error("variant {variant}: {what} differ in size; render all variants alike")]
+    #[error("variant {variant}: {what} differ in size; render all variants with the same settings")]
     Sizes {
         /// The variant.
         variant: u64,

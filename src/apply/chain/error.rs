@@ -9,7 +9,8 @@ use polarimetry::capture::mueller_image::ImageError;
 pub enum ChainError {
     /// Its axes are not those of something that a camera sees.
     #[error(
-        "slice `{slice}` has {what}, which no camera captures; give it rows, columns and whole Mueller matrices or intensities"
+        "slice `{slice}` has {what}, which a camera cannot capture; use a slice with rows, columns and complete Mueller matrices or \
+         intensities"
     )]
     Axes {
         /// The slice.
@@ -26,7 +27,7 @@ pub enum ChainError {
         cause: ImageError,
     },
     /// Nothing says how long to expose.
-    #[error("no slice of whole Mueller matrices shows light, so no exposure can be set; {0}")]
+    #[error("no slice with complete Mueller matrices contains light, so no exposure can be set; {0}")]
     Dark(String),
     /// A detector refuses.
     #[error(transparent)]

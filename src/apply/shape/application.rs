@@ -106,7 +106,7 @@ impl Application for ShapeScan {
     }
 
     fn shows(&self) -> &'static str {
-        "normals and depths of translucent statues, by epipolar structured light and polarization together (Fig. 11)"
+        "normals and depths of translucent statues from epipolar structured light combined with polarization (Fig. 11)"
     }
 
     /// Even variants are translucent, odd ones their sprayed twins; in a round of six are all materials and statues.

@@ -149,7 +149,7 @@ pub enum ShapeError {
     #[error(transparent)]
     Code(#[from] CodeError),
     /// Maps of different sizes.
-    #[error("{what} has {got:?} pixels, and the camera {want:?}: give maps of one camera")]
+    #[error("{what} has {got:?} pixels, but the camera has {want:?}: use maps of one camera")]
     Size {
         /// The map.
         what: &'static str,
