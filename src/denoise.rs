@@ -36,7 +36,7 @@ pub enum DenoiseError {
     Inputs(#[from] MergeError),
     /// More stores than there are ways to use.
     #[error(
-        "{0} stores: give one, or two renders of one scene with different seeds; `sunstone merge` pools more"
+        "expected 1 store, or 2 renders of one scene with different seeds, got {0} stores; combine more with `sunstone merge`"
     )]
     TooMany(usize),
     /// An input has no values yet, or lost them.

@@ -21,7 +21,7 @@ pub enum FiguresError {
     #[error(transparent)]
     Figure(#[from] FigureError),
     /// A figure that the scene of the store does not list.
-    #[error("the scene lists no figure `{name}`; it lists {known}; or use --view")]
+    #[error("unknown figure `{name}`; the scene lists {known}; or use --view")]
     Unknown {
         /// Name asked for.
         name: String,

@@ -31,15 +31,15 @@ pub enum RoundsError {
     #[error(transparent)]
     Merge(#[from] MergeError),
     /// Rounds of another call are in the way.
-    #[error("{path} holds rounds of an unfinished render: go on with --resume, or begin anew with --force")]
+    #[error(
+        "{path} contains rounds of an unfinished render: resume with --resume, or start again with --force"
+    )]
     Rounds {
         /// Their folder.
         path: PathBuf,
     },
     /// What would be removed as rounds is something else.
-    #[error(
-        "{path} is in the way, and holds other things than rounds: {found}; move it away, or choose another name"
-    )]
+    #[error("{path} contains other files than rounds: {found}; move it, or choose another name")]
     Other {
         /// Where rounds would be.
         path: PathBuf,
@@ -274,7 +274,7 @@ impl ToError<'_> {
         match &standing.next {
             Next::Round(counts) => self.round(scene, round, counts, Some(part), target),
             _ => Err(RoundsError::Goal(format!(
-                "there is no round {round}: {} are enough, or all that may be",
+                "round {round} is not needed: {} rounds are enough, or are the maximum",
                 standing.round
             ))),
         }
@@ -336,7 +336,7 @@ impl ToError<'_> {
         let names: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
         if !names.contains(&self.goal.slice.as_str()) {
             return Err(RoundsError::Goal(format!(
-                "--target-slice: the scene has no slice `{}`; it has {}",
+                "--target-slice: unknown slice `{}`; available: {}",
                 self.goal.slice,
                 names.join(", ")
             )));

@@ -269,9 +269,9 @@ def test_what_is_no_instrument_is_refused(tmp_path: Path) -> None:
         session["camera"] = object()
     with pytest.raises(ps.InputError, match="`camra`, a stage by its name .* is a RigCamera, which has no method begin_move"):
         session["camra"] = session["camera"]
-    with pytest.raises(ps.InputError, match="no sample is called `glass`"):
+    with pytest.raises(ps.InputError, match="unknown sample `glass`"):
         rig.Session(tmp_path / "camera.toml", sample="glass")
-    with pytest.raises(ps.InputError, match="it is, or holds, what is read"):
+    with pytest.raises(ps.InputError, match="is, or contains, an input"):
         session.run(tmp_path, force=True)
     del session["camera"]
     with pytest.raises(ps.InputError, match="the plan needs a camera, but the rig has none"):

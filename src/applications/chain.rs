@@ -37,7 +37,7 @@ pub enum ChainFailure {
         cause: ChainError,
     },
     /// The elements cannot be calibrated.
-    #[error("calibration: {0}; give `samples` air, mirror and polarizer")]
+    #[error("calibration: {0}; set `samples` to air, mirror and polarizer")]
     Calibration(#[from] CalibrationError),
     /// A detector refuses to see the samples.
     #[error("calibration: {0}")]

@@ -141,7 +141,7 @@ fn curves_are_checked_before_they_are_run() {
         ("[0, 1]", "[1, 0]", "is not a valid range"),
         ("sweep.toml", "swept.toml", "cannot read the chain"),
         ("photons=10,100", "photos", "photons, extinction"),
-        ("photons=10,100", "photons=-1", "is no value of"),
+        ("photons=10,100", "photons=-1", "is not a value of"),
         ("sweep = \"photons=10,100\"", "captures = \"0-3\"", "within 1-64"),
         (
             "sweep = \"photons=10,100\"",
