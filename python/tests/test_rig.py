@@ -146,7 +146,7 @@ def test_exceptions_that_stay_end_it_and_are_the_cause(
         session.run(tmp_path / "s.zarr")
     found = raised.value
     assert (found.fault, found.instrument) == (fault, "camera") and found.__cause__ is error
-    assert "resume=True goes on" in str(found) and str(found).startswith(f"camera: {fault}: ")
+    assert "resume with resume=True" in str(found) and str(found).startswith(f"camera: {fault}: ")
     assert camera.exposures == (9 + 5 if fault == "timeout" else 9), "what may pass is tried five times more"
     with pytest.raises(ps.InputError, match="already exists"):
         session.run(tmp_path / "s.zarr")
@@ -199,15 +199,15 @@ def of_frame(**changes: Any) -> Callable[[rig.Frame], Any]:
 
 #: Frames that are none, and what is said.
 LIES: list[tuple[Callable[[rig.Frame], Any], str]] = [
-    (lambda f: None, "its pixels are None; give a NumPy array"),
-    (lambda f: f.pixels.astype(float), r"its pixels are float64 of shape \(10, 12\); give a NumPy array \(rows, columns\) of uint8 or uint16"),
+    (lambda f: None, "its pixels are None; expected a NumPy array"),
+    (lambda f: f.pixels.astype(float), r"its pixels are float64 of shape \(10, 12\); expected a NumPy array \(rows, columns\) of uint8 or uint16"),
     (lambda f: f.pixels.ravel(), r"its pixels are uint16 of shape \(120,\)"),
     (lambda f: f.pixels.astype(np.int16) - 1, "its pixels are int16"),
-    (lambda f: f.pixels.T, r"timeout: `frame` answered an array of shape \(12, 10\); .* 10 rows and 12 columns"),
-    (lambda f: np.full_like(f.pixels, 4096), "a pixel is 4096, and Mono12p holds 0 to 4095"),
-    (of_frame(number="seven"), "`number` is 'seven'; give the camera's count of frames, or None"),
+    (lambda f: f.pixels.T, r"timeout: `frame` returned an array of shape \(12, 10\); .* 10 rows and 12 columns"),
+    (lambda f: np.full_like(f.pixels, 4096), "a pixel is 4096, but Mono12p holds 0 to 4095"),
+    (of_frame(number="seven"), "`number` is 'seven'; expected the camera's frame number, or None"),
     (of_frame(number=-1), "`number` is -1"),
-    (of_frame(timestamp_ns=None), "`timestamp_ns` is None; give nanoseconds"),
+    (of_frame(timestamp_ns=None), "`timestamp_ns` is None; expected an integer number of nanoseconds"),
     (of_frame(number=1), "an old frame arrived again"),
 ]
 
@@ -230,13 +230,13 @@ def replaced(of: Any, method: str, answer: Callable[[Any], Any]) -> Any:
 
 #: Plan, instrument, method, another answer, and what is said.
 ANSWERS: list[tuple[str, str, str, Callable[[Any], Any], str]] = [
-    ("camera", "retarder_2", "read", lambda r: None, "`read` answered None: it has no `angle_deg`; give a finite number of degrees"),
-    ("camera", "retarder_2", "read", lambda r: rig.StageReading(np.nan), "`angle_deg` is NaN; give a finite number of degrees"),
+    ("camera", "retarder_2", "read", lambda r: None, "`read` returned None: it has no `angle_deg`; expected a finite number of degrees"),
+    ("camera", "retarder_2", "read", lambda r: rig.StageReading(np.nan), "`angle_deg` is NaN; expected a finite number of degrees"),
     ("camera", "retarder_2", "read", lambda r: rig.StageReading("12"), "`angle_deg` is '12'"),  # type: ignore[arg-type]
     ("camera", "retarder_2", "finish_move", lambda r: rig.StageReading(r.angle_deg + 0.5), "stalled: the stage is at .*, expected"),
-    ("scan", "galvo", "point", lambda at: at[0], "give where the mirrors are, two finite numbers of degrees"),
+    ("scan", "galvo", "point", lambda at: at[0], "expected the angles of the mirrors, two finite numbers of degrees"),
     ("scan", "laser", "state", lambda s: rig.LaserState(True, np.inf), "`rate_hz` is inf"),
-    ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts[:-1], h.pulses), "`finish` answered 63 counts; it was set to 64 bins"),
+    ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts[:-1], h.pulses), "`finish` returned 63 counts, but 64 bins are configured"),
     ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts - 1.0, h.pulses), "`counts` is float64 of shape"),
     ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts, -5), "`pulses` is -5"),
 ]
@@ -256,7 +256,7 @@ def test_answers_that_are_none_are_told(
 def test_limits_that_cannot_be_are_told(tmp_path: Path) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     session["camera"] = replaced(rigs.Camera(session["camera"]), "limits", lambda _: rig.CameraLimits((12, 10), formats=("RGB8",)))
-    with pytest.raises(ps.InputError, match="camera: `limits` answered .* no format is called `RGB8`; Mono8, "):
+    with pytest.raises(ps.InputError, match="camera: `limits` returned .* unknown format `RGB8`; supported: Mono8, "):
         session.cost()
     session["camera"] = replaced(session["camera"], "limits", lambda _: rig.CameraLimits((12, 10), exposure_s=(0.02, 1)))
     with pytest.raises(ps.InputError, match="camera: limit: exposure 10ms is outside 20ms to 1s"):
@@ -402,8 +402,8 @@ def test_a_session_has_its_instruments_alone(tmp_path: Path) -> None:
     session["camera"] = Curious(session["camera"])
     session.run(tmp_path / "s.zarr")
     assert said == [
-        "projector: a session runs with it; wait until that has ended",
-        "the session is at work; wait until that has ended",
+        "projector: in use by a running session; wait until it ends",
+        "the session is running; wait until it ends",
     ]
     session["projector"].dark(1.0)
 
