@@ -205,7 +205,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     // Again: nothing is rendered, and nothing is otherwise.
     let again = run(at, &arguments, 0);
     let again = String::from_utf8_lossy(&again.stdout).into_owned();
-    assert_eq!(again.replace("(0 renders", "(20 renders"), first);
+    assert_eq!(again.replace("(0 new renders", "(20 new renders"), first);
     // A render that was lost is made again, to the same numbers.
     let renders = at.join("out/apply/renders");
     let one = std::fs::read_dir(&renders)
@@ -217,7 +217,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     std::fs::remove_dir_all(one).expect("removes");
     let third = run(at, &arguments, 0);
     let third = String::from_utf8_lossy(&third.stdout).into_owned();
-    assert_eq!(third.replace("(1 renders", "(20 renders"), first);
+    assert_eq!(third.replace("(1 new renders", "(20 new renders"), first);
     figures_keep_what_was_fitted(at, scenes);
 }
 
