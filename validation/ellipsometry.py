@@ -276,7 +276,7 @@ def speed(folder, pixels, record):
 
     def whole():
         text = run("-v", *command("i.npy"))
-        reported.append(float(re.search(r"([0-9.]+) seconds to compute", text).group(1)))
+        reported.append(float(re.search(r"([0-9.]+) s of computation", text).group(1)))
 
     def files():
         m = polanalyser.calcMueller(np.load(folder / "i.npy"), psg, psa)

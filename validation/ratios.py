@@ -141,7 +141,7 @@ class Polanalyser:
 
     def ours(self, _):
         command = ["reconstruct", self.folder / "i.npy", "--scheme", self.folder / "s.toml", "-o", self.folder / "m.npy"]
-        return min(seconds_said(r"([0-9.]+) seconds to compute", ours("-v", *command)) for _ in range(3))
+        return min(seconds_said(r"([0-9.]+) s of computation", ours("-v", *command)) for _ in range(3))
 
     def theirs(self, _):
         whole = lambda: self.polanalyser.calcMueller(self.image, self.generators, self.analyzers)

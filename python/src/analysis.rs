@@ -40,7 +40,7 @@ pub fn decompose<'py>(
         (Either::Single(m), Some(Either::Single(e))) => all(py, &m, Some(&e), &only),
         (Either::Double(m), Some(Either::Double(e))) => all(py, &m, Some(&e), &only),
         _ => Err(input(
-            "std_error: its dtype is not that of the matrices; give both in one",
+            "std_error: its dtype differs from that of the matrices; pass both with one dtype",
         )),
     }
 }
@@ -54,12 +54,12 @@ fn all<'py, T: Real + Element>(
     let shape = matrices.shape();
     let [leading @ .., 4, 4] = shape else {
         return Err(input(format!(
-            "the matrices' shape is {shape:?}; give (..., 4, 4)"
+            "the shape of the matrices is {shape:?}; expected (..., 4, 4)"
         )));
     };
     if let Some(other) = sigmas.map(|s| s.shape()).filter(|s| *s != shape) {
         return Err(input(format!(
-            "std_error: its shape is {other:?}, that of the matrices {shape:?}"
+            "std_error: its shape {other:?} differs from that of the matrices, {shape:?}"
         )));
     }
     let mut wanted = vec![];
@@ -67,7 +67,7 @@ fn all<'py, T: Real + Element>(
         let found = Quantity::ALL.into_iter().find(|q| q.name() == name);
         wanted.push(found.ok_or_else(|| {
             input(format!(
-                "only: there is no `{name}`; choose of {}",
+                "only: unknown quantity `{name}`; choose from {}",
                 quantities().join(", ")
             ))
         })?);
@@ -75,7 +75,7 @@ fn all<'py, T: Real + Element>(
     let elements = slice("matrices", matrices)?;
     let sigmas = sigmas.map(|s| slice("std_error", s)).transpose()?;
     if sigmas.is_some_and(|s| s.iter().any(|e| *e < T::default())) {
-        return Err(input("std_error: some are negative; give 0 or more"));
+        return Err(input("std_error: some values are negative; expected 0 or more"));
     }
     let ((found, missing), spread) = off_python(py, 0, || {
         (maps(elements, &wanted), sigmas.map(|s| errors(elements, s)))

@@ -68,7 +68,7 @@ pub fn run_application<'py>(
     let application = catalog::find(&asked.name).ok_or_else(|| {
         let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
         input(format!(
-            "name: there is no application `{}`; there are {}",
+            "name: unknown application `{}`; available: {}",
             asked.name,
             known.join(", ")
         ))
@@ -76,7 +76,7 @@ pub fn run_application<'py>(
     let plan = application.plan();
     if asked.chain.is_some() && plan.slices.is_empty() {
         return Err(input(format!(
-            "capture: `{}` captures by itself what it judges; leave this out",
+            "capture: `{}` captures its own input; remove this argument",
             asked.name
         )));
     }
@@ -87,7 +87,7 @@ pub fn run_application<'py>(
             .and_then(|here| applications::find_scenes(&here, plan.scene))
             .ok_or_else(|| {
                 input(format!(
-                    "scenes: there is no scenes/{} here or above; name the folder of the scenes that came with sunstone",
+                    "scenes: scenes/{} not found in this folder or its parents; pass the folder of the scenes shipped with Sunstone",
                     plan.scene
                 ))
             })?,
@@ -136,7 +136,7 @@ fn run(
     watch: &dyn sunstone::Watch,
 ) -> Result<Report, Fault> {
     std::fs::create_dir_all(&settings.renders)
-        .map_err(|e| Fault::Folder(format!("cannot make {}: {e}", settings.renders.display())))?;
+        .map_err(|e| Fault::Folder(format!("cannot create {}: {e}", settings.renders.display())))?;
     let report = applications::run(application, settings, watch).map_err(Fault::Run)?;
     if let Some(folder) = output {
         report::write(application, &report, settings, folder).map_err(|e| Fault::Folder(e.to_string()))?;

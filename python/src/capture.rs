@@ -46,7 +46,9 @@ impl Scheme {
     #[staticmethod]
     fn preset(name: &str, captures: usize, polarizer_array: bool) -> PyResult<Self> {
         if captures > MOST {
-            return Err(input(format!("captures is {captures}; at most {MOST}")));
+            return Err(input(format!(
+                "captures: expected at most {MOST}, got {captures}"
+            )));
         }
         let scheme = match name {
             "drr" => sunstone::Scheme::drr(captures, polarizer_array),
@@ -55,7 +57,7 @@ impl Scheme {
             "lc" => sunstone::Scheme::liquid_crystal(captures, polarizer_array),
             _ => {
                 return Err(input(format!(
-                    "there is no preset `{name}`; choose of drr, qrpr, lc"
+                    "unknown preset `{name}`; choose from drr, qrpr, lc"
                 )));
             }
         };
@@ -110,7 +112,7 @@ impl Scheme {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         if !(0.0..90.0).contains(&incidence_deg) || !(-360.0..=360.0).contains(&azimuth_deg) {
             return Err(input(
-                "give an incidence from 0 to less than 90 degrees, an azimuth from -360 to 360",
+                "expected an incidence from 0 to less than 90 degrees, and an azimuth from -360 to 360 degrees",
             ));
         }
         let ray = Ray {
@@ -134,11 +136,11 @@ pub fn rays(nm: &[f64]) -> PyResult<Vec<Ray>> {
 pub fn check_wavelengths(nm: &[f64]) -> PyResult<()> {
     if let Some(bad) = nm.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
         return Err(input(format!(
-            "the wavelength {bad} is not a positive number of nanometres"
+            "the wavelength {bad} is not a positive number of nm"
         )));
     }
     if nm.is_empty() {
-        return Err(input("give one wavelength at least"));
+        return Err(input("expected at least one wavelength"));
     }
     Ok(())
 }
@@ -158,7 +160,7 @@ pub fn simulate<'py>(
     let pixels = values.len() / 16;
     if pixels % rays.len() != 0 {
         return Err(input(
-            "the last axis before the matrices is not as long as the wavelengths",
+            "the last axis before the matrices must be as long as the wavelengths",
         ));
     }
     let layout = Layout {
@@ -194,18 +196,18 @@ pub fn reconstruct<'py>(
 ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
     if noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
         return Err(input(
-            "noise: give a positive number, 1e-18 to 1e18, in units of the intensities",
+            "noise: expected a number from 1e-18 to 1e18, in units of the intensities",
         ));
     }
     if saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
         return Err(input(
-            "saturation: give a positive number, in units of the intensities",
+            "saturation: expected a positive number, in units of the intensities",
         ));
     }
     let prior = prior.as_ref().map(moment).transpose()?;
     if prior.is_some() && noise.is_none() {
         return Err(input(
-            "prior: it weighs what is expected against the noise; give the intensities' standard deviation as noise",
+            "prior: it needs the standard deviation of the intensities; pass it as noise",
         ));
     }
     let options = Options {
@@ -220,7 +222,9 @@ pub fn reconstruct<'py>(
         Some((degrees, height, width)) => {
             check_wavelengths(&wavelengths_nm)?;
             if !(degrees > 0.0 && degrees < 180.0) {
-                return Err(input("fov_x_deg: give degrees, above 0 and below 180"));
+                return Err(input(
+                    "fov_x_deg: expected an angle above 0 and below 180 degrees",
+                ));
             }
             let layout = Layout {
                 height,
@@ -242,7 +246,7 @@ pub fn reconstruct<'py>(
             solve(py, scheme, &i, Some(&v), rays, options, with_errors)
         }
         _ => Err(input(
-            "variance: its dtype is not that of the intensities; give both in one",
+            "variance: its dtype differs from that of the intensities; pass both with one dtype",
         )),
     }
 }
@@ -268,19 +272,19 @@ fn solve<'py, T: PixelNumber + Element>(
     let shape = intensities.shape();
     let [measurements, pixels] = *shape else {
         return Err(input(format!(
-            "the intensities' shape is {shape:?}; give (measurements, pixels)"
+            "the shape of the intensities is {shape:?}; expected (measurements, pixels)"
         )));
     };
     if measurements != scheme.0.measurements() || pixels % rays.len().max(1) != 0 {
         return Err(input(format!(
-            "the intensities are of shape {shape:?}, but the scheme has {} measurements, and there are {} wavelengths",
+            "the shape of the intensities is {shape:?}, but the scheme has {} measurements, and there are {} wavelengths",
             scheme.0.measurements(),
             lanes
         )));
     }
     if let Some(other) = variances.map(|v| v.shape()).filter(|s| *s != shape) {
         return Err(input(format!(
-            "variance: its shape is {other:?}, that of the intensities {shape:?}"
+            "variance: its shape {other:?} differs from that of the intensities, {shape:?}"
         )));
     }
     let read = slice("intensities", intensities)?;

@@ -46,7 +46,7 @@ pub fn capture<'py>(
 ) -> PyResult<(Numbers<'py>, Option<Numbers<'py>>, Vec<usize>)> {
     check_wavelengths(&wavelengths_nm)?;
     let [leading @ .., 4, 4] = matrices.shape() else {
-        return Err(input("give matrices of shape (..., 4, 4)"));
+        return Err(input("expected matrices of shape (..., 4, 4)"));
     };
     let values = slice("matrices", &matrices)?.to_vec();
     let listed = if lanes { &wavelengths_nm[..] } else { &[] };
@@ -57,17 +57,19 @@ pub fn capture<'py>(
     if let Some(bin) = with.bin_ps {
         if leading.len() != 3 + usize::from(lanes) {
             return Err(input(
-                "bin_ps: give matrices (rows, columns, bins, 4, 4), or (rows, columns, bins, wavelengths, 4, 4)",
+                "bin_ps: expected matrices of shape (rows, columns, bins, 4, 4), or (rows, columns, bins, wavelengths, 4, 4)",
             ));
         }
         if !(bin > 0.0 && bin.is_finite()) {
-            return Err(input("bin_ps: give the width of the time bins, picoseconds"));
+            return Err(input("bin_ps: expected a positive width of the time bins, in ps"));
         }
         image.bin_ps = Some(bin);
     }
     if let Some(degrees) = with.fov_x_deg {
         if !(degrees > 0.0 && degrees < 180.0) {
-            return Err(input("fov_x_deg: give degrees, above 0 and below 180"));
+            return Err(input(
+                "fov_x_deg: expected an angle above 0 and below 180 degrees",
+            ));
         }
         image = image.seen_by(degrees.to_radians());
     }
@@ -87,7 +89,7 @@ fn noise(py: Python<'_>, image: &MuellerImage, with: &Instrument) -> PyResult<No
             Ok(sigma)
         } else {
             Err(input(format!(
-                "{name} is {sigma}: give zero or a positive number, 1e-30 to 1e30"
+                "{name}: expected 0 or a number from 1e-30 to 1e30, got {sigma}"
             )))
         }
     };
@@ -113,11 +115,11 @@ fn noise(py: Python<'_>, image: &MuellerImage, with: &Instrument) -> PyResult<No
                 Ok(Noise::Gaussian { sigma })
             } else {
                 Err(input(
-                    "relative_noise: the mean M00 of the matrices is not positive; give noise in their unit",
+                    "relative_noise: the mean M00 of the matrices is not positive; use noise, in the unit of the matrices",
                 ))
             }
         }
         (None, None, None) => Ok(Noise::None),
-        _ => Err(input("give one of detector, noise and relative_noise")),
+        _ => Err(input("pass only one of detector, noise and relative_noise")),
     }
 }

@@ -9,13 +9,13 @@ pyo3::create_exception!(
     pysunstone,
     InputError,
     PyValueError,
-    "What was given is wrong: `file`, `line`, `column`, `message` and `fix` say where and how to fix it, or are None."
+    "Invalid input. The attributes `file`, `line`, `column`, `message` and `fix` say where the problem is and how to fix it, or are None."
 );
 pyo3::create_exception!(
     pysunstone,
     RenderError,
     PyRuntimeError,
-    "A render failed on its way: a full disk, no threads. What was finished stays on disk and can be resumed."
+    "A render failed, for example because the disk is full. Finished work stays on disk and can be resumed."
 );
 
 /// Attributes of an [`InputError`] in addition to its text.

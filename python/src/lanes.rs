@@ -16,7 +16,7 @@ impl Lanes {
     /// Creates the sets for wavelengths in nanometres.
     pub fn new(asked_nm: &[f64]) -> PyResult<Self> {
         if asked_nm.is_empty() {
-            return Err(input("wavelengths_nm: give one wavelength at least"));
+            return Err(input("wavelengths_nm: expected at least one wavelength"));
         }
         let mut rising = asked_nm.to_vec();
         rising.sort_by(f64::total_cmp);
@@ -43,12 +43,12 @@ pub fn choose(what: &str, several: &str, names: &[String], name: Option<&str>) -
     match (name, names) {
         (Some(name), _) if names.iter().any(|n| n == name) => Ok(name.to_owned()),
         (Some(name), _) => Err(input(format!(
-            "name: there is no {what} `{name}`; there are {known}"
+            "name: unknown {what} `{name}`; available: {known}"
         ))),
         (None, [one]) => Ok(one.clone()),
         (None, []) => Err(input(format!("there is no {what}; add one"))),
         (None, _) => Err(input(format!(
-            "there are several {several}; give the name of one: {known}"
+            "there are several {several}; pass the name of one of {known}"
         ))),
     }
 }

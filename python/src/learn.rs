@@ -39,7 +39,7 @@ impl LearningData {
     ) -> PyResult<Self> {
         if !resolution.iter().all(|n| (2..=4096).contains(n)) || bands.iter().any(|nm| *nm < 100) {
             return Err(input(
-                "give a resolution of three numbers from 2 to 4096, and bands from 100 nm on",
+                "expected a resolution of three numbers from 2 to 4096, and bands from 100 nm",
             ));
         }
         let settings = Settings {
@@ -128,18 +128,18 @@ pub fn learn<'py>(
 ) -> PyResult<Found<'py>> {
     if template.0.motors().is_empty() {
         return Err(input(
-            "template: nothing in it changes from capture to capture; give lists of angles or retardances",
+            "template: no setting changes between captures; list angles or retardances",
         ));
     }
     if !(1e-9..=1e6).contains(&asked.noise) {
-        return Err(input("noise: give a positive number, 1e-9 to 1e6"));
+        return Err(input("noise: expected a number from 1e-9 to 1e6"));
     }
     if !(0.0..=90.0).contains(&asked.angle_error_deg) {
-        return Err(input("angle_error_deg: give degrees, 0 to 90"));
+        return Err(input("angle_error_deg: expected 0 to 90 degrees"));
     }
     if asked.starts > 100_000 || asked.iterations > 10_000_000 || asked.adam_steps > 10_000_000 {
         return Err(input(
-            "at most 100000 starts, and 10000000 iterations or adam_steps",
+            "expected at most 100000 starts, and 10000000 iterations or adam_steps",
         ));
     }
     let search = Search {

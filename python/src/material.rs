@@ -41,7 +41,7 @@ fn directions(what: &str, rows: &Rows<'_>) -> PyResult<Vec<Direction>> {
     let view = rows.as_array();
     if view.ncols() != 3 {
         return Err(input(format!(
-            "{what}: the shape is {:?}; give (..., 3)",
+            "{what}: the shape is {:?}; expected (..., 3)",
             view.shape()
         )));
     }
@@ -136,7 +136,7 @@ impl Material {
         let place = |asked: &f64| match nm.iter().position(|own| (own - asked).abs() < 1e-6) {
             Some(lane) => Ok((0, lane)),
             None => Err(input(format!(
-                "wavelengths_nm: the scene has {nm:?}, not {asked}; ask for some of these"
+                "wavelengths_nm: the scene has {nm:?} nm, not {asked} nm; use its wavelengths"
             ))),
         };
         Ok(Self {
@@ -157,9 +157,7 @@ impl Material {
         let incoming = directions("incoming", &incoming)?;
         let outgoing = directions("outgoing", &outgoing)?;
         if incoming.len() != outgoing.len() {
-            return Err(input(
-                "there are not as many incoming directions as outgoing ones",
-            ));
+            return Err(input("the numbers of incoming and outgoing directions differ"));
         }
         let lanes = self.places.len();
         let mut out = vec![0.0_f32; incoming.len() * lanes * 16];

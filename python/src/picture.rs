@@ -19,16 +19,17 @@ pub fn encode_image<'py>(py: Python<'py>, values: Values<'py>) -> PyResult<Bound
         [h, w, 3] => (h, w, 3),
         _ => {
             return Err(input(format!(
-                "an image of shape {shape:?}; give (h, w) or (h, w, 3)"
+                "the shape of an image is {shape:?}; expected (h, w) or (h, w, 3)"
             )));
         }
     };
     if height == 0 || width == 0 {
         return Err(input(format!("an image of shape {shape:?} has no pixels")));
     }
-    let size = |n: usize| u32::try_from(n).map_err(|_| input("an image has less than 2^32 rows and columns"));
+    let size =
+        |n: usize| u32::try_from(n).map_err(|_| input("an image must have less than 2^32 rows and columns"));
     let (w, h) = (size(width)?, size(height)?);
-    let lost = || input(format!("an image of shape {shape:?} does not fit"));
+    let lost = || input(format!("an image of shape {shape:?} is too large"));
     let (picture, format) = match values {
         Values::Bytes(a) => {
             let data: Vec<u8> = a.as_array().iter().copied().collect();

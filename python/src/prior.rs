@@ -10,7 +10,7 @@ pub fn moment(given: &PyReadonlyArray2<'_, f64>) -> PyResult<Moment> {
     let view = given.as_array();
     if view.shape() != [16, 16] {
         return Err(input(format!(
-            "the second moment's shape is {:?}; give (16, 16), or the path of its file",
+            "the shape of the second moment is {:?}; expected (16, 16), or the path of a file",
             view.shape()
         )));
     }

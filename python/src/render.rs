@@ -55,7 +55,7 @@ impl Asked {
     fn threads(&self) -> PyResult<usize> {
         let most = most_threads();
         match self.threads {
-            Some(n) if n == 0 || n > most => Err(input(format!("threads is {n}; give 1 to {most}"))),
+            Some(n) if n == 0 || n > most => Err(input(format!("threads: expected 1 to {most}, got {n}"))),
             given => Ok(given.unwrap_or(0)),
         }
     }

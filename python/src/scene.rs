@@ -102,7 +102,7 @@ fn rows<const N: usize, T: numpy::Element + Copy>(
     let view = array.as_array();
     if view.ncols() != N {
         return Err(input(format!(
-            "{what}: the shape is {:?}; give rows of {N} numbers",
+            "{what}: the shape is {:?}; expected rows of {N} numbers",
             view.shape()
         )));
     }

@@ -29,7 +29,7 @@ fn pinhole((resolution, focal, principal, origin, axes): Numbers) -> PyResult<Pi
         .chain(&origin)
         .chain(axes.as_flattened());
     if !all.clone().all(|v| v.is_finite()) || focal.contains(&0.0) {
-        return Err(input("give finite numbers, and focal lengths in pixels"));
+        return Err(input("expected finite numbers, and focal lengths in pixels"));
     }
     Ok(Pinhole::new(resolution, focal, principal, origin, axes))
 }
@@ -79,7 +79,7 @@ type Found<'py> = Bound<'py, PyArrayDyn<f64>>;
 fn map(what: &str, image: &Image<'_>) -> PyResult<Map> {
     let [height, width, channels] = *image.shape() else {
         return Err(input(format!(
-            "{what}: the shape is {:?}; give (rows, columns, channels)",
+            "{what}: the shape is {:?}; expected (rows, columns, channels)",
             image.shape()
         )));
     };
@@ -98,7 +98,7 @@ fn of_camera(what: &str, map: &Map, camera: &Pinhole) -> PyResult<()> {
     }
     let [w, h] = camera.resolution;
     Err(input(format!(
-        "{what}: {} rows of {} pixels for a camera of {h} rows of {w}",
+        "{what}: got {} rows of {} pixels, but the camera has {h} rows of {w}",
         map.height, map.width
     )))
 }
@@ -118,12 +118,12 @@ enum Code {
 impl Code {
     fn of(name: &str, columns: usize, periods: Option<Vec<f64>>) -> PyResult<Self> {
         if !(1..=65_536).contains(&columns) {
-            return Err(input("columns: give 1 to 65536"));
+            return Err(input("columns: expected 1 to 65536"));
         }
         let unused = || match &periods {
             None => Ok(()),
             Some(_) => Err(input(format!(
-                "periods: the code `{name}` has none; leave this out"
+                "periods: the code `{name}` has none; remove this argument"
             ))),
         };
         match name {
@@ -136,11 +136,11 @@ impl Code {
             "micro-phase-shift" => match periods {
                 Some(periods) => Ok(Self::MicroPhaseShift(periods)),
                 None => Err(input(
-                    "periods: give those of micro phase shifting, in columns, such as the seven about 16 of the paper",
+                    "periods: micro phase shifting needs its periods, in columns; the paper uses seven of about 16",
                 )),
             },
             other => Err(input(format!(
-                "there is no code `{other}`; choose of gray, xor-02, xor-04, phase-shift, micro-phase-shift"
+                "unknown code `{other}`; choose from gray, xor-02, xor-04, phase-shift, micro-phase-shift"
             ))),
         }
     }
@@ -232,7 +232,7 @@ pub fn polarization_cues<'py>(
     mirrored_off: bool,
 ) -> PyResult<Found<'py>> {
     if !(index > 1.0 && index <= 10.0) {
-        return Err(input("index: give a refractive index above 1, and 10 at most"));
+        return Err(input("index: expected a refractive index above 1 and at most 10"));
     }
     let matrices = map("matrices", &matrices)?;
     let how = if mirrored {
@@ -259,7 +259,7 @@ pub fn normals_of_cues<'py>(
     of_camera("cues", &angles, camera)?;
     of_camera("guess", &guess, camera)?;
     if [angles.channels, guess.channels] != [3, 3] {
-        return Err(input("cues and guess: give three numbers a pixel"));
+        return Err(input("cues and guess: expected three numbers per pixel"));
     }
     let cues = Cues { angles };
     array(py, detached(py, || polarization::nearest(camera, &cues, &guess))?)

@@ -124,7 +124,7 @@ pub fn looked_on<T: Send>(
             (Some(fault), _) => Err(fault),
             (None, Ok(done)) => done,
             (None, Err(_)) => Err(PyRuntimeError::new_err(
-                "the work failed; this is a bug of Sunstone",
+                "internal error in Sunstone: a worker thread failed",
             )),
         }
     })

@@ -33,7 +33,7 @@ def test_an_application_is_the_commands(tmp_path: Path) -> None:
     assert told
     words = ["apply", "metamerism", "--preview", "--seeds", 1, "--scenes", rendered.ROOT / "scenes"]
     said = run(*words, "--renders", tmp_path / "renders", "-o", tmp_path / "out")
-    assert "(0 renders made now)" in said
+    assert "(0 new renders)" in said
     report = json.loads((tmp_path / "out/report.json").read_text())
     assert len(found.rows) == len(report["rows"]) > 4
     for row, want in zip(found.rows, report["rows"], strict=True):
@@ -139,18 +139,18 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     both = devices()
     camera = both.camera
     for call, words in (
-        (lambda: apply.run("metamerismus"), "no application `metamerismus`; there are"),
+        (lambda: apply.run("metamerismus"), "unknown application `metamerismus`; available:"),
         (lambda: apply.run("metamerism", scenes=tmp_path), str(tmp_path)),
         (lambda: apply.run("metamerism", scenes=rendered.ROOT / "scenes", renders=tmp_path, seeds=0), "seeds"),
-        (lambda: apply.run("ellipsometry", capture=tmp_path / "c.toml"), "captures by itself"),
-        (lambda: apply.patterns("grey", 50), "no code `grey`"),  # type: ignore[arg-type]
+        (lambda: apply.run("ellipsometry", capture=tmp_path / "c.toml"), "captures its own input"),
+        (lambda: apply.patterns("grey", 50), "unknown code `grey`"),  # type: ignore[arg-type]
         (lambda: apply.patterns("gray", 0), "columns"),
         (lambda: apply.patterns("gray", 50, periods=[3.0]), "periods"),
         (lambda: apply.patterns("micro-phase-shift", 50), "periods"),
-        (lambda: apply.decode("gray", np.ones((3, 2, 2)), 50), "3 captures, and the code has 12"),
+        (lambda: apply.decode("gray", np.ones((3, 2, 2)), 50), "got 3 captures, but the code has 12"),
         (lambda: apply.decode("phase-shift", np.ones((4, 2, 2)), 50, periods=[20.0]), "periods"),
         (lambda: apply.decode("gray", np.ones((3, 2)), 50), "captures, rows, columns"),
-        (lambda: apply.depth(both, np.ones((3, 2))), "camera of 16 rows of 24"),
+        (lambda: apply.depth(both, np.ones((3, 2))), "camera has 16 rows of 24"),
         (lambda: apply.normals(both, np.ones((3, 2, 1))), "rows, columns"),
         (lambda: apply.polarization_cues(np.ones((3, 4, 4))), "rows, columns, 4, 4"),
         (lambda: apply.polarization_cues(np.ones((3, 2, 4, 4)), 0.9), "index"),

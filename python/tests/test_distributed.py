@@ -146,7 +146,7 @@ def test_rounds_to_an_error_are_those_of_one_process(cluster: Any, client: Any, 
 
 
 def test_what_the_command_refuses_is_told(client: Any, tmp_path: Path) -> None:
-    with pytest.raises(RenderError, match="no slice `nothing`"):
+    with pytest.raises(RenderError, match="unknown slice `nothing`"):
         distributed.render(SCENE, tmp_path / "a.zarr", spp=2, parts=2, client=client, slices=["nothing"])
     with pytest.raises(RenderError, match="no command"):
         distributed.render(SCENE, tmp_path / "a.zarr", client=client, command="no-such-sunstone")

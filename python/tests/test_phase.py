@@ -124,7 +124,7 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
         (lambda: phase.evaluate({"henyey_greenstein": {"g": 1.5}}, 0.0), "g"),
         (lambda: phase.evaluate({"mlk": {}}, 0.0), "mlk"),
         (lambda: phase.evaluate(several, 0.0), "a, b"),
-        (lambda: phase.evaluate(several, 0.0, name="c"), "no medium `c`"),
+        (lambda: phase.evaluate(several, 0.0, name="c"), "unknown medium `c`"),
         (lambda: phase.evaluate(tmp_path / "none.toml", 0.0), "none.toml"),
         (lambda: phase.evaluate(phase.Medium({"milk": {}}), 0.0, name="x"), "built already"),
     ):

@@ -163,7 +163,7 @@ def test_what_is_wrong_is_said(schemes: dict[str, Path], monkeypatch: pytest.Mon
         data.sunstone.reconstruct(schemes["drr36"])
     with pytest.raises(InputError, match=r"nothing\.toml"):
         data.sunstone.capture("nothing.toml")
-    with pytest.raises(InputError, match="there is no `entrpy`"):
+    with pytest.raises(InputError, match="unknown quantity `entrpy`"):
         data.sunstone.decompose(only=["entrpy"])
 
 

@@ -146,7 +146,7 @@ def test_exceptions_that_stay_end_it_and_are_the_cause(
         session.run(tmp_path / "s.zarr")
     found = raised.value
     assert (found.fault, found.instrument) == (fault, "camera") and found.__cause__ is error
-    assert "resume=True goes on" in str(found) and str(found).startswith(f"camera: {fault}: ")
+    assert "resume with resume=True" in str(found) and str(found).startswith(f"camera: {fault}: ")
     assert camera.exposures == (9 + 5 if fault == "timeout" else 9), "what may pass is tried five times more"
     with pytest.raises(ps.InputError, match="already exists"):
         session.run(tmp_path / "s.zarr")
@@ -199,16 +199,16 @@ def of_frame(**changes: Any) -> Callable[[rig.Frame], Any]:
 
 #: Invalid frames, and the error messages.
 LIES: list[tuple[Callable[[rig.Frame], Any], str]] = [
-    (lambda f: None, "its pixels are None; give a NumPy array"),
-    (lambda f: f.pixels.astype(float), r"its pixels are float64 of shape \(10, 12\); give a NumPy array \(rows, columns\) of uint8 or uint16"),
+    (lambda f: None, "its pixels are None; expected a NumPy array"),
+    (lambda f: f.pixels.astype(float), r"its pixels are float64 of shape \(10, 12\); expected a NumPy array \(rows, columns\) of uint8 or uint16"),
     (lambda f: f.pixels.ravel(), r"its pixels are uint16 of shape \(120,\)"),
     (lambda f: f.pixels.astype(np.int16) - 1, "its pixels are int16"),
-    (lambda f: f.pixels.T, r"timeout: `frame` answered an array of shape \(12, 10\); .* 10 rows and 12 columns"),
-    (lambda f: np.full_like(f.pixels, 4096), "a pixel is 4096, and Mono12p holds 0 to 4095"),
-    (of_frame(number="seven"), "`number` is 'seven'; give the camera's count of frames, or None"),
+    (lambda f: f.pixels.T, r"timeout: `frame` returned an array of shape \(12, 10\); .* 10 rows and 12 columns"),
+    (lambda f: np.full_like(f.pixels, 4096), "a pixel is 4096, but Mono12p holds 0 to 4095"),
+    (of_frame(number="seven"), "`number` is 'seven'; expected the camera's frame number, or None"),
     (of_frame(number=-1), "`number` is -1"),
-    (of_frame(timestamp_ns=None), "`timestamp_ns` is None; give nanoseconds"),
-    (of_frame(number=1), "a frame of before came once more"),
+    (of_frame(timestamp_ns=None), "`timestamp_ns` is None; expected an integer number of nanoseconds"),
+    (of_frame(number=1), "an old frame arrived again"),
 ]
 
 
@@ -230,13 +230,13 @@ def replaced(of: Any, method: str, answer: Callable[[Any], Any]) -> Any:
 
 #: Plan, instrument, method, changed result, and error message.
 ANSWERS: list[tuple[str, str, str, Callable[[Any], Any], str]] = [
-    ("camera", "retarder_2", "read", lambda r: None, "`read` answered None: it has no `angle_deg`; give a finite number of degrees"),
-    ("camera", "retarder_2", "read", lambda r: rig.StageReading(np.nan), "`angle_deg` is NaN; give a finite number of degrees"),
+    ("camera", "retarder_2", "read", lambda r: None, "`read` returned None: it has no `angle_deg`; expected a finite number of degrees"),
+    ("camera", "retarder_2", "read", lambda r: rig.StageReading(np.nan), "`angle_deg` is NaN; expected a finite number of degrees"),
     ("camera", "retarder_2", "read", lambda r: rig.StageReading("12"), "`angle_deg` is '12'"),  # type: ignore[arg-type]
-    ("camera", "retarder_2", "finish_move", lambda r: rig.StageReading(r.angle_deg + 0.5), "stalled: it is at .* instead of"),
-    ("scan", "galvo", "point", lambda at: at[0], "give where the mirrors are, two finite numbers of degrees"),
+    ("camera", "retarder_2", "finish_move", lambda r: rig.StageReading(r.angle_deg + 0.5), "stalled: the stage is at .*, expected"),
+    ("scan", "galvo", "point", lambda at: at[0], "expected the angles of the mirrors, two finite numbers of degrees"),
     ("scan", "laser", "state", lambda s: rig.LaserState(True, np.inf), "`rate_hz` is inf"),
-    ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts[:-1], h.pulses), "`finish` answered 63 counts; it was set to 64 bins"),
+    ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts[:-1], h.pulses), "`finish` returned 63 counts, but 64 bins are configured"),
     ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts - 1.0, h.pulses), "`counts` is float64 of shape"),
     ("scan", "counter", "finish", lambda h: rig.Histogram(h.counts, -5), "`pulses` is -5"),
 ]
@@ -256,10 +256,10 @@ def test_answers_that_are_none_are_told(
 def test_limits_that_cannot_be_are_told(tmp_path: Path) -> None:
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     session["camera"] = replaced(rigs.Camera(session["camera"]), "limits", lambda _: rig.CameraLimits((12, 10), formats=("RGB8",)))
-    with pytest.raises(ps.InputError, match="camera: `limits` answered .* no format is called `RGB8`; Mono8, "):
+    with pytest.raises(ps.InputError, match="camera: `limits` returned .* unknown format `RGB8`; supported: Mono8, "):
         session.cost()
     session["camera"] = replaced(session["camera"], "limits", lambda _: rig.CameraLimits((12, 10), exposure_s=(0.02, 1)))
-    with pytest.raises(ps.InputError, match="camera: limit: an exposure of 10ms is not within 20ms to 1s"):
+    with pytest.raises(ps.InputError, match="camera: limit: exposure 10ms is outside 20ms to 1s"):
         session.cost()
 
 
@@ -269,12 +269,12 @@ def test_what_is_no_instrument_is_refused(tmp_path: Path) -> None:
         session["camera"] = object()
     with pytest.raises(ps.InputError, match="`camra`, a stage by its name .* is a RigCamera, which has no method begin_move"):
         session["camra"] = session["camera"]
-    with pytest.raises(ps.InputError, match="no sample is called `glass`"):
+    with pytest.raises(ps.InputError, match="unknown sample `glass`"):
         rig.Session(tmp_path / "camera.toml", sample="glass")
-    with pytest.raises(ps.InputError, match="it is, or holds, what is read"):
+    with pytest.raises(ps.InputError, match="is, or contains, an input"):
         session.run(tmp_path, force=True)
     del session["camera"]
-    with pytest.raises(ps.InputError, match="the plan needs a camera, and the rig has none"):
+    with pytest.raises(ps.InputError, match="the plan needs a camera, but the rig has none"):
         session.cost()
 
 
@@ -282,7 +282,7 @@ def test_a_file_needs_no_instruments_that_python_gives(tmp_path: Path, sound: di
     lent = rig.Session(rigs.write(tmp_path) / "camera.toml")
     text = rigs.RIG.replace("[camera]\nsize = [12, 10]\n", '[camera]\ndriver = "python"\nsize = [12, 10]\n')
     (tmp_path / "rig.toml").write_text(text)
-    with pytest.raises(ps.RenderError, match="`camera` is written in Python; give it to"):
+    with pytest.raises(ps.RenderError, match="`camera` is implemented in Python; pass it to"):
         rig.Session(tmp_path / "camera.toml")
     session = rig.Session(tmp_path / "camera.toml", instruments={"camera": rigs.Camera(lent["camera"])})
     # The camera of another bench sees that bench: dark frames, but the run works.
@@ -402,8 +402,8 @@ def test_a_session_has_its_instruments_alone(tmp_path: Path) -> None:
     session["camera"] = Curious(session["camera"])
     session.run(tmp_path / "s.zarr")
     assert said == [
-        "projector: a session runs with it; wait until that has ended",
-        "the session is at work; wait until that has ended",
+        "projector: in use by a running session; wait until it ends",
+        "the session is running; wait until it ends",
     ]
     session["projector"].dark(1.0)
 
@@ -467,30 +467,30 @@ def test_instruments_keep_their_promises(idle: rig.Session, name: str) -> None:
 
 #: Instrument, method, changed result, and the checks that detect it.
 PLANTED: list[tuple[str, str, Callable[[Any], Any], set[str]]] = [
-    ("retarder_2", "identify", lambda i: rig.Identity("", "", ""), {"says who it is"}),
-    ("retarder_2", "temperature_c", lambda t: 1000.0, {"has a temperature that can be, or none"}),
+    ("retarder_2", "identify", lambda i: rig.Identity("", "", ""), {"reports its identity"}),
+    ("retarder_2", "temperature_c", lambda t: 1000.0, {"reports a plausible temperature or none"}),
     (
         "retarder_2",
         "finish_move",
         lambda r: rig.StageReading(r.angle_deg + 0.1),
         {
-            "goes where it is sent, and says so",
-            "a move that is begun again goes to the second goal",
-            "a deadline that is too short is a timeout, and the move goes on",
-            "goes on after that",
+            "moves to the requested angle and reports it",
+            "a second move replaces the first",
+            "reports a timeout at a short deadline and continues the move",
+            "moves after a stop",
         },
     ),
     (
         "retarder_2",
         "read",
         lambda r: rig.StageReading(r.angle_deg, True, False),
-        {"says that it is homed, at rest, near zero", "stops on the way"},
+        {"reports homed, at rest and near zero after homing", "stops during a move"},
     ),
-    ("camera", "frame", lambda f: rig.Frame(f.pixels, 7), {"delivers what it was set to"}),
-    ("camera", "frame", lambda f: f.pixels[:1, :1], {"delivers what it was set to", "one exposure at a time"}),
-    ("galvo", "point", lambda at: (at[0], 0.0), {"points where it is told"}),
-    ("laser", "state", lambda s: rig.LaserState(True, s.rate_hz), {"goes off"}),
-    ("counter", "finish", lambda h: rig.Histogram(h.counts, 0, h.number), {"counts as many bins as it is set to"}),
+    ("camera", "frame", lambda f: rig.Frame(f.pixels, 7), {"delivers frames with the configured region and format"}),
+    ("camera", "frame", lambda f: f.pixels[:1, :1], {"delivers frames with the configured region and format", "refuses a second exposure during the first"}),
+    ("galvo", "point", lambda at: (at[0], 0.0), {"points to the requested angles"}),
+    ("laser", "state", lambda s: rig.LaserState(True, s.rate_hz), {"turns off"}),
+    ("counter", "finish", lambda h: rig.Histogram(h.counts, 0, h.number), {"returns the configured number of bins"}),
 ]
 
 
@@ -500,7 +500,7 @@ def test_planted_faults_are_found(
 ) -> None:
     report = rig.check(replaced(rigs.AROUND.get(name, rigs.Stage)(idle[name]), method, answer))
     assert not report and found <= {c.name for c in report.faults}, str(report)
-    assert f"of {len(report)} promises" in str(report)
+    assert f"of {len(report)} checks" in str(report)
 
 
 def test_a_camera_without_patience_is_found(idle: rig.Session) -> None:
@@ -511,7 +511,7 @@ def test_a_camera_without_patience_is_found(idle: rig.Session) -> None:
             return super().frame(1000.0)
 
     faults = rig.check(Stubborn(idle["camera"])).faults
-    assert [c.name for c in faults] == ["a deadline that is too short is a timeout, and the frame comes still"]
+    assert [c.name for c in faults] == ["reports a timeout at a short deadline and delivers the frame later"]
 
 
 def test_what_is_no_instrument_is_not_checked() -> None:

@@ -80,9 +80,9 @@ def test_a_motor_that_goes_elsewhere_is_found(engine: RunEngine) -> None:
     with init_devices():
         skewed = Skewed("skewed")
     faults = {c.name for c in rig.check(StageOfDevice(skewed)).faults}
-    assert "goes where it is sent, and says so" in faults
+    assert "moves to the requested angle and reports it" in faults
     # The motor moves without delay, so that no move can time out or be stopped.
-    assert "a deadline that is too short is a timeout, and the move goes on" in faults
+    assert "reports a timeout at a short deadline and continues the move" in faults
 
 
 def test_motors_turn_the_stages_of_a_run(engine: RunEngine, session: rig.Session, tmp_path: Path) -> None:
@@ -189,7 +189,7 @@ def test_a_detector_of_ophyd_is_a_camera(session: rig.Session, tmp_path: Path) -
     # Stripes are cropped from the whole image.
     assert (raw.min((1, 2)) == 0).sum() > 10
     faults = [c.name for c in rig.check(session["camera"]).faults]
-    assert faults == ["a deadline that is too short is a timeout, and the frame comes still"], "it has no exposure to wait for"
+    assert faults == ["reports a timeout at a short deadline and delivers the frame later"], "it has no exposure to wait for"
 
 
 class Spot(StandardReadable):

@@ -12,7 +12,9 @@ pub enum ApplyError {
         name: String,
     },
     /// A slice does not resolve a required axis.
-    #[error("slice `{slice}` of variant {variant} does not resolve {axis}: give it in the scene file")]
+    #[error(
+        "slice `{slice}` of variant {variant} does not resolve {axis}: correct the slice in the scene file"
+    )]
     Axis {
         variant: u64,
         slice: String,
@@ -20,7 +22,7 @@ pub enum ApplyError {
         axis: &'static str,
     },
     /// Maps of different sizes, or variants with different wavelengths.
-    #[error("variant {variant}: {what} differ in size; render all variants alike")]
+    #[error("variant {variant}: {what} differ in size; render all variants with the same settings")]
     Sizes { variant: u64, what: String },
     /// There is no data for training or testing.
     #[error("{0}")]

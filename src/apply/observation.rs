@@ -104,7 +104,7 @@ impl Observation {
         };
         let kept = pixels.len();
         if kept != t.data.len() {
-            return Err(axis("the camera, time, polarization and wavelength alone"));
+            return Err(axis("only the camera, time, polarization and wavelength"));
         }
         (pixels.mean, pixels.error) = (vec![0.0; kept], vec![0.0; kept]);
         let kinds = [
@@ -147,7 +147,7 @@ pub fn seen<S>(
     let both = [all(train)?, all(test)?];
     if both.iter().any(Vec::is_empty) {
         return Err(ApplyError::Empty(
-            "give variants to learn from and to be judged on".into(),
+            "pass variants for training and for testing".into(),
         ));
     }
     Ok(both)

@@ -15,13 +15,13 @@ const STEPS: usize = 100;
 /// The reason why a fit fails.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FitError {
-    #[error("{residuals} measurements cannot tell {parameters} parameters; measure more samples or settings")]
-    TooFew { residuals: usize, parameters: usize },
-    #[error("a measurement or a prediction is not a finite number; leave saturated and dark places out")]
-    NotFinite,
     #[error(
-        "the fit does not settle: the start is far from the truth, or the samples are not what they are called"
+        "{residuals} measurements cannot determine {parameters} parameters; measure more samples or settings"
     )]
+    TooFew { residuals: usize, parameters: usize },
+    #[error("a measurement or a prediction is not a finite number; exclude saturated and dark regions")]
+    NotFinite,
+    #[error("the fit does not converge: the initial values are too far off, or samples are mislabeled")]
     Unsettled,
 }
 
@@ -55,9 +55,9 @@ impl Fit {
                 .map(|i| names.get(i).map_or("?", String::as_str))
                 .collect();
             match parts[..] {
-                [one] => format!("{one}: no sample depends on it; it is left as it was"),
+                [one] => format!("{one}: no sample depends on it; it keeps its initial value"),
                 _ => format!(
-                    "{} together: these samples depend on them only in combination; the rest is left as it was",
+                    "{} together: the samples determine only a combination of them; the others keep their initial values",
                     parts.join(", ")
                 ),
             }

@@ -45,14 +45,12 @@ impl Serialize for PixelMap {
 impl<'de> Deserialize<'de> for PixelMap {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let text = String::deserialize(from)?;
-        let bytes = BASE64_STANDARD
-            .decode(text.trim())
-            .map_err(|e| de::Error::custom(format!("a map of pixels is not base64 ({e}); calibrate anew")))?;
+        let bytes = BASE64_STANDARD.decode(text.trim()).map_err(|e| {
+            de::Error::custom(format!("a pixel map is not valid base64 ({e}); calibrate again"))
+        })?;
         let (values, rest) = bytes.as_chunks::<4>();
         if !rest.is_empty() {
-            return Err(de::Error::custom(
-                "a map of pixels ends within a number; calibrate anew",
-            ));
+            return Err(de::Error::custom("a pixel map is truncated; calibrate again"));
         }
         Ok(Self(values.iter().map(|b| f32::from_le_bytes(*b)).collect()))
     }

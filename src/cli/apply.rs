@@ -69,20 +69,20 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let application = catalog::find(&a.name).ok_or_else(|| {
         let known: Vec<&str> = catalog::all().iter().map(|a| a.name()).collect();
         Failure::input(format!(
-            "there is no application `{}`; there are {}",
+            "unknown application `{}`; available: {}",
             a.name,
             known.join(", ")
         ))
     })?;
     if !(1..=MOST_SEEDS).contains(&a.seeds) {
         return Err(Failure::input(format!(
-            "--seeds is {}; give 1 to {MOST_SEEDS}",
+            "--seeds: expected 1 to {MOST_SEEDS}, got {}",
             a.seeds
         )));
     }
     if a.capture.is_some() && application.plan().slices.is_empty() {
         return Err(Failure::input(format!(
-            "`{}` captures by itself what it judges; leave --capture out",
+            "`{}` captures its own input; remove --capture",
             a.name
         )));
     }
@@ -93,7 +93,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             .or_else(|| applications::find_scenes(&std::env::current_dir().ok()?, scene))
             .ok_or_else(|| {
                 Failure::input(format!(
-                    "there is no scenes/{scene} here or above; name the folder of the scenes that came with sunstone by --scenes"
+                    "scenes/{scene} not found in this folder or its parents; set --scenes to the folder of the scenes shipped with \
+                     Sunstone"
                 ))
             })?,
     };
@@ -111,7 +112,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
                 (Some((part, values)), _) => {
                     if values.iter().any(|v| part.with(&chain, *v).is_none()) {
                         return Err(Failure::input(format!(
-                            "{}: its optics are those of a file, so `{}` of them cannot be swept; give optics = {{ axis_error_deg, \
+                            "{}: its optics come from a file, so `{}` cannot be swept; set optics = {{ axis_error_deg, \
                              retardance_error_deg, extinction }}",
                             path.display(),
                             part.name()
@@ -146,7 +147,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     Studio::open(&file, &settings.renders, &progress)?.variant(application.plan().train.first().copied())?;
     std::fs::create_dir_all(&settings.renders).map_err(|e| {
         Failure::failed(format!(
-            "cannot make {}: {e}; name another by --renders",
+            "cannot create {}: {e}; choose another folder with --renders",
             settings.renders.display()
         ))
     })?;
@@ -167,7 +168,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let _ = write!(
         text,
-        "{}: tables and pictures ({} renders made now)",
+        "{}: tables and pictures ({} new renders)",
         folder.display(),
         done.rendered
     );
@@ -199,7 +200,7 @@ impl From<StudioError> for Failure {
 fn table(application: &dyn Application, r: &Report, links: &Links) -> String {
     let plan = application.plan();
     let mut out = format!(
-        "{}: {}\n{} variants learnt from, {} judged on, {} seeds; {} pixels across, {} samples a pixel\n",
+        "{}: {}\n{} training variants, {} test variants, {} seeds; {} pixels wide, {} samples per pixel\n",
         application.name(),
         application.shows(),
         plan.train.len(),
@@ -248,13 +249,17 @@ fn rows(out: &mut String, rows: &[Row], only: Option<Metric>) {
             } else {
                 format!(" [{}]", row.metric.unit)
             };
-            let better = if row.metric.more_is_better { "more" } else { "less" };
+            let better = if row.metric.more_is_better {
+                "higher"
+            } else {
+                "lower"
+            };
             let _ = write!(
                 out,
                 "\n{:42} {:>18}   {:>20}\n",
                 format!("{metric}{unit}, {better} is better"),
                 "mean",
-                "first less this"
+                "first minus this"
             );
         }
         let difference = row.ours_less_this.as_ref().map_or(String::new(), shown);

@@ -184,7 +184,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     let parts = text
         .split_once('x')
         .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    parts.ok_or_else(|| "give width and height in pixels, as 912x1140".into())
+    parts.ok_or_else(|| "expected width and height in pixels, such as 912x1140".into())
 }
 
 pub fn run(a: &Arguments) -> Result<(), Failure> {
@@ -208,8 +208,8 @@ impl Target {
         let extent = square * (self.columns.max(self.rows) + 1) as f64;
         if !self.square.has_unit && extent > LONGEST_BOARD {
             return Err(Failure::input(format!(
-                "--square {square}: a number without a unit is metres, and the board would be {extent:.1} m long; \
-                 write {square}mm or {square}m"
+                "--square {square}: a number without a unit is in metres, so the board would be {extent:.1} m long; write {square}mm or \
+                 {square}m"
             )));
         }
         Ok(board)
@@ -242,10 +242,14 @@ impl Target {
             eprintln!("note: {note}");
         }
         for (v, c) in fit.outliers.iter().take(10) {
-            eprintln!("note: view {}, corner {} left out: it is far off", v + 1, c + 1);
+            eprintln!(
+                "note: view {}, corner {} excluded: its residual is an outlier",
+                v + 1,
+                c + 1
+            );
         }
         if fit.outliers.len() > 10 {
-            eprintln!("note: {} corners are left out in all", fit.outliers.len());
+            eprintln!("note: {} corners excluded in total", fit.outliers.len());
         }
         for (title, d) in ["camera", "projector"].iter().zip(0..fit.devices.len()) {
             let (device, errors) = (&fit.devices[d], fit.errors(d));
@@ -274,7 +278,7 @@ fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
         .collect();
     let told = found.into_iter().zip(images).map(|(found, (name, _))| {
         found
-            .map_err(|why| eprintln!("note: {name} left out: {why}"))
+            .map_err(|why| eprintln!("note: {name} excluded: {why}"))
             .ok()
     });
     told.collect()
@@ -291,21 +295,20 @@ fn load(paths: &[PathBuf]) -> Result<Vec<(String, Image)>, Failure> {
         if other.image.size() != one.image.size() {
             let [w, h] = other.image.size();
             return Err(Failure::input(format!(
-                "{name}: it is of {w} × {h} pixels, and {first} of {} × {}: give images of one camera",
+                "{name}: its size is {w} × {h} pixels, but {first} is {} × {} pixels; use images of one camera",
                 one.image.width, one.image.height
             )));
         }
         if other.orientation != one.orientation {
             return Err(Failure::input(format!(
-                "{name}: its EXIF orientation is {}, and that of {first} is {}: give images that the camera did not rotate, \
-                 or that it rotated in the same way",
+                "{name}: its EXIF orientation is {}, but that of {first} is {}; use images with the same EXIF orientation, or without one",
                 other.orientation, one.orientation
             )));
         }
     }
     if one.orientation != 1 {
         eprintln!(
-            "note: images are rotated as their EXIF orientation, {}, says: {} × {} pixels, as OpenCV reads them",
+            "note: images are rotated by their EXIF orientation, {}, to {} × {} pixels, as OpenCV does",
             one.orientation, one.image.width, one.image.height
         );
     }
@@ -343,11 +346,11 @@ fn board(a: &BoardArguments) -> Result<(), Failure> {
         files.push(name.clone());
     }
     if views.len() < images.len() {
-        eprintln!("note: {} of {} images are used", views.len(), images.len());
+        eprintln!("note: using {} of {} images", views.len(), images.len());
     }
     if views.is_empty() {
         return Err(Failure::input(format!(
-            "none of the {} images shows all of a board of {} × {} inner corners",
+            "none of the {} images shows a complete board of {} × {} inner corners",
             images.len(),
             board.columns,
             board.rows
@@ -370,7 +373,7 @@ fn patterns(a: &PatternArguments) -> Result<(), Failure> {
     for (i, pattern) in all.iter().enumerate() {
         let path = a.output.join(format!("{i:03}.png"));
         let bytes = png_bytes(w, h, &sequence.bytes(*pattern));
-        let bytes = bytes.ok_or_else(|| Failure::failed("a pattern cannot be written as PNG"))?;
+        let bytes = bytes.ok_or_else(|| Failure::failed("cannot encode a pattern as PNG"))?;
         whole_file::write(&path, &bytes).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     }
     super::output::print(&format!("{}: {} patterns", a.output.display(), all.len()))
@@ -379,7 +382,7 @@ fn patterns(a: &PatternArguments) -> Result<(), Failure> {
 /// Returns the images of a folder, sorted by name. Skips other files and reports their number.
 fn frames(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let bad =
-        |e: std::io::Error| Failure::input(format!("{}: {e}; give a folder of images", folder.display()));
+        |e: std::io::Error| Failure::input(format!("{}: {e}; pass a folder of images", folder.display()));
     let (mut all, mut others) = (vec![], 0);
     for entry in std::fs::read_dir(folder).map_err(bad)? {
         let path = entry.map_err(bad)?.path();
@@ -394,7 +397,7 @@ fn frames(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     }
     if others > 0 {
         eprintln!(
-            "note: {}: {others} files left out: images are .png, .jpg or .npy",
+            "note: {}: ignored {others} files that are not .png, .jpg or .npy images",
             folder.display()
         );
     }
@@ -407,7 +410,7 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
     let board = a.target.board()?;
     let sequence = a.light.sequence()?;
     if a.reach.is_some_and(|r| !(2.0..=1000.0).contains(&r)) {
-        return Err(Failure::input("--reach: give 2 to 1000 pixels"));
+        return Err(Failure::input("--reach: expected 2 to 1000 pixels"));
     }
     let points = board.points();
     let (mut views, mut files, mut size) = (vec![], vec![], None);
@@ -417,13 +420,13 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         let name = folder.display().to_string();
         let decoded = decode(&sequence, &images).map_err(|e| {
             Failure::input(format!(
-                "{name}: {e}; give one image a pattern of `sunstone calibrate patterns`, in their order"
+                "{name}: {e}; capture one image per pattern of `sunstone calibrate patterns`, in the same order"
             ))
         })?;
         let here = images[0].size();
         if *size.get_or_insert(here) != here {
             return Err(Failure::input(format!(
-                "{name}: its images are of another size than those of the first folder"
+                "{name}: the size of its images differs from that of the first folder"
             )));
         }
         let white = [(
@@ -446,13 +449,13 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         );
         if lit < board.len() && lit >= 8 {
             eprintln!(
-                "note: {name}: {lit} of {} corners have the projector's light",
+                "note: {name}: projector pixels decoded at {lit} of {} corners",
                 board.len()
             );
         }
         if lit < 8 {
             eprintln!(
-                "note: {name} left out: the projector's light is decoded around {lit} of its corners only"
+                "note: {name} excluded: projector pixels decoded at only {lit} of its corners; at least 8 are needed"
             );
             continue;
         }
@@ -472,11 +475,11 @@ fn projector(a: &ProjectorArguments) -> Result<(), Failure> {
         files.push(name);
     }
     if views.len() < a.views.len() {
-        eprintln!("note: {} of {} folders are used", views.len(), a.views.len());
+        eprintln!("note: using {} of {} folders", views.len(), a.views.len());
     }
     let Some(size) = size.filter(|_| !views.is_empty()) else {
         return Err(Failure::input(
-            "no folder shows all of the board under the projector's light",
+            "no folder shows the complete board under the projector's light",
         ));
     };
     let setups = [

@@ -65,7 +65,7 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
     places::extension(&a.output, "calibrations are", &["toml"])?;
     if a.distance.len() != a.runs.len() {
         return Err(Failure::input(format!(
-            "--distance: give one distance for each of the {} runs",
+            "--distance: expected one distance per run, {} in total",
             a.runs.len()
         )));
     }
@@ -75,7 +75,7 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
         .map(|d| d.within(LONGEST_DISTANCE, "--distance"));
     let distances: Vec<f64> = distances.collect::<Result<_, _>>().map_err(Failure::input)?;
     if distances.iter().any(|d| *d > 1e6) {
-        return Err(Failure::input("--distance: give at most 1e6 m"));
+        return Err(Failure::input("--distance: expected at most 1e6 m"));
     }
     let mut all = vec![];
     let mut start = Impulse::default();
@@ -101,7 +101,7 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
         .position(|h| h.counter != counter || h.points != points)
     {
         return Err(Failure::input(format!(
-            "{}: its counter or its points are not those of {}; calibrate runs of one plan together",
+            "{}: its counter settings or its points differ from those of {}; calibrate only runs of one plan together",
             a.runs[k].display(),
             a.runs[0].display()
         )));
@@ -150,8 +150,8 @@ fn told(found: &Temporal) -> String {
             found.response_sigma[0] * FWHM_PER_SIGMA,
             " ps",
         ),
-        ("share of the tail", r.tail_share, found.response_sigma[1], ""),
-        ("time of the tail", r.tail_ps, found.response_sigma[2], " ps"),
+        ("tail fraction", r.tail_share, found.response_sigma[1], ""),
+        ("tail time constant", r.tail_ps, found.response_sigma[2], " ps"),
         ("after-pulses", r.after_pulsing, found.response_sigma[3], ""),
     ];
     let mut text = String::new();
@@ -170,22 +170,22 @@ fn told(found: &Temporal) -> String {
     let mean = known.iter().sum::<f64>() / known.len() as f64;
     let spread = (known.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / known.len() as f64).sqrt();
     text.push_str(&format!(
-        "time zero          {mean:>10.4} ps, {spread:.4} ps from point to point, of {} of {} points\n",
+        "time zero          {mean:>10.4} ps, {spread:.4} ps standard deviation over points, {} of {} points\n",
         known.len(),
         found.zero_ps.len()
     ));
     if let Some(clock) = &found.clock {
         text.push_str(&format!(
-            "clock              {:>10.2e} ± {:.1e} too fast\n",
+            "clock error        {:>10.2e} ± {:.1e} (positive: too fast)\n",
             clock.relative_error, clock.sigma
         ));
     }
     text.push_str(&format!(
-        "chi squared {:.1} over {} degrees of freedom\n",
+        "chi-squared {:.1}, {} degrees of freedom\n",
         found.chi_squared, found.freedom
     ));
     for words in &found.untold {
-        text.push_str(&format!("not told: {words}\n"));
+        text.push_str(&format!("not determined: {words}\n"));
     }
     text
 }
@@ -283,7 +283,7 @@ fn more(found: &Radiometry) -> String {
         d.stuck.len()
     ));
     for words in &found.untold {
-        text.push_str(&format!("\nnot told: {words}"));
+        text.push_str(&format!("\nnot determined: {words}"));
     }
     text
 }

@@ -79,7 +79,7 @@ impl NoiseArguments {
                 Ok(sigma)
             } else {
                 Err(Failure::input(format!(
-                    "{name} {sigma}: give zero or a positive number, 1e-30 to 1e30"
+                    "{name}: expected 0 or a number from 1e-30 to 1e30, got {sigma}"
                 )))
             }
         };
@@ -91,7 +91,7 @@ impl NoiseArguments {
             let sigma = good("--relative-noise", relative)? * target.mean();
             if !(sigma >= 0.0 && sigma.is_finite()) {
                 return Err(Failure::input(
-                    "--relative-noise: the mean T00 of the matrices is not positive; give --noise in their unit",
+                    "--relative-noise: the mean T00 of the matrices is not positive; use --noise, in the unit of the matrices",
                 ));
             }
             return Ok(Noise::Gaussian { sigma });
@@ -127,13 +127,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let unknown = captured.intensities.iter().filter(|v| !v.is_finite()).count();
     if unknown == captured.intensities.len() {
         return Err(Failure::input(format!(
-            "{}: none of its matrices gives an intensity that is a finite number; nothing is written",
+            "{}: no matrix gives a finite intensity; no file was written",
             a.from.source.display()
         )));
     }
     if unknown > 0 {
         eprintln!(
-            "note: {unknown} of {} intensities are not finite numbers",
+            "note: {unknown} of {} intensities are not finite",
             captured.intensities.len()
         );
     }
@@ -145,7 +145,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &a.variance {
         let Some(variances) = &captured.variances else {
             return Err(Failure::input(
-                "--variance: a camera alone states variances; give --detector with [cmos], or tell `reconstruct` the --noise",
+                "--variance: only a camera model provides variances; use --detector with [cmos], or pass --noise to `reconstruct`",
             ));
         };
         save(path, &shape, variances)?;
@@ -190,7 +190,7 @@ fn summary(
         scheme.name,
         scheme.captures()
     );
-    text.push_str(&format!("intensity  mean {mean:.6e}, largest {most:.6e}\n"));
+    text.push_str(&format!("intensity  mean {mean:.6e}, maximum {most:.6e}\n"));
     let all = captured.intensities.len().max(1) as f64;
     text.push_str(&format!(
         "saturated  {:.3} %\n",
@@ -198,7 +198,7 @@ fn summary(
     ));
     if let Some(sigma) = captured.typical_noise(noise).filter(|s| *s > 0.0) {
         text.push_str(&format!(
-            "noise      {sigma:.6e} (root mean square), mean intensity over it {:.2}\n",
+            "noise      {sigma:.6e} RMS; mean intensity / noise {:.2}\n",
             mean / sigma
         ));
     }

@@ -43,7 +43,7 @@ fn quantity(text: &str) -> Result<Quantity, String> {
         .find(|q| q.name() == text)
         .ok_or_else(|| {
             let names: Vec<&str> = Quantity::ALL.iter().map(|q| q.name()).collect();
-            format!("there is no such array; choose of {}", names.join(", "))
+            format!("no such array; choose from {}", names.join(", "))
         })
 }
 
@@ -68,19 +68,19 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         (Values::Double(m), Some(Values::Double(e))) => arrays(a, shape, m, Some(e), Values::Double),
         _ => {
             return Err(Failure::input(
-                "--errors: its numbers are of another precision than the matrices; save both as one dtype",
+                "--errors: its dtype differs from that of the matrices; save both with one dtype",
             ));
         }
     };
     if missing == all {
         return Err(Failure::input(format!(
-            "{}: none of its {all} matrices can exist (m00 <= 0, diattenuation above 1, or not finite); nothing is written",
+            "{}: none of its {all} matrices is realizable (m00 <= 0, diattenuation above 1, or not finite); no file was written",
             a.from.source.display()
         )));
     }
     if missing > 0 {
         eprintln!(
-            "note: {missing} of {all} matrices cannot exist (m00 <= 0, diattenuation above 1, or not finite): NaN"
+            "note: {missing} of {all} matrices are not realizable (m00 <= 0, diattenuation above 1, or not finite) and became NaN"
         );
     }
     write_npz(&a.output, &out).map_err(|e| Failure::failed(format!("{}: {e}", a.output.display())))?;
@@ -108,7 +108,7 @@ fn arrays<T: Real>(
     let (found, missing) = maps(elements, &wanted);
     let (count, seconds) = (elements.len() / 16, start.elapsed().as_secs_f64());
     info!(
-        "{count} matrices in {seconds:.4} s, {:.2} million a second",
+        "{count} matrices in {seconds:.4} s, {:.2} million per second",
         1e-6 * count as f64 / seconds
     );
     let array = |data, tail: &[u64]| NumpyArray {
@@ -143,7 +143,7 @@ fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     } = Matrices::of_array(path).map_err(Failure::input)?;
     if other != shape {
         return Err(Failure::input(format!(
-            "{}: its shape is {other:?} before the 4 x 4, that of the matrices {shape:?}; give one error per element",
+            "{}: expected the shape of the matrices before the 4 x 4, got {other:?} for matrices of {shape:?}; pass one error per element",
             path.display()
         )));
     }
@@ -153,7 +153,7 @@ fn sigmas(path: &Path, shape: &[usize]) -> Result<Values, Failure> {
     };
     if negative {
         return Err(Failure::input(format!(
-            "{}: some of the standard errors are negative; give 0 or more",
+            "{}: some standard errors are negative; expected 0 or more",
             path.display()
         )));
     }

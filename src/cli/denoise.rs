@@ -37,8 +37,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         denoise(&a.inputs, &a.output, a.force).map_err(|e| Failure::of_system(e.is_of_system(), e))?;
     for Outcome { slice, error } in outcomes {
         let said = match error {
-            Some(ratio) => format!("stated errors {ratio:.3} of the render's (root mean square)"),
-            None => "copied: it is no image, or has no errors".to_owned(),
+            Some(ratio) => format!("error estimates {ratio:.3} times those of the render (RMS)"),
+            None => "copied: not an image, or without error estimates".to_owned(),
         };
         super::output::print(&format!("{slice:18} {said}"))?;
     }

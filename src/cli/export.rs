@@ -55,7 +55,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         (Some(folder), ..) => scene(a, folder),
         (None, Some(slice), Some(output)) => image(a, slice, output),
         _ => Err(Failure::input(
-            "give STORE SLICE -o X.exr, or SCENE.toml --mitsuba DIR",
+            "expected STORE SLICE -o X.exr, or SCENE.toml --mitsuba DIR",
         )),
     }
 }

@@ -95,7 +95,7 @@ fn element(text: &str) -> Result<Element, String> {
     match (digit(0), digit(1), text.len()) {
         (Some(i), Some(j), 2) => Ok([i, j]),
         _ => Err(format!(
-            "`{text}` is not a Mueller element; give row and column, such as 00 or 23"
+            "`{text}` is not a Mueller element; expected row and column, such as 00 or 23"
         )),
     }
 }
@@ -107,7 +107,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let moved = a.element != [0, 0] || a.row != 0 || a.frames != FRAMES;
         if a.view.is_some() || a.partial || of_view || moved {
             return Err(Failure::input(
-                "--view with its options, and --partial, are for stores; a figure file says itself what it shows",
+                "--view, its options and --partial apply only to stores; set the view in the figure file",
             ));
         }
         let further = a.names.iter().map(PathBuf::from);
@@ -147,7 +147,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             slice,
             pixel: match a.pixel[..] {
                 [x, y] => [x, y],
-                _ => return Err(Failure::input("a profile needs --pixel X,Y")),
+                _ => return Err(Failure::input("--view profile needs --pixel X,Y")),
             },
             element: a.element,
         }),

@@ -55,7 +55,7 @@ impl Options {
     pub fn refuse(&self) -> Result<(), Failure> {
         if self.preview || self.renders.is_some() || self.scenes.is_some() {
             return Err(Failure::input(
-                "--preview, --renders and --scenes are for figure files (.toml); a store is rendered already",
+                "--preview, --renders and --scenes apply only to figure files (.toml), not to stores",
             ));
         }
         Ok(())
@@ -117,7 +117,9 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
     }
     std::fs::create_dir_all(&settings.renders).map_err(|e| {
         let shown = settings.renders.display();
-        Failure::failed(format!("cannot make {shown}: {e}; name another by --renders"))
+        Failure::failed(format!(
+            "cannot create {shown}: {e}; choose another folder with --renders"
+        ))
     })?;
     for ((source, prepared), path) in sources.iter().zip(all).zip(&outputs) {
         let made = prepared.draw().map_err(|e| match e {
@@ -125,11 +127,7 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
             e => e.into(),
         })?;
         save(&made.drawing, path)?;
-        super::output::print(&format!(
-            "{} ({} renders made now)",
-            path.display(),
-            made.rendered
-        ))?;
+        super::output::print(&format!("{} ({} new renders)", path.display(), made.rendered))?;
     }
     Ok(())
 }
@@ -138,7 +136,7 @@ pub fn run(o: &Options, files: &[PathBuf], output: Option<&Path>, format: Extens
 fn listed(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let shown = folder.display();
     let entries = std::fs::read_dir(folder)
-        .map_err(|e| Failure::input(format!("--all {shown}: {e}; name a folder of figure files")))?;
+        .map_err(|e| Failure::input(format!("--all {shown}: {e}; pass a folder of figure files")))?;
     let mut all: Vec<PathBuf> = entries
         .flatten()
         .map(|e| e.path())
@@ -147,7 +145,7 @@ fn listed(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     all.sort();
     if all.is_empty() {
         return Err(Failure::input(format!(
-            "--all {shown}: there is no figure file (.toml) in it"
+            "--all {shown}: the folder contains no figure file (.toml)"
         )));
     }
     Ok(all)

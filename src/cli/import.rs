@@ -101,7 +101,7 @@ fn resolution(text: &str) -> Result<[u32; 2], String> {
         .map(|(w, h)| (w.trim().parse(), h.trim().parse()));
     match sizes {
         Some((Ok(w), Ok(h))) if w > 0 && h > 0 => Ok([w, h]),
-        _ => Err("give WIDTHxHEIGHT, such as 640x480".into()),
+        _ => Err("expected WIDTHxHEIGHT, such as 640x480".into()),
     }
 }
 
@@ -114,14 +114,14 @@ fn unit(text: &str) -> Result<f64, String> {
     };
     match format!("{one}{text}").parse::<Length>() {
         Ok(v) if (1e-12..=1e12).contains(&v.metres) => Ok(v.metres),
-        _ => Err("give metres, such as 0.001, or a unit, such as mm".into()),
+        _ => Err("expected metres, such as 0.001, or a unit, such as mm".into()),
     }
 }
 
 fn definition(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
-        _ => Err("give NAME=VALUE".into()),
+        _ => Err("expected NAME=VALUE".into()),
     }
 }
 
@@ -150,7 +150,7 @@ fn calibrated(a: &Arguments) -> Result<(), Failure> {
     let c = &a.calibration;
     if !a.define.is_empty() {
         return Err(Failure::input(
-            "-D is for scenes of Mitsuba; a calibration has no parameters",
+            "-D applies only to Mitsuba scenes; a calibration has no parameters",
         ));
     }
     let options = Options {
@@ -177,12 +177,12 @@ fn write(input: &Path, output: &Path, text: &str, force: bool) -> Result<(), Fai
     let shown = output.display();
     if whole_file::is_same(input, output) {
         return Err(Failure::input(format!(
-            "{shown} is what is read; give another name"
+            "{shown} is both the input and the output; choose another output"
         )));
     }
     if output.exists() && !force {
         return Err(Failure::input(format!(
-            "{shown} exists; give another name, or --force to replace it"
+            "{shown} exists; choose another name, or pass --force to replace it"
         )));
     }
     whole_file::write(output, text.as_bytes())

@@ -68,12 +68,12 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     if let Some(part) = store.part() {
         line(format!(
-            "  {:18} {part} of a render: `sunstone merge` joins all of them",
+            "  {:18} {part} of a render; combine all parts with `sunstone merge`",
             part::ATTRIBUTE
         ));
     }
     if store.is_sharded().map_err(Failure::input)? {
-        line(format!("  {:18} in shards", "files"));
+        line(format!("  {:18} sharded", "files"));
     }
     for name in store.slice_names() {
         let slice = store.slice(name).map_err(Failure::input)?;
@@ -95,8 +95,8 @@ fn reached(target: &Value) -> Option<String> {
         number("uniform_samples_per_pixel")?,
     );
     Some(format!(
-        "relative error of {:.0} % of the lit pixels of slice {}: {:.2} % at most, where {:.2} % were asked for; {} rounds, {mean:.0} \
-         samples a pixel in the mean, {:.0} % of about {uniform:.0} that would do the same everywhere",
+        "{:.0} % of the lit pixels of slice {} have a relative error of at most {:.2} % (target {:.2} %); {} rounds, {mean:.0} samples \
+         per pixel on average, {:.0} % of the estimated {uniform:.0} that uniform sampling would need",
         100.0 * number("share")?,
         target.get("slice")?.as_str()?,
         100.0 * number("reached")?,
@@ -115,7 +115,10 @@ fn scene(scene: &Scene) -> String {
     let device = |p: &Pinhole| {
         let [w, h] = p.resolution;
         let lens = if p.lens.radius > 0.0 {
-            format!(", lens of {} m in focus at {} m", p.lens.radius, p.lens.focus)
+            format!(
+                ", lens of radius {} m focused at {} m",
+                p.lens.radius, p.lens.focus
+            )
         } else {
             String::new()
         };
@@ -169,9 +172,9 @@ fn variants(path: &Path, text: &str) -> Result<String, Failure> {
         return Ok(String::new());
     }
     let count = variant::count(path, text, &file)?;
-    let count = count.map_or("no end of them".to_owned(), |n| n.to_string());
+    let count = count.map_or("unlimited".to_owned(), |n| n.to_string());
     let mut out = format!(
-        "  {:18} {count} (sunstone render {} --variant 0)\n",
+        "  {:18} {count} (render one: sunstone render {} --variant 0)\n",
         "variants",
         path.display()
     );
@@ -213,10 +216,10 @@ fn emitters(scene: &Scene) -> Vec<String> {
                 Profile::Even => "point".to_owned(),
                 Profile::Spot { cutoff, .. } => format!("spot of {:.1}° half angle", cutoff.to_degrees()),
                 Profile::Table(_) => "luminaire".to_owned(),
-                Profile::Frustum(_) => "projector of an image".to_owned(),
+                Profile::Frustum(_) => "image projector".to_owned(),
             };
             let what = match &p.slide {
-                Some(_) if matches!(p.profile, Profile::Spot { .. }) => format!("{what} through an image"),
+                Some(_) if matches!(p.profile, Profile::Spot { .. }) => format!("{what} with an image"),
                 _ => what,
             };
             format!(
@@ -243,11 +246,11 @@ fn emitters(scene: &Scene) -> Vec<String> {
     }
     for area in &scene.lights.areas {
         let image = if area.radiance.texture.is_some() {
-            " by an image"
+            " times an image"
         } else {
             ""
         };
-        let sides = if area.two_sided { ", both sides" } else { "" };
+        let sides = if area.two_sided { ", two-sided" } else { "" };
         let radiance = values(&area.radiance.value);
         out.push(format!(
             "surface of {:.4} m², {radiance} W/(m² sr nm){image}{sides}",
@@ -262,7 +265,7 @@ fn emitters(scene: &Scene) -> Vec<String> {
     }
     if let Some(sky) = &scene.lights.sky {
         let [w, h] = sky.size();
-        out.push(format!("environment, an image of {w} x {h} texels"));
+        out.push(format!("environment image, {w} x {h} texels"));
     }
     out
 }
@@ -316,7 +319,7 @@ fn describe(slice: &StoredSlice) -> Result<String, Failure> {
     if let Some(doubt) = doubt::of(slice).map_err(Failure::input)? {
         let _ = write!(
             out,
-            "\n  error bars that cannot be trusted yet: {} of {} lit pixels ({:.1} %)",
+            "\n  unreliable error estimates (too few samples): {} of {} lit pixels ({:.1} %)",
             doubt.doubtful,
             doubt.lit,
             100.0 * doubt.share()

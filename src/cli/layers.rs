@@ -56,7 +56,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let shown = a.output.display();
     if !is_file && !a.force && std::fs::symlink_metadata(&a.output).is_ok() {
         return Err(Failure::input(format!(
-            "{shown} exists; give another name, or --force to replace it"
+            "{shown} exists; choose another name, or pass --force to replace it"
         )));
     }
     let scene = sunstone::scene::load(&a.scene)?;
@@ -69,7 +69,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         through: a.through,
     };
     let set = layers(&scene, options);
-    info!("{} rays a pixel in {:.2?}", a.rays * a.rays, begun.elapsed());
+    info!("{} rays per pixel in {:.2?}", a.rays * a.rays, begun.elapsed());
     if is_file {
         npz_layers::write_npz(&a.output, &set).map_err(|e| Failure::failed(format!("{shown}: {e}")))?;
     } else {

@@ -137,7 +137,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     check_places(a, &templates, several)?;
     if several && a.angles.is_some() {
         return Err(Failure::input(
-            "--angles draws one scheme: give one -k, --sensor and --estimator",
+            "--angles draws one scheme; pass only one -k, --sensor and --estimator",
         ));
     }
     // The noise of a full-rank least-squares estimate does not depend on the material, so the data may not be
@@ -155,7 +155,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let left_out = t.holes + t.dark + t.unreal;
         if left_out > 0 {
             eprintln!(
-                "note: {}: {left_out} of {} bins left out: {} without values, {} dark, {} with elements beyond M00",
+                "note: {}: excluded {left_out} of {} bins: {} without values, {} dark, {} with elements larger than M00",
                 a.data.name(),
                 left_out + t.valid,
                 t.holes,
@@ -220,18 +220,18 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 
 fn check(a: &Arguments) -> Result<(), Failure> {
     if !(1e-9..=1e6).contains(&a.noise) {
-        return Err(Failure::input("--noise: give a positive number, 1e-9 to 1e6"));
+        return Err(Failure::input("--noise: expected a number from 1e-9 to 1e6"));
     }
     if !(0.0..=90.0).contains(&a.angle_error) {
-        return Err(Failure::input("--angle-error: give degrees, 0 to 90"));
+        return Err(Failure::input("--angle-error: expected 0 to 90 degrees"));
     }
     if a.starts > 100_000 || a.iterations > 10_000_000 || a.adam_steps > 10_000_000 {
         return Err(Failure::input(
-            "at most 100000 --starts and 10000000 --iterations or --adam-steps",
+            "expected at most 100000 --starts and 10000000 --iterations or --adam-steps",
         ));
     }
     match a.captures.iter().find(|k| !(1..=256).contains(*k)) {
-        Some(k) => Err(Failure::input(format!("-k {k}: learn 1 to 256 captures"))),
+        Some(k) => Err(Failure::input(format!("-k: expected 1 to 256 captures, got {k}"))),
         None => Ok(()),
     }
 }
@@ -286,7 +286,7 @@ fn templates(a: &Arguments) -> Result<Vec<Scheme>, Failure> {
         let scheme = load(path)?;
         if scheme.motors().is_empty() {
             return Err(Failure::input(format!(
-                "{}: nothing in it changes from capture to capture; give lists of angles or retardances",
+                "{}: no setting changes between captures; list angles or retardances",
                 path.display()
             )));
         }
@@ -343,7 +343,7 @@ fn rmse(error: f64) -> f64 {
 
 fn line(row: &LearnedRow, noise: f64) -> String {
     format!(
-        "{:<26} {:>3} captures: rms error of an element {:.3e} (materials learned from {:.3e}), {:.4} noise variances in all, {:.1} s",
+        "{:<26} {:>3} captures: RMS error per element {:.3e} ({:.3e} on the training materials), total {:.4} noise variances, {:.1} s",
         row.kind,
         row.captures,
         rmse(row.validated.unseen),
@@ -406,11 +406,7 @@ fn draw(a: &Arguments, rows: &[LearnedRow], templates: &[Scheme], path: &Path) -
         let (name, tail) = if array { ("DRR-P", ", array") } else { ("DRR", "") };
         for (name, points, style) in [
             (name.to_owned(), drr, SeriesStyle::LineMarkers),
-            (
-                format!("bound of least squares{tail}"),
-                least,
-                SeriesStyle::Dashed,
-            ),
+            (format!("least-squares bound{tail}"), least, SeriesStyle::Dashed),
         ] {
             series.push(Series {
                 name,
@@ -430,21 +426,21 @@ fn draw(a: &Arguments, rows: &[LearnedRow], templates: &[Scheme], path: &Path) -
         };
     }
     let chart = Chart {
-        title: "Error of rotating ellipsometry on materials not learned from".to_owned(),
+        title: "Error of rotating ellipsometry on materials outside the training set".to_owned(),
         x: ChartAxis {
             label: "captures".to_owned(),
             range: Some((0.0, most as f64 + 1.0)),
             ..ChartAxis::default()
         },
         y: ChartAxis {
-            label: "rms error of an element, T00 = 1".to_owned(),
+            label: "RMS error per element, T00 = 1".to_owned(),
             log: true,
             range: Some((rmse(0.5 * bound_at(most, a)), 0.5)),
             ..ChartAxis::default()
         },
         series,
         notes: vec![format!(
-            "Noise {:e} of an intensity. Least squares on fewer captures than a Mueller matrix needs: the matrix of least norm. \
+            "Noise of an intensity: {:e}. Least squares with fewer captures than a Mueller matrix needs gives the minimum-norm matrix. \
              Bars: one standard error over {} folds of materials.",
             a.noise, a.folds
         )],

@@ -54,21 +54,21 @@ use std::process::ExitCode;
 Examples:
   sunstone render scenes/mirror_room/scene.toml          render all slices, draw the scene's figures
   sunstone render scene.toml --spp 256 --seed 1 -o a.zarr
-  sunstone render scene.toml --resume                    go on after Ctrl-C or a crash
-  sunstone merge a.zarr b.zarr -o ab.zarr                pool renders of different seeds
-  sunstone shard ab.zarr -o s3://renders/ab.zarr         few large objects, read by ranges
-  sunstone info out/mirror_room.zarr                     what a store holds
-  sunstone verify out/mirror_room.zarr                   whether it is what was written
-  sunstone layers scenes/mirror_room/scene.toml -o truth.npz   depth, normals, objects of every pixel
+  sunstone render scene.toml --resume                    resume after Ctrl-C or a crash
+  sunstone merge a.zarr b.zarr -o ab.zarr                combine renders with different seeds
+  sunstone shard ab.zarr -o s3://renders/ab.zarr         write few large objects instead of many small files
+  sunstone info out/mirror_room.zarr                     print the contents of a store
+  sunstone verify out/mirror_room.zarr                   check a store for damage
+  sunstone layers scenes/mirror_room/scene.toml -o truth.npz   depth, normals and objects per pixel
   sunstone probe out/mirror_room.zarr xt --select x=100 --csv -
   sunstone figure out/mirror_room.zarr                   draw the figures again
-  sunstone figure scenes/figures/fig03_mirror_room.toml --preview   render what a figure file lists, draw it
+  sunstone figure scenes/figures/fig03_mirror_room.toml --preview   render and draw the panels of a figure file
   sunstone decompose out/mirror_room.zarr polarimetric -o props.npz
-  sunstone denoise a.zarr b.zarr -o figures.zarr         for figures, marked, with its own errors
+  sunstone denoise a.zarr b.zarr -o figures.zarr         denoise for figures; the result is marked as denoised
   sunstone capture out/mirror_room.zarr polarimetric --scheme drr36.toml --relative-noise 5e-4 -o I.npy
   sunstone trial out/mirror_room.zarr polarimetric --scheme drr36.toml --scheme lqrpr36.toml --relative-noise 5e-4
-  sunstone apply list                                    the paper's applications
-  sunstone schema > scene.schema.json                    JSON Schema of scene files, for editors
+  sunstone apply list                                    list the applications of the paper
+  sunstone schema > scene.schema.json                    write the JSON Schema of scene files
 
 Stores are Zarr v3: xarray.open_zarr('out/mirror_room.zarr', group='xt') opens a slice in Python.
 Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."

@@ -33,7 +33,7 @@ impl MatrixSource {
         }
         if self.source.is_dir() || is_address(&self.source) {
             return Err(Failure::input(format!(
-                "{}: it is a store; name the slice, as in: sunstone {command} {0} polarimetric {rest}",
+                "{} is a store; name the slice, for example: sunstone {command} {0} polarimetric {rest}",
                 self.source.display(),
             )));
         }
@@ -65,7 +65,7 @@ impl MatrixSource {
 pub fn image(matrices: Matrices, wavelengths: &[f64]) -> Result<MuellerImage, Failure> {
     if matrices.facts.is_some() && !wavelengths.is_empty() {
         return Err(Failure::input(
-            "--wavelengths: a slice knows its own; leave them out, or choose with -k wavelength=550",
+            "--wavelengths: a slice stores its wavelengths; remove the option, or select some with -k wavelength=550",
         ));
     }
     matrices.image(wavelengths).map_err(|e| match e {

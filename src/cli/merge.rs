@@ -52,7 +52,7 @@ fn note_dropped(a: &Arguments) -> Result<(), Failure> {
             continue;
         }
         eprintln!(
-            "note: {} has no errors of totals, so that the result has none: what error bars cannot be trusted yet is not told",
+            "note: {} has no standard errors of totals, so the result has none and cannot report unreliable error estimates",
             input.display()
         );
     }

@@ -67,7 +67,7 @@ impl FromStr for Angles {
                     Ok(Self((0..count).map(|i| i as f64 * step).collect()))
                 }
                 _ => Err(format!(
-                    "{count} angles; give 2 to 1000000, or a list of degrees such as `{count},`"
+                    "expected 2 to 1000000 angles, got {count}; for a list of one angle write `{count},`"
                 )),
             };
         }
@@ -75,11 +75,11 @@ impl FromStr for Angles {
         let degrees: Result<Vec<f64>, String> = items
             .map(|t| match t.trim().parse::<f64>() {
                 Ok(v) if (0.0..=180.0).contains(&v) => Ok(v),
-                _ => Err(format!("`{t}` is not an angle in 0..180")),
+                _ => Err(format!("`{t}`: expected an angle from 0 to 180 degrees")),
             })
             .collect();
         match degrees? {
-            degrees if degrees.is_empty() => Err("give at least one angle".into()),
+            degrees if degrees.is_empty() => Err("expected at least one angle".into()),
             degrees => Ok(Self(degrees)),
         }
     }
@@ -98,15 +98,15 @@ fn choose(a: &EvalArguments) -> Result<String, Failure> {
     let known = names.join(", ");
     match (&a.name, &names[..]) {
         (_, []) => Err(Failure::input(format!(
-            "{file} has no medium; add [media.NAME.KIND], such as [media.drink.milk]"
+            "{file} has no medium; add a table [media.NAME.KIND], such as [media.drink.milk]"
         ))),
         (Some(name), _) if names.contains(name) => Ok(name.clone()),
         (Some(name), _) => Err(Failure::input(format!(
-            "{file} has no medium `{name}`; it has: {known}"
+            "{file} has no medium `{name}`; available: {known}"
         ))),
         (None, [name]) => Ok(name.clone()),
         (None, _) => Err(Failure::input(format!(
-            "{file} holds several media; choose one with --name: {known}"
+            "{file} contains several media; choose one with --name: {known}"
         ))),
     }
 }

@@ -22,7 +22,7 @@ pub fn files<'a>(
     let outputs: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
     if let Some(folder) = outputs.iter().find(|o| o.is_dir()) {
         return Err(Failure::input(format!(
-            "{}: it is a folder; name a file to write",
+            "{}: expected a file, found a folder; choose a file name",
             folder.display()
         )));
     }
@@ -38,15 +38,14 @@ pub fn folders<'a>(
     for output in &outputs {
         if output.exists() && !output.is_dir() {
             return Err(Failure::input(format!(
-                "{}: it is there and is no folder; give another name",
+                "{}: expected a folder, found a file; choose another name",
                 output.display()
             )));
         }
         let extension = lower_extension(output);
         if OF_FILES.contains(&extension.as_str()) && !output.is_dir() {
             return Err(Failure::input(format!(
-                "{}: a folder is written, not a .{extension} file; name it without the extension, or with .zarr if it is a \
-                 store",
+                "{}: the output is a folder, not a .{extension} file; remove the extension, or use .zarr for a store",
                 output.display()
             )));
         }
@@ -61,7 +60,7 @@ pub fn store<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &'a Path
     }
     if inputs.into_iter().any(|input| input == output) {
         return Err(Failure::input(format!(
-            "{}: it is what is read; give the output another name",
+            "{}: is both an input and the output; choose another output",
             output.display()
         )));
     }
@@ -81,7 +80,7 @@ pub fn outside_stores<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>) -> Res
 
 fn lies_in(output: &Path, store: &Path) -> Failure {
     Failure::input(format!(
-        "{}: it lies in a store ({}); write elsewhere",
+        "{}: is inside the store {}; choose an output outside it",
         output.display(),
         store.display()
     ))
@@ -96,7 +95,7 @@ pub fn extension(path: &Path, what: &str, known: &[&str]) -> Result<(), Failure>
     }
     let known: Vec<String> = known.iter().map(|e| format!(".{e}")).collect();
     Err(Failure::input(format!(
-        "{}: {what} written as {}; name the file so",
+        "{}: {what} written as {}; change the extension",
         path.display(),
         known.join(" or ")
     )))
@@ -120,24 +119,24 @@ fn check<'a>(
         let text = output.to_string_lossy();
         if text.is_empty() {
             return Err(Failure::input(
-                "the name of an output is empty; give a file or a folder",
+                "the name of an output is empty; set a file or a folder",
             ));
         }
         if text == "-" {
-            return refused("outputs are files; give one a name".into());
+            return refused("cannot write to standard output; choose a file name".into());
         }
         if is_address(output) {
             return refused(
-                "it is an address, and only files of this machine are written; give a path".into(),
+                "is an address, but this output must be a local file; choose a local path".into(),
             );
         }
         if is_special(output) {
-            return refused("it is a device or a pipe; name a file to write".into());
+            return refused("is a device or a pipe; choose a file name".into());
         }
         let above = output.ancestors().skip(1).find(|a| a.exists());
         if let Some(file) = above.filter(|a| !a.is_dir()) {
             return refused(format!(
-                "{} is a file, and no folder to write into",
+                "{} is a file, not a folder; choose another output",
                 file.display()
             ));
         }
@@ -146,17 +145,17 @@ fn check<'a>(
             let read = input.display();
             if is_same(input, output) {
                 return refused(format!(
-                    "it is what is read ({read}); give the output another name"
+                    "is both an input ({read}) and the output; choose another output"
                 ));
             }
             if is_within(&real, input) {
                 return refused(format!(
-                    "it lies in the store that is read ({read}); write elsewhere"
+                    "is inside the input store ({read}); choose an output outside it"
                 ));
             }
             if input.exists() && is_within(&self::real(input), output) {
                 return refused(format!(
-                    "it is a store with {read} in it, which is read; write elsewhere"
+                    "this store contains the input {read}; choose another output"
                 ));
             }
         }
@@ -165,7 +164,7 @@ fn check<'a>(
         }
         for other in &outputs[..i] {
             if is_same(other, output) || self::real(other) == real {
-                return refused("two outputs cannot be one file; give them different names".into());
+                return refused("is used for two outputs; choose different names".into());
             }
         }
     }
@@ -181,7 +180,7 @@ fn is_within(real: &Path, store: &Path) -> bool {
 pub fn wavelength(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(nm) if (100.0..=100_000.0).contains(&nm) => Ok(nm),
-        _ => Err("give nanometres, 100 to 100000".into()),
+        _ => Err("expected a wavelength from 100 to 100000 nm".into()),
     }
 }
 
@@ -189,6 +188,6 @@ pub fn wavelength(text: &str) -> Result<f64, String> {
 pub fn view(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(degrees) if degrees > 0.0 && degrees < 170.0 => Ok(degrees),
-        _ => Err("give degrees, above 0 and below 170".into()),
+        _ => Err("expected an angle above 0 and below 170 degrees".into()),
     }
 }

@@ -104,24 +104,24 @@ fn report(r: &ProbeResult) -> Result<(), Failure> {
     for (name, t) in [
         ("arrived outside the stored time bins", &r.overflow),
         (
-            "was moved out of the stored time bins by the pulse",
+            "was shifted out of the stored time bins by the pulse",
             &r.shifted_out,
         ),
     ] {
         let sum: f64 = t.iter().flat_map(|t| &t.data).map(|v| f64::from(*v)).sum();
         if sum != 0.0 {
-            eprintln!("note: light that {name} is not in the result: sum {sum:.6e}");
+            eprintln!("note: light that {name} is not included: sum {sum:.6e}");
         }
     }
     let values = &r.mean.data;
     let unknown = values.iter().filter(|v| !v.is_finite()).count();
     if unknown == values.len() {
         return Err(Failure::input(
-            "none of the values is known: the store is not rendered there, or the selection is empty",
+            "all values are NaN: the selected region is not rendered, or the selection is empty",
         ));
     }
     if unknown > 0 {
-        eprintln!("note: {unknown} of {} values are not known: NaN", values.len());
+        eprintln!("note: {unknown} of {} values are unknown (NaN)", values.len());
     }
     Ok(())
 }
@@ -150,7 +150,7 @@ fn read_pattern(path: &PathBuf) -> Result<Pattern, Failure> {
         .and_then(|_| image::open(path))
         .map_err(|e| {
             Failure::input(format!(
-                "--pattern {}: {e}; give a PNG or JPEG file",
+                "--pattern {}: {e}; pass a PNG or JPEG file",
                 path.display()
             ))
         })?
@@ -204,7 +204,7 @@ fn summary(r: &ProbeResult) -> String {
         text,
         "{}",
         if axes.is_empty() {
-            "one number".into()
+            "scalar".into()
         } else {
             axes.join(" × ")
         }
@@ -222,7 +222,7 @@ fn summary(r: &ProbeResult) -> String {
         let sum: f64 = r.mean.data.iter().map(|v| f64::from(*v)).sum();
         let _ = writeln!(
             text,
-            "sum {sum:.6e}, least {lo:.6e}, largest {hi:.6e}; write it with -o FILE.npy, .csv or .zarr"
+            "sum {sum:.6e}, minimum {lo:.6e}, maximum {hi:.6e}; write all values with -o FILE.npy, .csv or .zarr"
         );
     }
     text

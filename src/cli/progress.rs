@@ -20,7 +20,7 @@ impl Progress {
             if INTERRUPTED.swap(true, Ordering::Relaxed) {
                 std::process::exit(130);
             }
-            eprintln!("finishing the tiles in flight (press Ctrl-C again to stop at once)");
+            eprintln!("finishing running tiles (press Ctrl-C again to exit immediately)");
         });
         Self {
             last: Mutex::new(Instant::now()),
@@ -33,7 +33,7 @@ impl Watch for Progress {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if last.elapsed() > Duration::from_secs(10) {
             *last = Instant::now();
-            eprintln!("{} of {} tiles of a render", s.tiles_done, s.tiles);
+            eprintln!("rendering: {} of {} tiles", s.tiles_done, s.tiles);
         }
     }
 

@@ -36,7 +36,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let points = points(&a.points)?;
     if points.is_empty() {
         return Err(Failure::input(format!(
-            "{}: it has no points; give x,y,z in metres on every line",
+            "{}: the file contains no points; write x,y,z in metres, one point per line",
             a.points.display()
         )));
     }
@@ -58,7 +58,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     for (n, name) in unseen.into_iter().zip(["camera", "projector"]) {
         if n > 0 {
-            eprintln!("note: the {name} does not see {n} of {all} points");
+            eprintln!("note: {n} of {all} points are outside the view of the {name}");
         }
     }
     super::output::print(&out)
@@ -66,7 +66,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 
 /// Reads points, one x,y,z per line.
 fn points(path: &Path) -> Result<Vec<[f64; 3]>, InputError> {
-    let fix = "give a text with x,y,z in metres on every line";
+    let fix = "use a text file with x,y,z in metres, one point per line";
     let text = document::read(path, "points", fix)?;
     let mut points = vec![];
     let mut start = 0;
@@ -88,7 +88,7 @@ fn points(path: &Path) -> Result<Vec<[f64; 3]>, InputError> {
                     file: path.to_owned(),
                     text: text.as_str().into(),
                     span: Some(span),
-                    message: format!("`{}` is no point", line.trim()),
+                    message: format!("expected x,y,z, got `{}`", line.trim()),
                     help: Some(fix.into()),
                 });
             }

@@ -184,13 +184,13 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     };
     if channels.is_empty() {
         return Err(Failure::input(format!(
-            "{}: it has no photons; check that the measurement ran and the file is complete",
+            "{}: the file contains no photons; check that the measurement ran and that the file is complete",
             a.file.display()
         )));
     }
     if (1..channels.len()).any(|i| channels[..i].contains(&channels[i])) {
         return Err(Failure::input(
-            "--channel: a channel is named twice; name each once",
+            "--channel: a channel is listed twice; list each channel once",
         ));
     }
     let bins = a.bins.unwrap_or_else(|| bins(&reader, bin, &survey, &channels));
@@ -204,7 +204,7 @@ fn count(a: &Histogram) -> Result<(), Failure> {
     let found = histogram(&mut reader, &plan).map_err(failed)?;
     let (records, seconds) = (reader.records(), start.elapsed().as_secs_f64());
     info!(
-        "{records} records in {seconds:.4} s, {:.1} million a second",
+        "{records} records in {seconds:.4} s, {:.1} million per second",
         1e-6 * records as f64 / seconds
     );
     report(a, &reader, &plan, &found);
@@ -224,7 +224,7 @@ fn bins(reader: &Reader<BufReader<File>>, bin: u32, survey: &Survey, channels: &
     let all = last.max().map_or(0, |last| last as usize + 1);
     if reader.record_type().mode() == Mode::T3 && all > period {
         eprintln!(
-            "note: {}: some photons come later than one laser period ({period} bins): there are {all} bins",
+            "note: {}: some photons arrive later than one laser period ({period} bins); the histogram has {all} bins",
             reader.file().display()
         );
         return all;
@@ -244,7 +244,7 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
         let reasons = left_out.describe(header.resolution_s(mode));
         let counted = found.photons - left_out.photons();
         note(format!(
-            "{counted} of {} photons are in the array; {reasons}",
+            "{counted} of {} photons are counted; {reasons}",
             found.photons
         ));
     }
@@ -254,7 +254,7 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
             .step_by(plan.channels.len())
             .all(|bins| bins.iter().all(|n| *n == 0))
         {
-            note(format!("channel {channel} has no photon in the array"));
+            note(format!("channel {channel} has no counted photons"));
         }
     }
     let step = match plan.scan.map(|s| s.clock) {
@@ -268,10 +268,10 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
         ));
     }
     if found.missing > 0 {
-        note(format!("the last frame has {} {step} too few", found.missing));
+        note(format!("the last frame lacks {} {step}", found.missing));
     }
     if found.unknown > 0 {
-        note(format!("{} records have no meaning", found.unknown));
+        note(format!("{} records have an unknown type", found.unknown));
     }
 }
 
@@ -279,9 +279,9 @@ fn report(a: &Histogram, reader: &Reader<BufReader<File>>, plan: &Plan, found: &
 fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> {
     let Some(wanted) = a.bin_ps else { return Ok(1) };
     let Some(resolution) = reader.header().resolution_s(reader.record_type().mode()) else {
-        let fix = "leave --bin-ps out";
+        let fix = "remove --bin-ps";
         return Err(Failure::input(format!(
-            "{}: it does not state its resolution; {fix}",
+            "{}: the header has no resolution; {fix}",
             a.file.display()
         )));
     };
@@ -289,7 +289,7 @@ fn bin(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<u32, Failure> 
     if !(0.5..1e9).contains(&counts) || (counts - counts.round()).abs() > 1e-6 * counts {
         let resolution = resolution * 1e12;
         return Err(Failure::input(format!(
-            "--bin-ps {wanted}: give a multiple of the file's resolution, {resolution:.6} ps"
+            "--bin-ps {wanted}: expected a multiple of the file's resolution, {resolution:.6} ps"
         )));
     }
     Ok(counts.round() as u32)
@@ -301,7 +301,7 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
         [width, height] if width > 0 && height > 0 => (width, height),
         _ => {
             return Err(Failure::input(
-                "--pixels: give columns and rows, as in --pixels 128,128",
+                "--pixels: expected columns and rows, such as --pixels 128,128",
             ));
         }
     };
@@ -310,7 +310,7 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
         let (begin, frame) = (bit(begin), a.frame_marker.as_ref().map_or(0, bit));
         if begin & end != 0 || (begin | end) & frame != 0 {
             return Err(Failure::input(
-                "--pixel-marker: begin, end and frame need markers of their own",
+                "--pixel-marker: begin, end and frame need different markers",
             ));
         }
         Ok(Clock::Pixels { begin, end, frame })
@@ -321,7 +321,7 @@ fn scan(a: &Histogram, reader: &Reader<BufReader<File>>) -> Result<Option<Scan>,
         [begin, end] => markers(begin, bit(end))?,
         _ => {
             return Err(Failure::input(
-                "--pixel-marker: give one or two, as in --pixel-marker 1,2",
+                "--pixel-marker: expected one or two markers, such as --pixel-marker 1,2",
             ));
         }
     };
@@ -343,12 +343,12 @@ fn of_header(
     let file = a.file.display();
     let scan = Scan::of_header(reader.header()).map_err(|why| {
         Failure::input(format!(
-            "{file}: {why}; if each pixel has a marker, name it by --pixel-marker"
+            "{file}: {why}; if each pixel has a marker, set it with --pixel-marker"
         ))
     })?;
     if (scan.width, scan.height) != (width, height) {
         return Err(Failure::input(format!(
-            "--pixels {width},{height}: the header of {file} describes {} columns and {} rows; give --pixels {},{}",
+            "--pixels {width},{height}: the header of {file} describes {} columns and {} rows; use --pixels {},{}",
             scan.width, scan.height, scan.width, scan.height
         )));
     }

@@ -37,10 +37,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         return of_run::run(a);
     }
     if !a.source.exists() {
-        return Err(Failure::input(format!(
-            "{}: there is no such file",
-            a.source.display()
-        )));
+        return Err(Failure::input(format!("{}: file not found", a.source.display())));
     }
     places::files(inputs, outputs)?;
     for path in outputs.into_iter().flatten() {
@@ -48,28 +45,28 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     let Some(scheme) = &a.scheme else {
         return Err(Failure::input(
-            "--scheme: say what the intensities were captured with",
+            "--scheme is missing; pass the capture scheme with --scheme",
         ));
     };
     if !a.masks.is_empty() || a.superpixel {
         return Err(Failure::input(
-            "--mask and --superpixel: intensities have no masks; they are of runs",
+            "--mask and --superpixel apply only to runs, not to intensities",
         ));
     }
     let scheme = load(scheme)?;
     if a.noise.is_some_and(|n| !(1e-18..=1e18).contains(&n)) {
         return Err(Failure::input(
-            "--noise: give a positive number, 1e-18 to 1e18, in units of the intensities",
+            "--noise: expected a number from 1e-18 to 1e18, in units of the intensities",
         ));
     }
     if a.saturation.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
         return Err(Failure::input(
-            "--saturation: give a positive number, in units of the intensities",
+            "--saturation: expected a positive number, in units of the intensities",
         ));
     }
     if a.prior.is_some() && a.noise.is_none() {
         return Err(Failure::input(
-            "--prior weighs what is expected against the noise: give the intensities' standard deviation with --noise",
+            "--prior needs the standard deviation of the intensities; pass it with --noise",
         ));
     }
     let prior = a.prior.as_deref().map(second_moment::load).transpose()?;
@@ -98,8 +95,8 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
             format!("({k}, {channels}, ...)")
         };
         return Err(Failure::input(format!(
-            "{}: its shape is {shape:?}, but {} captures are of shape {want}; give the scheme that they were made with, \
-             captures first",
+            "{}: its shape is {shape:?}, but the {} captures need shape {want}; pass the scheme of these captures, with the captures on \
+             the first axis",
             a.source.display(),
             scheme.name
         )));
@@ -108,7 +105,7 @@ fn leading(a: &Arguments, scheme: &Scheme, shape: &[usize]) -> Result<Vec<usize>
     let lanes = a.wavelengths.len();
     if lanes != 1 && pixels.last() != Some(&lanes) {
         return Err(Failure::input(format!(
-            "{}: its last axis of shape {shape:?} is not as long as the {lanes} --wavelengths",
+            "{}: the last axis of shape {shape:?} must be as long as --wavelengths, {lanes}",
             a.source.display()
         )));
     }
@@ -122,7 +119,7 @@ fn rays(a: &Arguments, leading: &[usize]) -> Result<Vec<Ray>, Failure> {
     };
     let [height, width, ..] = *leading else {
         return Err(Failure::input(
-            "--view: the intensities have no rows and columns behind captures and channels; leave it out",
+            "--view: the intensities have no row and column axes after captures and channels; remove the option",
         ));
     };
     let layout = Layout {
@@ -159,7 +156,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
         .map_err(Failure::input)?;
     if let Some(other) = variances.as_ref().filter(|v| v.shape != intensities.shape) {
         return Err(Failure::input(format!(
-            "--variance: its shape is {:?}, that of the intensities {:?}",
+            "--variance: its shape {:?} differs from that of the intensities, {:?}",
             other.shape, intensities.shape
         )));
     }
@@ -215,7 +212,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
     write_both(&a.output, a.errors.as_deref(), &mut fill)?;
     let tally = done.tally;
     info!(
-        "{} pixels of {} measurements: {:.4} seconds to compute, {:.4} in all",
+        "{} pixels with {} measurements each: {:.4} s of computation, {:.4} s in total",
         tally.pixels,
         scheme.measurements(),
         done.computing.as_secs_f64(),
@@ -223,13 +220,13 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
     );
     if tally.partial > 0 {
         eprintln!(
-            "note: {} of {} pixels without some of their measurements",
+            "note: {} of {} pixels lack some measurements",
             tally.partial, tally.pixels
         );
     }
     if tally.lost > 0 {
         eprintln!(
-            "note: {} of {} pixels are not determined by what is not saturated: NaN",
+            "note: {} of {} pixels are NaN: their unsaturated measurements do not determine the matrix",
             tally.lost, tally.pixels
         );
     }
@@ -242,7 +239,7 @@ fn go<T: PixelNumber + npyz::AutoSerialize>(
 /// The error if no pixel is determined.
 fn nothing_left(source: &Path, pixels: usize) -> Failure {
     Failure::input(format!(
-        "{}: none of its {pixels} pixels is determined: their measurements are saturated or not finite numbers; nothing is written",
+        "{}: none of its {pixels} pixels is determined: their measurements are saturated or not finite; no file was written",
         source.display()
     ))
 }

@@ -19,7 +19,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let failed = |e: RemoveError| Failure::of_system(e.is_of_system(), e);
     for store in &a.stores {
         let was_there = remove(store).map_err(failed)?;
-        let told = if was_there { "removed" } else { "was not there" };
+        let told = if was_there { "removed" } else { "not found" };
         super::output::print(&format!("{}: {told}", store.display()))?;
     }
     Ok(())

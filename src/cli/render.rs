@@ -51,7 +51,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     check_threads(a.threads)?;
     if let Some(light) = a.light.as_ref().filter(|light| is_address(light)) {
         return Err(Failure::input(format!(
-            "--light is {}: files of the walks from the light go to a folder; name one that all parts share, or leave it out",
+            "--light is {}, but light paths are stored in a local folder; set a folder that all parts share, or remove --light",
             light.display()
         )));
     }
@@ -72,7 +72,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!("finishing the tiles in flight (press Ctrl-C again to stop at once)");
+        eprintln!("finishing running tiles (press Ctrl-C again to exit immediately)");
     });
     for note in &scene.notes {
         eprintln!("note: {note}");
@@ -100,14 +100,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let store = target.path.display();
     if !summary.complete {
         return Err(Failure::Interrupted(format!(
-            "stopped after {} of {} tiles; to go on:\n  {}",
+            "stopped after {} of {} tiles; to resume:\n  {}",
             summary.tiles_done,
             summary.tiles,
             again(a, &target)
         )));
     }
     if summary.samples == 0 && summary.tiles > 0 {
-        super::output::print(&format!("{store}: was complete already"))?;
+        super::output::print(&format!("{store}: already complete"))?;
     } else {
         super::output::print(&format!(
             "{store}: {}{} slices, {} spp, {:.1} s, {:.2} Msamples/s, {:.1} Mrays/s, {} samples discarded{}",
@@ -138,9 +138,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
 fn check_threads(threads: Option<usize>) -> Result<(), Failure> {
     let (cores, most) = (cores(), most_threads());
     match threads {
-        Some(0) => Err(Failure::input("--threads is 0; give at least 1")),
+        Some(0) => Err(Failure::input("--threads: expected at least 1, got 0")),
         Some(n) if n > most => Err(Failure::input(format!(
-            "--threads is {n}; this machine runs {cores} at once, and at most {} times as many, {most}, are taken",
+            "--threads: got {n}; this machine has {cores} cores and the limit is {} threads per core, {most}",
             most / cores
         ))),
         _ => Ok(()),

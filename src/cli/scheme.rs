@@ -101,14 +101,14 @@ struct Matrix {
 fn incidence(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(deg) if (0.0..90.0).contains(&deg) => Ok(deg),
-        _ => Err("give degrees, from 0 to less than 90".into()),
+        _ => Err("expected 0 to less than 90 degrees".into()),
     }
 }
 
 fn azimuth(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(deg) if deg.abs() <= 360.0 => Ok(deg),
-        _ => Err("give degrees, -360 to 360".into()),
+        _ => Err("expected -360 to 360 degrees".into()),
     }
 }
 
@@ -147,7 +147,7 @@ fn make(new: &New, of: fn(usize, bool) -> Result<Scheme, SchemeError>) -> Result
     places::extension(&new.output, "schemes are", &["toml"])?;
     if new.captures > MOST {
         return Err(Failure::input(format!(
-            "-k {}: at most {MOST} captures",
+            "-k: expected at most {MOST} captures, got {}",
             new.captures
         )));
     }
@@ -180,7 +180,7 @@ pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
                     v / bound
                 ),
                 Err(_) => format!(
-                    "        -               -  {bound:>8.3}  takes {} captures",
+                    "        -               -  {bound:>8.3}  needs {} captures",
                     scheme.least_captures()
                 ),
             };
@@ -192,7 +192,7 @@ pub fn table(schemes: &[Scheme], rays: &[Ray]) -> String {
             ));
         }
     }
-    out.push_str("error variance: sum over the 16 elements, over that of an intensity; bound: least that as many captures allow\n");
+    out.push_str("error variance: sum over the 16 elements, relative to that of an intensity; bound: minimum for this number of captures\n");
     out
 }
 
@@ -223,7 +223,7 @@ pub fn picture(scheme: &Scheme, path: &Path) -> Result<(), Failure> {
     let motors = scheme.motors();
     if motors.is_empty() {
         return Err(Failure::input(
-            "the scheme has nothing that changes from capture to capture",
+            "no setting of the scheme changes between captures",
         ));
     }
     let period = |quantity| match quantity {

@@ -87,7 +87,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     if unknown > 0 {
         eprintln!(
-            "note: {}: {unknown} matrices are not finite numbers and left out",
+            "note: {}: excluded {unknown} matrices that are not finite",
             a.from.source.display()
         );
     }
@@ -109,7 +109,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let row = trial.run(scheme).map_err(failure)?;
         if row.lost >= 1.0 {
             return Err(Failure::input(format!(
-                "scheme {}: no pixel is determined: all measurements are saturated or not finite numbers",
+                "scheme {}: no pixel is determined: all measurements are saturated or not finite",
                 row.name
             )));
         }
@@ -122,8 +122,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     }
     if let Some(path) = &a.figure {
-        let note =
-            "√(Σ ΔTij²) over the mean T00 of all pixels, root mean square over wavelengths. Grey: lost.";
+        let note = "√(Σ ΔTij²) / mean T00 of all pixels, RMS over wavelengths. Grey: not determined.";
         let map = |row: &SchemeResult| error_maps::Map {
             label: row.name.clone(),
             caption: format!("RMSE {}", short(row.rmse)),
@@ -134,7 +133,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         let columns = (maps.len() as f64).sqrt().ceil() as usize;
         let quantity = "error / mean T00";
         let image = error_maps::draw(
-            "Errors of reconstruction",
+            "Reconstruction errors",
             &maps,
             columns,
             quantity,
@@ -165,7 +164,7 @@ fn unknown<T>(elements: &[T], is_finite: impl Fn(&T) -> bool) -> usize {
 fn failure(e: TrialError) -> Failure {
     match e {
         TrialError::NoiseUnknown => Failure::input(
-            "--prior weighs what is expected against the noise, which a [spad] does not state; give --noise or a [cmos]",
+            "--prior needs the noise of the intensities, which [spad] does not define; set --noise, or use a detector with [cmos]",
         ),
         TrialError::NoTries => Failure::failed(e),
         other => Failure::input(other),

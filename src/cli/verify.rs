@@ -23,10 +23,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     if found.faults.is_empty() {
         let size = found.bytes as f64 / 1e6;
         if let Some(refusal) = &found.unlisted {
-            eprintln!("note: what else lies there is not known: {refusal}");
+            eprintln!("note: cannot list other files in this store: {refusal}");
         }
         return super::output::print(&format!(
-            "{store}: {}{files} files, {size:.1} MB, all as they were written",
+            "{store}: {}{files} files, {size:.1} MB, all intact",
             found
                 .part
                 .map_or(String::new(), |part| format!("{part} of a render, "))
@@ -42,7 +42,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         lines.push(format!("  … and {} more", found.faults.len() - SHOWN));
     }
     Err(Failure::failed(format!(
-        "{store} is damaged, {} of {files} files:\n{}\nrender it again, or restore it from a copy",
+        "{store} is damaged in {} of {files} files:\n{}\nrender it again, or restore it from a backup",
         found.faults.len(),
         lines.join("\n")
     )))

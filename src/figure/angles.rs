@@ -131,7 +131,7 @@ fn check(elements: &[(&str, &str, f64)], values: &[Vec<f64>]) -> Result<(), Figu
         return refuse("period", value, "a finite number above zero");
     }
     if let Some((k, row)) = values.iter().enumerate().find(|v| v.1.len() != elements.len()) {
-        let value = format!("{} angles long at capture {}", row.len(), k + 1);
+        let value = format!("{} angles at capture {}", row.len(), k + 1);
         return refuse("values", value, "one angle per element at every capture");
     }
     Ok(())
@@ -205,7 +205,7 @@ mod tests {
         };
         assert!(message(&[], &[vec![]]).contains("1 to 8"));
         assert!(message(&TWO, &[]).contains("at least one capture"));
-        assert!(message(&TWO, &[vec![1.0; 2], vec![1.0]]).contains("1 angles long at capture 2"));
+        assert!(message(&TWO, &[vec![1.0; 2], vec![1.0]]).contains("1 angles at capture 2"));
         for period in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(message(&[("a", "b", period)], &[vec![1.0]]).contains("`a`"));
         }

@@ -139,26 +139,30 @@ pub(crate) fn markers(
 /// Checks the preconditions of drawing.
 pub(crate) fn check(chart: &Chart) -> Result<(), FigureError> {
     if chart.series.is_empty() || chart.series.len() > DISTINCT {
-        let must = "1 to 56, which is as many as can be told apart";
+        let must = "1 to 56 (the number of distinguishable styles)";
         return Err(FigureError::option("number of series", chart.series.len(), must));
     }
     for s in &chart.series {
         if s.points.is_empty() {
-            let value = format!("without points for `{}`", s.name);
-            return Err(FigureError::option("series", value, "at least one point long"));
+            let value = format!("empty for `{}`", s.name);
+            return Err(FigureError::option(
+                "series",
+                value,
+                "a list of at least one point",
+            ));
         }
         if let Some(errors) = s.errors.as_ref().filter(|e| e.len() != s.points.len()) {
-            let value = format!("{} values long for `{}`", errors.len(), s.name);
+            let value = format!("a list of {} values for `{}`", errors.len(), s.name);
             return Err(FigureError::option(
                 "errors",
                 value,
-                "as long as the points of the series",
+                "as long as the list of points",
             ));
         }
     }
     if shown(chart).next().is_none() {
-        let must = "finite, and above zero on logarithmic axes, at one point at least";
-        return Err(FigureError::option("series", "nowhere to be drawn", must));
+        let must = "finite, and above 0 on logarithmic axes, for at least one point";
+        return Err(FigureError::option("series", "not drawable", must));
     }
     Ok(())
 }
@@ -205,7 +209,7 @@ fn left_out(chart: &Chart) -> Option<String> {
     let (s, are) = if n == 1 { ("", "is") } else { ("s", "are") };
     (n > 0).then(|| {
         format!(
-            "{n} point{s} at or below zero {are} not on the logarithmic {} axis.",
+            "{n} point{s} at or below 0 {are} not shown on the logarithmic {} axis.",
             axes.join(" or ")
         )
     })

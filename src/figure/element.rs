@@ -30,7 +30,8 @@ impl FromStr for Element {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let bad = || format!("`{text}` is no element; write (0,1), -(3,3) or ±(0,2), with 0 to 3");
+        let bad =
+            || format!("`{text}` is not an element; write (0,1), -(3,3) or ±(0,2), with indices 0 to 3");
         let compact: String = text.chars().filter(|c| !c.is_whitespace()).collect();
         let at = compact.find('(').ok_or_else(bad)?;
         let sign = match &compact[..at] {

@@ -1,7 +1,7 @@
 //! Errors of drawing and saving figures.
 
 /// Description of valid wavelengths.
-pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, nanometres";
+pub(crate) const WAVELENGTH: &str = "within the slice's wavelengths, in nanometres";
 
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
@@ -14,14 +14,14 @@ pub enum FigureError {
         /// The line of a slice definition that adds the axis.
         fix: &'static str,
     },
-    #[error("slice `{slice}` holds no values: its axis `{axis}` is empty; keep at least one entry of it")]
+    #[error("slice `{slice}` has no values: its axis `{axis}` is empty; keep at least one entry")]
     Empty {
         slice: String,
         /// Name of the empty axis.
         axis: &'static str,
     },
     /// The values do not fill the axes, or an axis occurs twice.
-    #[error("slice `{slice}` is damaged: {found} values for axes {axes}; read or render it again")]
+    #[error("slice `{slice}` is damaged: {found} values for axes {axes}; render it again")]
     Damaged {
         slice: String,
         found: usize,
@@ -29,7 +29,7 @@ pub enum FigureError {
         axes: String,
     },
     /// A row or element that the slice does not have.
-    #[error("slice `{slice}` has {len} {what}, so index {index} does not exist; choose 0 to {}", len.saturating_sub(1))]
+    #[error("slice `{slice}` has {len} {what}, so index {index} does not exist; use 0 to {}", len.saturating_sub(1))]
     Index {
         slice: String,
         /// Name of the indexed items.
@@ -45,9 +45,9 @@ pub enum FigureError {
         must: &'static str,
     },
     /// The file extension does not name a known format.
-    #[error("{path}: pictures are written as {known}; name the file so")]
+    #[error("{path}: expected the extension {known}; change the extension")]
     Extension { path: String, known: &'static str },
-    #[error("the picture could not be encoded: {0}; draw fewer or smaller panels")]
+    #[error("cannot encode the picture: {0}; draw fewer or smaller panels")]
     Encode(String),
     #[error("cannot write picture {path}: {source}")]
     Write { path: String, source: std::io::Error },

@@ -116,7 +116,7 @@ pub(super) fn read<'a>(view: &'a FlightView, panel: &Panel<'a>) -> Result<Frames
         "{} frames{bin}. {}. One exposure for all: white {}.",
         shown.len(),
         channels(source.wavelengths()),
-        white_words(white, " (99.5th percentile of what is above zero)"),
+        white_words(white, " (99.5th percentile of the positive values)"),
     );
     Ok(Frames {
         xs,

@@ -33,7 +33,7 @@ pub fn growth(plot_width: f64) -> f64 {
 pub fn white_words(white: White, origin: &str) -> String {
     match white {
         White::Value(v) => format!("{} {CAMERA_UNIT}{origin}", brief(f64::from(v))),
-        White::Nothing => "at no value (nothing is positive)".into(),
+        White::Nothing => "undefined (no positive values)".into(),
     }
 }
 

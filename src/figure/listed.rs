@@ -38,29 +38,29 @@ pub fn from_text(path: &Path, text: &str, slices: &[Slice], nm: &[f64]) -> Resul
             let known: Vec<&str> = slices.iter().map(|s| s.name.as_str()).collect();
             return Err(error(
                 figure,
-                format!("figure `{name}` draws slice `{slice}`, which is not in the scene"),
-                format!("name one of: {}", known.join(", ")),
+                format!("figure `{name}` draws slice `{slice}`, which the scene does not have"),
+                format!("use one of: {}", known.join(", ")),
             ));
         };
         if name.is_empty() || name.contains(['/', '\\']) {
             return Err(error(
                 figure,
-                format!("`{name}` cannot be a file name"),
+                format!("`{name}` is not a valid file name"),
                 "use letters, digits, _ and -".to_owned(),
             ));
         }
         if file.figures[..i].iter().any(|f| f.name == *name) {
             return Err(error(
                 figure,
-                format!("a second figure `{name}`"),
-                "rename one of them: figures are files".to_owned(),
+                format!("duplicate figure `{name}`"),
+                "rename one of them: each figure is a file".to_owned(),
             ));
         }
         check(&figure.view, drawn, nm).map_err(|e| {
             error(
                 figure,
-                format!("figure `{name}` cannot be drawn: {e}"),
-                "correct the view, or what its slice keeps".to_owned(),
+                format!("cannot draw figure `{name}`: {e}"),
+                "correct the view, or change what its slice keeps".to_owned(),
             )
         })?;
     }

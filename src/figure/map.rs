@@ -253,7 +253,7 @@ fn content<'a>(
         let raster = Raster::colour(xs.len(), ups.len(), &values, &rgb_weights(nm));
         let scale = Scale::of(raster.data.iter().map(|c| c.iter().copied().fold(0.0, f32::max)));
         let note = format!(
-            "{row}{}; the colour bar is for the brightest of them.",
+            "{row}{}; the colour bar is for the brightest channel.",
             channels(nm)
         );
         (note, Values::Colour(raster, scale))
@@ -266,7 +266,7 @@ fn content<'a>(
         let m00 = one(element.map(|(kind, _)| (kind, 0)));
         let data = one(element).into_iter().zip(m00).map(|(m, m00)| [m, m00]);
         let raster = Raster::new(&view.slice, xs.len(), data.collect())?;
-        let note = format!("{row}{at} Grey: not defined (M00 is not positive).");
+        let note = format!("{row}{at} Grey: undefined (M00 is not positive).");
         (note, Values::Signed(raster, view.element))
     };
     Ok(Content {

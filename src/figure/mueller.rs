@@ -109,11 +109,11 @@ pub fn draw(view: &MuellerView, title: &str, panel: &Panel) -> Result<Drawing, F
     };
     let bar = bar(view.normalized, limit.value());
     let mut notes = vec![format!(
-        "Mueller elements{at}; row i: Stokes out, column j: Stokes in."
+        "Mueller elements{at}; row i: outgoing Stokes, column j: incoming Stokes."
     )];
     if view.normalized {
         notes.push(format!(
-            "M00 is shown as intensity, white {}; grey: not defined (M00 is not positive).",
+            "M00 is shown as intensity, white {}; grey: undefined (M00 is not positive).",
             white_words(white, " (99th percentile)")
         ));
     }

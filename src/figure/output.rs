@@ -49,7 +49,7 @@ impl Format {
             "pdf" => Ok(Self::Pdf),
             _ => Err(unknown(
                 path,
-                ".png, .svg or .pdf, light in flight also as .gif or .apng",
+                ".png, .svg or .pdf (light in flight also .gif or .apng)",
             )),
         }
     }
@@ -88,7 +88,7 @@ pub fn save(drawing: &Drawing, path: &Path) -> Result<(), FigureError> {
 /// [`FigureError::Extension`], [`FigureError::Encode`] if there is no frame or one is too large,
 /// [`FigureError::Write`].
 pub fn save_animation(frames: &[Drawing], path: &Path) -> Result<(), FigureError> {
-    let first = frames.first().ok_or_else(|| encode("it has no frames"))?;
+    let first = frames.first().ok_or_else(|| encode("there are no frames"))?;
     let mut bytes = Cursor::new(Vec::new());
     match extension(path).as_str() {
         "gif" => {

@@ -101,11 +101,7 @@ fn picks(
     let (xs, ys) = (source.need(AxisKind::X)?, source.need(AxisKind::Y)?);
     if !is_inside(xs, view.pixel[0]) || !is_inside(ys, view.pixel[1]) {
         let value = format!("{:?}", view.pixel);
-        return Err(FigureError::option(
-            "pixel",
-            value,
-            "a pixel among those that the slice keeps",
-        ));
+        return Err(FigureError::option("pixel", value, "a pixel of the slice"));
     }
     let x = nearest(xs, view.pixel[0]);
     let y = nearest(ys, view.pixel[1]);

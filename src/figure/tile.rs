@@ -307,11 +307,7 @@ pub fn of_values(name: &str, width: usize, values: &[f32], scale: Scale) -> Resu
         if ok {
             Ok(())
         } else {
-            Err(FigureError::option(
-                option,
-                value,
-                "finite, and the ends of a range",
-            ))
+            Err(FigureError::option(option, value, "finite, and a valid range"))
         }
     };
     Ok(match scale {

@@ -46,7 +46,7 @@ impl AnalogLimits {
             (1..settings.channels.len()).all(|i| !settings.channels[..i].contains(&settings.channels[i]));
         if settings.channels.is_empty() || !known || !once {
             return Err(format!(
-                "{:?} are not different channels of 0 to {}",
+                "channels {:?} must be different numbers from 0 to {}",
                 settings.channels,
                 self.channels.saturating_sub(1)
             ));
@@ -54,7 +54,7 @@ impl AnalogLimits {
         let [least, most] = self.rate_hz;
         if !(settings.rate_hz >= least && settings.rate_hz <= most) {
             return Err(format!(
-                "{} samples a second are not within {least} to {most}",
+                "{} samples per second; expected {least} to {most}",
                 settings.rate_hz
             ));
         }
@@ -69,18 +69,16 @@ impl AnalogLimits {
         let samples = buffer.first().map_or(0, Vec::len);
         if buffer.len() != channels || buffer.iter().any(|c| c.len() != samples) {
             return Err(format!(
-                "a buffer of {} lists is not one of {channels} equally long ones",
+                "got a buffer of {} lists, expected {channels} lists of equal length",
                 buffer.len()
             ));
         }
         if samples == 0 || samples > self.samples {
-            return Err(format!("{samples} samples are not within 1 to {}", self.samples));
+            return Err(format!("{samples} samples; expected 1 to {}", self.samples));
         }
         let [least, most] = self.volts;
         let beyond = buffer.iter().flatten().find(|v| !(**v >= least && **v <= most));
-        beyond.map_or(Ok(()), |v| {
-            Err(format!("{v} V are not within {least} to {most} V"))
-        })
+        beyond.map_or(Ok(()), |v| Err(format!("{v} V is outside {least} to {most} V")))
     }
 }
 

@@ -113,34 +113,32 @@ impl CameraLimits {
             && u64::from(r.x) + u64::from(r.width) <= u64::from(width)
             && u64::from(r.y) + u64::from(r.height) <= u64::from(height);
         if !inside {
-            return Err(format!(
-                "the region {r:?} is not within {width} x {height} pixels"
-            ));
+            return Err(format!("region {r:?} is outside {width} x {height} pixels"));
         }
         let [sx, sy] = self.step.map(|s| s.max(1));
         if r.x % sx + r.width % sx + r.y % sy + r.height % sy > 0 {
             return Err(format!(
-                "the region {r:?} is not of multiples of {sx} columns and {sy} rows"
+                "region {r:?} must be a multiple of {sx} columns and {sy} rows"
             ));
         }
         let [least, most] = self.exposure;
         if settings.exposure < least || settings.exposure > most {
             return Err(format!(
-                "an exposure of {:?} is not within {least:?} to {most:?}",
+                "exposure {:?} is outside {least:?} to {most:?}",
                 settings.exposure
             ));
         }
         let [least, most] = self.gain_db;
         if !(settings.gain_db >= least && settings.gain_db <= most) {
             return Err(format!(
-                "a gain of {} dB is not within {least} to {most}",
+                "gain {} dB is outside {least} to {most} dB",
                 settings.gain_db
             ));
         }
         if !self.formats.contains(&settings.format) {
             let known: Vec<&str> = self.formats.iter().map(|f| f.name()).collect();
             return Err(format!(
-                "{} is none of its formats: {}",
+                "format {} is not supported; available: {}",
                 settings.format.name(),
                 known.join(", ")
             ));

@@ -71,7 +71,7 @@ async fn fetch(
         };
         let size = found.meta.size;
         if found.range.end.saturating_sub(found.range.start) > LARGEST {
-            let source = format!("{key} has {size} bytes, which no file of a store has");
+            let source = format!("{key} has {size} bytes, more than any file of a store");
             return Err(Error::Generic {
                 store: "object",
                 source: source.into(),

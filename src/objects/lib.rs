@@ -45,15 +45,18 @@ static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
 
 /// Waits for a future on the runtime. (`block_on` must not be called from threads of another runtime.)
 fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> Result<T, Refusal> {
-    let runtime = RUNTIME
-        .as_ref()
-        .map_err(|e| Refusal::new(format!("no threads for requests: {e}"), "end other programs"))?;
+    let runtime = RUNTIME.as_ref().map_err(|e| {
+        Refusal::new(
+            format!("cannot create threads for requests: {e}"),
+            "close other programs",
+        )
+    })?;
     let (tell, told) = mpsc::sync_channel(1);
     runtime.spawn(async move {
         let _ = tell.send(future.await);
     });
     told.recv()
-        .map_err(|_| Refusal::new("its request was broken off", "try again"))
+        .map_err(|_| Refusal::new("the request was interrupted", "try again"))
 }
 
 /// The objects below an address.
@@ -78,7 +81,7 @@ impl Objects {
         let (host, path) = rest.split_once('/').unwrap_or((rest, ""));
         if host.is_empty() {
             return Err(Refusal::new(
-                "the address names no bucket or server",
+                "the address contains no bucket or server",
                 format!("write {scheme}://NAME/STORE.zarr"),
             ));
         }
@@ -101,8 +104,8 @@ impl Objects {
                 .map(|s| Arc::new(s) as _),
             "http" | "https" if whole.contains(['?', '#']) => {
                 return Err(Refusal::new(
-                    "an address with `?` or `#` names one file, and a store is many",
-                    "give the address of the store's folder",
+                    "an address with `?` or `#` refers to one file, but a store has many",
+                    "use the address of the store's folder",
                 ));
             }
             "http" | "https" => HttpBuilder::new()
@@ -117,8 +120,8 @@ impl Objects {
             "flaky" | "mortal" => Ok(tests::faulty::faulty(scheme, host)),
             _ => {
                 return Err(Refusal::new(
-                    format!("{scheme}:// is no place of stores that is known"),
-                    "give s3://, gs://, az://, http:// or https://, or the path of a folder",
+                    format!("unknown address scheme {scheme}://"),
+                    "use s3://, gs://, az://, http:// or https://, or a local path",
                 ));
             }
         };
@@ -127,8 +130,8 @@ impl Objects {
             scheme: scheme.to_owned(),
             below: Key::parse(path).map_err(|e| {
                 Refusal::new(
-                    format!("its path cannot be that of an object: {e}"),
-                    "give another",
+                    format!("the path is not valid for an object: {e}"),
+                    "choose another path",
                 )
             })?,
             store: store.map_err(|e| refusal(scheme, &e))?,
@@ -276,8 +279,8 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
     let web = scheme.starts_with("http");
     if says(&["NoSuchBucket", "ContainerNotFound"]) {
         return Refusal::new(
-            "there is no such bucket",
-            format!("check its name, and {server} if the server is one of your own"),
+            "bucket not found",
+            format!("check its name, and {server} for your own server"),
         );
     }
     if says(&[
@@ -287,19 +290,19 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
         "Account must be",
     ]) {
         return Refusal::new(
-            "no credentials were found",
-            format!("set {credentials}, or {public} for what is public"),
+            "no credentials found",
+            format!("set {credentials}, or {public} for public data"),
         );
     }
     if says(&["scheme is not allowed", "HTTP URLs are not", "AllowHttp"]) {
         return Refusal::new(
-            "the server is asked over http://, which is not encrypted",
-            "set AWS_ALLOW_HTTP=true if it is a server of your own, or give it https://",
+            "the server address uses http://, which is not encrypted",
+            "set AWS_ALLOW_HTTP=true for your own server, or use https://",
         );
     }
     if says(&["501 ", "not supported", "not implemented", "not yet implemented"]) {
         return Refusal::new(
-            "the server does not offer what is asked of it",
+            "the server does not support the request",
             "use an object store (s3://, gs://, az://)",
         );
     }
@@ -309,7 +312,7 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
         "AuthorizationHeaderMalformed",
         "bare redirect",
     ]) {
-        return Refusal::new("the bucket is of another region", "set AWS_REGION to its region");
+        return Refusal::new("the bucket is in another region", "set AWS_REGION to its region");
     }
     if matches!(
         error,
@@ -319,33 +322,34 @@ fn refusal(scheme: &str, error: &Error) -> Refusal {
         return Refusal::new(
             "access is denied",
             if web {
-                "ask who keeps the server for the right to read it".to_owned()
+                "ask the server's administrator for read access".to_owned()
             } else {
                 format!(
-                    "check {credentials}, whether they may read it, and whether it is there (who may not list a bucket is told so of what is not)"
+                    "check {credentials} and their permissions, and check that the bucket exists (without permission to list, a missing \
+                     bucket also gives this error)"
                 )
             },
         );
     }
     if says(&["timed out"]) {
         return Refusal::new(
-            "the server did not answer in time",
+            "the server did not respond in time",
             "try again, or check the network",
         );
     }
     if says(&["error sending request", "Connect", "dns error", "connection"]) {
         return Refusal::new(
-            "the server cannot be reached",
+            "cannot connect to the server",
             if web {
                 "check the address and the network".to_owned()
             } else {
-                format!("check the network, and {server} if the server is one of your own")
+                format!("check the network, and {server} for your own server")
             },
         );
     }
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     Refusal::new(
-        format!("the server refused: {line}"),
-        "check the address and the rights to it",
+        format!("the server refused the request: {line}"),
+        "check the address and your access rights",
     )
 }

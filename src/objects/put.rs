@@ -11,8 +11,8 @@ impl Objects {
     pub(crate) fn check_writable(&self) -> Result<(), Refusal> {
         if self.scheme.starts_with("http") {
             return Err(Refusal::new(
-                format!("{}:// is a web server, which is read only", self.scheme),
-                "write to a folder or to an object store (s3://, gs://, az://)",
+                format!("{}:// is a read-only web server", self.scheme),
+                "write to a local folder or to an object store (s3://, gs://, az://)",
             ));
         }
         Ok(())

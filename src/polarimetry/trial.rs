@@ -22,20 +22,20 @@ const BRIGHT: f64 = 0.1;
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
     /// The mean T00 is not positive, so relative errors are undefined.
-    #[error("the mean T00 of the matrices is not positive, so no error is relative to it")]
+    #[error("the mean T00 of the matrices is not positive, so errors cannot be normalized")]
     Dark,
     /// A prior needs the noise level, which is unknown.
     #[error(
-        "a prior weighs what is expected against the noise, which a [spad] does not state; give a standard deviation or a [cmos]"
+        "a prior needs the noise of the intensities, which [spad] does not define; set a standard deviation, or use [cmos]"
     )]
     NoiseUnknown,
     /// The minimum-norm solution needs one design matrix for all pixels.
     #[error(
-        "its rank is below 16 and every pixel has a ray of its own: give a prior, more captures, or rays along the axis"
+        "its rank is below 16 and every pixel has its own ray: use a prior, more captures, or rays along the axis"
     )]
     Oblique,
     /// `repeat` is 0.
-    #[error("nothing was tried")]
+    #[error("there was no trial")]
     NoTries,
     /// The simulation rejected its settings or data.
     #[error(transparent)]

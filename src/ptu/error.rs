@@ -43,12 +43,7 @@ impl PtuError {
                 cause.kind(),
                 std::io::ErrorKind::NotFound | std::io::ErrorKind::InvalidInput
             ),
-            ..Self::new(
-                file,
-                offset,
-                cause.to_string(),
-                "give a .ptu file that can be read",
-            )
+            ..Self::new(file, offset, cause.to_string(), "pass a readable .ptu file")
         }
     }
 }

@@ -12,7 +12,7 @@ pub const MAGIC: [u8; 8] = *b"PQTTTR\0\0";
 /// Maximum size of a header in bytes. Real headers have a few thousand.
 pub const MOST: u64 = 64 << 20;
 
-const DAMAGED: &str = "the file is damaged or cut off: copy it anew from the instrument's computer";
+const DAMAGED: &str = "the file is damaged or truncated: copy it again from the instrument's computer";
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Header {
@@ -62,12 +62,18 @@ pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Heade
     };
     let (mut magic, mut version) = ([0; 8], [0; 8]);
     if length < 16 {
-        return Err(bytes.error("it is too short for a .ptu file", "give a .ptu file of PicoQuant"));
+        return Err(bytes.error(
+            "the file is too short for a .ptu file",
+            "pass a .ptu file from PicoQuant software",
+        ));
     }
     bytes.fill(&mut magic, "the magic")?;
     if magic != MAGIC {
         bytes.at = 0;
-        return Err(bytes.error("it does not begin with PQTTTR", "give a .ptu file of PicoQuant"));
+        return Err(bytes.error(
+            "the file does not begin with PQTTTR",
+            "pass a .ptu file from PicoQuant software",
+        ));
     }
     bytes.fill(&mut version, "the version")?;
     let mut header = Header {
@@ -77,7 +83,7 @@ pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Heade
     loop {
         let begin = bytes.at;
         if begin > MOST {
-            return Err(bytes.error("the header has no end within 64 MiB", DAMAGED));
+            return Err(bytes.error("the header does not end within 64 MiB", DAMAGED));
         }
         let mut head = [0; tag::SIZE];
         bytes.fill(&mut head, "the header, before Header_End")?;
@@ -93,7 +99,7 @@ pub(super) fn read(source: impl Read, length: u64, file: &Path) -> Result<(Heade
             let size = u64::from_le_bytes(word);
             if size > (bytes.length - bytes.at).min(MOST) {
                 bytes.at = begin;
-                let what = format!("tag {name:?} has a value of {size} bytes, more than the file");
+                let what = format!("tag {name:?} has a value of {size} bytes, which exceeds the file");
                 return Err(bytes.error(what, DAMAGED));
             }
             long = vec![0; size as usize];
@@ -182,23 +188,23 @@ impl Header {
     pub fn record_type(&self, file: &Path) -> Result<RecordType, PtuError> {
         let wrong = |what: String, fix: &str| PtuError::of_request(file, what, fix);
         let Some(code) = self.int("TTResultFormat_TTTRRecType") else {
-            let what = "the header does not say what the records are (TTResultFormat_TTTRRecType)";
+            let what = "the header does not define the record type (TTResultFormat_TTTRRecType)";
             return Err(wrong(what.into(), DAMAGED));
         };
         match self.int("TTResultFormat_BitsPerRecord") {
             None | Some(0 | 32) => {}
             Some(bits) => {
                 return Err(wrong(
-                    format!("records of {bits} bits"),
-                    "only those of 32 are known",
+                    format!("records have {bits} bits"),
+                    "only 32-bit records are supported",
                 ));
             }
         }
         let known = u32::try_from(code).ok().and_then(RecordType::of_code);
         let record = known.ok_or_else(|| {
             let names: Vec<&str> = RecordType::ALL.iter().map(|r| r.name()).collect();
-            let fix = format!("known are those of {}", names.join(", "));
-            wrong(format!("records of type {code:#x}"), &fix)
+            let fix = format!("supported types: {}", names.join(", "));
+            wrong(format!("unknown record type {code:#x}"), &fix)
         })?;
         let mode = match record.mode() {
             Mode::T2 => 2.0,
@@ -207,7 +213,7 @@ impl Header {
         match self.number("Measurement_Mode") {
             Some(stated) if stated != mode => Err(wrong(
                 format!(
-                    "Measurement_Mode is T{stated}, but the records are of {} (TTResultFormat_TTTRRecType)",
+                    "Measurement_Mode is T{stated}, but the record type is {} (TTResultFormat_TTTRRecType)",
                     record.name()
                 ),
                 DAMAGED,
@@ -226,7 +232,7 @@ impl Header {
         let text = self.version.as_bytes();
         if text.len() > 8 || !text.is_ascii() {
             return Err(format!(
-                "version {:?}: it has at most 8 ASCII characters",
+                "version {:?}: expected at most 8 ASCII characters",
                 self.version
             ));
         }
@@ -234,7 +240,7 @@ impl Header {
         out.extend_from_slice(&version);
         for tag in &self.tags {
             if tag.name == LAST {
-                return Err(format!("tag {LAST}: it ends the header and is written by itself"));
+                return Err(format!("tag {LAST}: reserved; it is written automatically"));
             }
             tag.write(&mut out)?;
         }

@@ -62,18 +62,18 @@ impl Plan {
         let channels = record.channels();
         if self.bin == 0 || elements == Some(0) {
             return Some((
-                "there is nothing to count".into(),
-                "ask for at least one channel, bin and pixel, of a width above 0".into(),
+                "the histogram would be empty".into(),
+                "use at least one channel, one bin and one pixel, and a bin width above 0".into(),
             ));
         }
         if let Some(c) = self.channels.iter().find(|c| **c >= channels) {
             let what = format!("{} has no channel {c}", record.name());
-            return Some((what, format!("its channels are 0 to {}", channels - 1)));
+            return Some((what, format!("use channels 0 to {}", channels - 1)));
         }
         elements.is_none_or(|n| n > MOST).then(|| {
             (
-                format!("its histogram would have more than {MOST} elements"),
-                "take wider bins, or fewer channels or pixels".into(),
+                format!("the histogram would have more than {MOST} elements"),
+                "use wider bins, or fewer channels or pixels".into(),
             )
         })
     }
@@ -295,13 +295,9 @@ pub fn possibly_empty_histogram<R: Read>(
     let row = plan.bins * plan.channels.len();
     let elements = row * plan.pixels().unwrap_or(1);
     let mut counts = Vec::new();
-    counts.try_reserve_exact(elements).map_err(|_| {
-        PtuError::of_request(
-            &file,
-            "there is not the memory for its histogram",
-            "take wider bins",
-        )
-    })?;
+    counts
+        .try_reserve_exact(elements)
+        .map_err(|_| PtuError::of_request(&file, "not enough memory for the histogram", "use wider bins"))?;
     counts.resize(elements, 0);
     let mut first = [NOWHERE; 64];
     for (i, channel) in plan.channels.iter().enumerate().rev() {
@@ -345,8 +341,8 @@ pub fn possibly_empty_histogram<R: Read>(
         }
     }
     if state.counts.contains(&u32::MAX) {
-        let what = format!("a bin has {} counts or more", u32::MAX);
-        return Err(PtuError::of_request(&file, what, "take narrower bins"));
+        let what = format!("a bin has {} or more counts", u32::MAX);
+        return Err(PtuError::of_request(&file, what, "use narrower bins"));
     }
     let left_out = LeftOut {
         channels: state.left[CHANNELS],
@@ -387,7 +383,10 @@ fn nothing(
     resolution_s: Option<f64>,
 ) -> (String, String) {
     if state.photons == 0 {
-        let what = format!("it has no photons ({} records without a meaning)", state.unknown);
+        let what = format!(
+            "the file contains no photons ({} records of unknown type)",
+            state.unknown
+        );
         return (
             what,
             "check that the measurement ran and the file is complete".into(),
@@ -395,25 +394,25 @@ fn nothing(
     }
     if let Some(scan) = plan.scan.filter(|_| state.beam.begins == 0) {
         let what = format!(
-            "marker {}, which begins a {}, never comes",
+            "marker {}, which begins each {}, never occurs",
             scan.begin().trailing_zeros() + 1,
             if state.beam.is_timed() { "line" } else { "pixel" },
         );
-        return (what, "see its markers with `sunstone ptu info`".into());
+        return (what, "list the markers with `sunstone ptu info`".into());
     }
     if record.mode() == Mode::T2 && state.syncs == 0 {
         let fix = "connect the laser to the sync input; `sunstone ptu records` prints absolute times";
         return (
-            "it has no sync pulses, so that photons have no time since the pulse".into(),
+            "there are no sync pulses, so the time of a photon since its pulse is unknown".into(),
             fix.into(),
         );
     }
     (
         format!(
-            "none of its {} photons is in a bin: {}",
+            "none of the {} photons is in a bin: {}",
             state.photons,
             left_out.describe(resolution_s)
         ),
-        "give other channels, bins or pixels".into(),
+        "use other channels, bins or pixels".into(),
     )
 }

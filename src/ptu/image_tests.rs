@@ -280,25 +280,25 @@ fn histograms_of_nothing_are_refused() {
     };
     let (t3, t2) = (RECORD, RecordType::GenericT2);
     for (record, events, plan, why) in [
-        (t3, vec![], plan(4, None), "it has no photons"),
-        (t3, vec![marker(5, 1)], plan(4, Some(scan)), "it has no photons"),
+        (t3, vec![], plan(4, None), "contains no photons"),
+        (t3, vec![marker(5, 1)], plan(4, Some(scan)), "contains no photons"),
         (
             t3,
             vec![marker(5, 2), photon(9, 0)],
             plan(4, Some(scan)),
-            "marker 1, which begins a line, never",
+            "marker 1, which begins each line, never",
         ),
         (
             t3,
             vec![marker(5, 1), photon(9, 0)],
             plan(4, Some(by_pixels)),
-            "marker 4, which begins a pixel,",
+            "marker 4, which begins each pixel,",
         ),
         (
             t2,
             vec![photon(9, 0), photon(12, 0)],
             plan(4, None),
-            "it has no sync pulses",
+            "there are no sync pulses",
         ),
         (
             t2,
@@ -310,7 +310,7 @@ fn histograms_of_nothing_are_refused() {
             t3,
             vec![photon(9, 4)],
             plan(4, None),
-            "none of its 1 photons is in a bin: 1 after the last",
+            "none of the 1 photons is in a bin: 1 after the last",
         ),
         (
             t3,

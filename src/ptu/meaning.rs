@@ -63,12 +63,12 @@ pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
     let divider = is("HWSync_Divider");
     if mode == Mode::T2 && divider > 1.0 {
         notes.push(format!(
-            "HWSync_Divider is {divider}: the file has one sync pulse of {divider} laser pulses, and times count from it"
+            "HWSync_Divider is {divider}: the file has one sync pulse per {divider} laser pulses, and times are relative to it"
         ));
     }
     if is("ReqHdr_ScanningPattern") != 0.0 && !is_bidirectional(header) && scan.is_some() {
         notes.push(
-            "ReqHdr_ScanningPattern is not used: rows run in one direction, as ImgHdr_BiDirect is not set"
+            "ReqHdr_ScanningPattern is ignored: ImgHdr_BiDirect is not set, so rows are read in one direction"
                 .into(),
         );
     }
@@ -78,7 +78,7 @@ pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
     });
     if let Some(sine) = sweep {
         notes.push(format!(
-            "ImgHdr_SinCorrection is applied: lines cover {:.3} % of a sine's amplitude (as PicoQuant defines it)",
+            "ImgHdr_SinCorrection is applied: lines cover {:.3} % of a sine's amplitude (PicoQuant's definition)",
             100.0 * sine
         ));
     }
@@ -86,7 +86,7 @@ pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
         (scan, header.number("ImgHdr_PixX"), header.number("ImgHdr_PixY"))
     {
         notes.push(format!(
-            "its header describes an image of {width} × {height} pixels; their photons are added up (give --pixels for the image)"
+            "the header describes an image of {width} × {height} pixels; photons of all pixels are summed (use --pixels for the image)"
         ));
     }
     let mut unknown: Vec<&str> = vec![];
@@ -110,7 +110,7 @@ pub fn notes(header: &Header, mode: Mode, scan: Option<&Scan>) -> Vec<String> {
             String::new()
         };
         notes.push(format!(
-            "header tags that are not known and not used: {}{more}",
+            "unknown header tags, ignored: {}{more}",
             names.join(", ")
         ));
     }

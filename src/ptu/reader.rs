@@ -22,12 +22,15 @@ pub struct Mismatch {
 impl std::fmt::Display for Mismatch {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { stated, found, torn } = self;
-        write!(f, "its header states {stated} records, the file holds {found}")?;
+        write!(
+            f,
+            "the header states {stated} records, but the file contains {found}"
+        )?;
         if *torn > 0 {
-            write!(f, " and {torn} bytes of a torn one")?;
+            write!(f, " and {torn} bytes of an incomplete one")?;
         }
         if found > stated {
-            write!(f, "; the first {stated} are read")?;
+            write!(f, "; only the first {stated} are read")?;
         }
         Ok(())
     }

@@ -101,21 +101,21 @@ impl Scan {
     /// # Errors
     /// A message that names the missing or invalid tag.
     pub fn of_header(header: &Header) -> Result<Self, String> {
-        let missing = |name: &str| format!("its header describes no scan: {name} is missing");
+        let missing = |name: &str| format!("the header does not describe a scan: {name} is missing");
         let marker = |name: &str| match header.number(name) {
             None | Some(0.0) => Ok(0),
             Some(n) if [1.0, 2.0, 3.0, 4.0].contains(&n) => Ok(1_u8 << (n as u8 - 1)),
-            Some(n) => Err(format!("{name} is {n}: markers are 1 to 4")),
+            Some(n) => Err(format!("{name} is {n}: expected a marker from 1 to 4")),
         };
         let size = |name: &str| match header.number(name) {
             Some(n) if (1.0..1e9).contains(&n) => Ok(n as usize),
-            Some(n) => Err(format!("{name} is {n}: an image has at least one pixel")),
+            Some(n) => Err(format!("{name} is {n}: expected at least one pixel")),
             None => Err(missing(name)),
         };
         let dimensions = header.number("ImgHdr_Dimensions").unwrap_or(3.0);
         if ![2.0, 3.0].contains(&dimensions) {
             return Err(format!(
-                "its header describes no scan: ImgHdr_Dimensions is {dimensions}"
+                "the header does not describe a scan: ImgHdr_Dimensions is {dimensions}"
             ));
         }
         let [begin, end, frame] =
@@ -138,7 +138,7 @@ impl Scan {
         let ticks = (per_pixel / tick).round();
         if !(1.0..1e15).contains(&ticks) {
             return Err(format!(
-                "ImgHdr_TimePerPixel is {} ms, which is not between 1 and 1e15 counts of the clock",
+                "ImgHdr_TimePerPixel is {} ms, expected 1 to 1e15 counts of the clock",
                 per_pixel * 1e3
             ));
         }
@@ -147,7 +147,7 @@ impl Scan {
             percent if percent > 0.0 && percent <= 100.0 => Some(0.01 * percent),
             percent => {
                 return Err(format!(
-                    "ImgHdr_SinCorrection is {percent}: a percentage of the amplitude is 0 to 100"
+                    "ImgHdr_SinCorrection is {percent}: expected a percentage of the amplitude from 0 to 100"
                 ));
             }
         };

@@ -102,7 +102,7 @@ impl Value {
                 let (numbers, rest) = long.as_chunks::<8>();
                 if !rest.is_empty() {
                     return Err(format!(
-                        "a list of numbers of {} bytes, not of 8 each",
+                        "a list of numbers with {} bytes, which is not a multiple of 8",
                         long.len()
                     ));
                 }
@@ -117,7 +117,7 @@ impl Value {
                 Self::Wide(text.trim_end_matches('\0').to_owned())
             }
             code::BLOB => Self::Blob(long),
-            _ => return Err(format!("a value of type {kind:#010x}, which there is not")),
+            _ => return Err(format!("a value of unknown type {kind:#010x}")),
         })
     }
 
@@ -139,7 +139,7 @@ impl Value {
             Self::Time(f) => word(code::TIME, f.to_bits()),
             Self::Floats(f) => long(code::FLOATS, f.iter().flat_map(|f| f.to_le_bytes()).collect()),
             Self::Text(t) => {
-                let mut bytes = to_ansi(t).ok_or("a text that Windows-1252 does not have")?;
+                let mut bytes = to_ansi(t).ok_or("a text that Windows-1252 cannot encode")?;
                 bytes.push(0);
                 long(code::TEXT, bytes)
             }
@@ -177,7 +177,7 @@ impl Tag {
         let Self { name, index, value } = self;
         if name.is_empty() || name.len() > LONGEST_NAME || !name.bytes().all(|b| b.is_ascii_graphic()) {
             return Err(format!(
-                "tag {name:?}: a name has 1 to 32 visible ASCII characters"
+                "tag {name:?}: expected a name of 1 to 32 visible ASCII characters"
             ));
         }
         let (kind, word, long) = value.write().map_err(|e| format!("tag {name}: {e}"))?;

@@ -293,20 +293,20 @@ fn damage_is_told_in_words() {
     let whole = bytes_of(record, &events);
     let said = |bytes: &[u8]| open(bytes).expect_err("refused").to_string();
     assert!(said(b"").contains("too short"));
-    assert!(said(&[b'x'; 64]).starts_with("f.ptu: byte 0: it does not begin with PQTTTR; give"));
+    assert!(said(&[b'x'; 64]).starts_with("f.ptu: byte 0: the file does not begin with PQTTTR; pass"));
     assert!(said(&whole[..100]).contains("byte 80: the file ends within the header"));
     // The second tag's type.
     let mut wrong = whole.clone();
     wrong[16 + 36] = 9;
     assert!(
-        said(&wrong).contains("byte 16: tag \"CreatorSW_Name\" has a value of type 0x40"),
+        said(&wrong).contains("byte 16: tag \"CreatorSW_Name\" has a value of unknown type 0x40"),
         "{}",
         said(&wrong)
     );
     // A text of 2^60 bytes.
     let mut wrong = whole.clone();
     wrong[16 + 47] = 16;
-    assert!(said(&wrong).contains("more than the file"), "{}", said(&wrong));
+    assert!(said(&wrong).contains("exceeds the file"), "{}", said(&wrong));
     let header = Header {
         version: "1.0.00".into(),
         tags: vec![],
@@ -317,14 +317,14 @@ fn damage_is_told_in_words() {
         version: String::new(),
         tags: int(0x0001_0399),
     };
-    assert!(said(&header.write().expect("writes")).contains("0x10399; known are those of PicoHarp 300 T2"));
+    assert!(said(&header.write().expect("writes")).contains("0x10399; supported types: PicoHarp 300 T2"));
     // Truncated within the last record.
     let cut = open(&whole[..whole.len() - 6]).expect("opens");
     assert_eq!(cut.records(), 8);
     let told = cut.mismatch().expect("told").to_string();
     assert_eq!(
         told,
-        "its header states 10 records, the file holds 8 and 2 bytes of a torn one"
+        "the header states 10 records, but the file contains 8 and 2 bytes of an incomplete one"
     );
     let plan = Plan {
         bin: 1,
@@ -361,7 +361,7 @@ fn damage_is_told_in_words() {
         })
         .contains("no channel 64")
     );
-    assert!(refused(Plan { bin: 0, ..plan }).contains("nothing to count"));
+    assert!(refused(Plan { bin: 0, ..plan }).contains("would be empty"));
 }
 
 #[test]
@@ -370,12 +370,12 @@ fn writers_refuse_what_records_cannot_hold() {
     let mut writer = Writer::begin(&mut out, &description(RecordType::PicoHarpT3)).expect("begins");
     writer.photon(9, 4095, 3).expect("writes");
     let said = |r: std::io::Result<()>| r.expect_err("refused").to_string();
-    assert!(said(writer.photon(8, 0, 0)).contains("time 8 comes after 9"));
+    assert!(said(writer.photon(8, 0, 0)).contains("time 8 follows 9"));
     assert!(said(writer.photon(9, 4096, 0)).contains("dtime 4096"));
     assert!(said(writer.photon(9, 0, 4)).contains("channel 4"));
     assert!(said(writer.marker(9, 16)).contains("markers"));
     assert!(said(writer.sync(9)).contains("T3"));
-    assert!(said(writer.photon(u64::MAX, 0, 0)).contains("nothing happens"));
+    assert!(said(writer.photon(u64::MAX, 0, 0)).contains("gap of"));
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("f.ptu");
     let failed = writer::write(&path, &description(RecordType::PicoHarpT3), |w| {

@@ -127,7 +127,7 @@ impl<W: Write + Seek> Writer<W> {
     fn at(&mut self, time: u64) -> io::Result<u32> {
         if time < self.last {
             return Err(refused(format!(
-                "time {time} comes after {}; give them in their order",
+                "time {time} follows {}; sort the events by time",
                 self.last
             )));
         }
@@ -142,7 +142,7 @@ impl<W: Write + Seek> Writer<W> {
         };
         if periods / most > LONGEST_PAUSE {
             return Err(refused(format!(
-                "nothing happens for {periods} turns of the clock before time {time}"
+                "gap of {periods} clock overflows before time {time}; the gap is too long"
             )));
         }
         while periods > 0 {
@@ -169,13 +169,13 @@ impl<W: Write + Seek> Writer<W> {
         let (t3, last) = (self.record.mode() == Mode::T3, self.record.channels() - 1);
         if !(first..=last).contains(&channel) {
             return Err(refused(format!(
-                "channel {channel}: those of {} are {first} to {last}",
+                "channel {channel}: expected a channel of {} from {first} to {last}",
                 self.record.name()
             )));
         }
         if t3 && u32::from(dtime) >= self.record.dtimes() {
             return Err(refused(format!(
-                "dtime {dtime}: {} has {}",
+                "dtime {dtime}: {} supports values below {}",
                 self.record.name(),
                 self.record.dtimes()
             )));
@@ -195,7 +195,7 @@ impl<W: Write + Seek> Writer<W> {
     /// Like [`Self::photon`]; also in T3, which has no sync records.
     pub fn sync(&mut self, time: u64) -> io::Result<()> {
         if self.record.mode() == Mode::T3 {
-            return Err(refused("T3 has no records of sync pulses"));
+            return Err(refused("T3 has no sync records"));
         }
         let time = self.at(time)?;
         self.put(match self.record.family() {
@@ -211,7 +211,9 @@ impl<W: Write + Seek> Writer<W> {
     /// Like [`Self::photon`]; also if no marker, or one beyond the fourth, is set.
     pub fn marker(&mut self, time: u64, bits: u8) -> io::Result<()> {
         if !(1..16).contains(&bits) {
-            return Err(refused(format!("markers {bits:#b}: one to four of the four")));
+            return Err(refused(format!(
+                "markers {bits:#b}: expected at least one of the four markers"
+            )));
         }
         let (time, bits) = (self.at(time)?, u32::from(bits));
         self.put(match self.record.family() {

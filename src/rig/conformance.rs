@@ -54,18 +54,18 @@ fn good<T>(result: Result<T, Failure>) -> Result<T, String> {
 fn fails<T>(result: Result<T, Failure>, fault: Fault) -> Result<(), String> {
     match result {
         Err(e) if e.fault == fault && !e.what.trim().is_empty() => Ok(()),
-        Err(e) => Err(format!("`{e}` instead of {}", fault.name())),
-        Ok(_) => Err(format!("it did it, instead of {}", fault.name())),
+        Err(e) => Err(format!("expected {}, got `{e}`", fault.name())),
+        Ok(_) => Err(format!("expected {}, but the call succeeded", fault.name())),
     }
 }
 
 fn common(i: &mut dyn Instrument, report: &mut Report) {
     report.check(
         "has a name",
-        want(!i.name().trim().is_empty(), || "it is empty".into()),
+        want(!i.name().trim().is_empty(), || "the name is empty".into()),
     );
     report.check(
-        "says who it is",
+        "reports its identity",
         good(i.identify(SHORT)).and_then(|id| {
             let empty = [&id.maker, &id.model, &id.serial]
                 .iter()
@@ -74,14 +74,14 @@ fn common(i: &mut dyn Instrument, report: &mut Report) {
         }),
     );
     report.check(
-        "connects anew, and still says who it is",
+        "reports its identity after reconnecting",
         good(i.reconnect(SHORT)).and_then(|()| good(i.identify(SHORT)).map(drop)),
     );
     report.check(
-        "has a temperature that can be, or none",
+        "reports a plausible temperature or none",
         want(
             i.temperature_c().is_none_or(|t| (-60.0..200.0).contains(&t)),
-            || "it has not".into(),
+            || "the temperature is not plausible".into(),
         ),
     );
 }
@@ -94,10 +94,10 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
     let [least, most] = limits.range_deg;
     let sane =
         least < most && limits.velocity > 0.0 && limits.acceleration > 0.0 && limits.resolution_deg > 0.0;
-    report.check("has limits that can be", want(sane, || format!("{limits:?}")));
-    report.check("finds its zero", good(stage.home(LONG)));
+    report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
+    report.check("finds its zero position", good(stage.home(LONG)));
     report.check(
-        "says that it is homed, at rest, near zero",
+        "reports homed, at rest and near zero after homing",
         good(stage.read(SHORT)).and_then(|r| {
             want(r.homed && !r.moving && r.angle_deg.abs() < 1.0, || {
                 format!("{r:?}")
@@ -107,55 +107,52 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
     let near = |angle: f64, found: f64| (angle - found).abs() <= 2.0 * limits.resolution_deg;
     for angle in [10.0, 33.3, 7.5] {
         report.check(
-            "goes where it is sent, and says so",
+            "moves to the requested angle and reports it",
             good(stage.begin_move(angle))
                 .and_then(|()| good(stage.finish_move(LONG)))
                 .and_then(|r| {
                     want(near(angle, r.angle_deg) && !r.moving, || {
-                        format!("{r:?} instead of {angle}")
+                        format!("expected {angle}, got {r:?}")
                     })
                 }),
         );
     }
     report.check(
-        "a move that is begun again goes to the second goal",
+        "a second move replaces the first",
         good(stage.begin_move(60.0))
             .and_then(|()| good(stage.begin_move(12.0)))
             .and_then(|()| good(stage.finish_move(LONG)))
             .and_then(|r| want(near(12.0, r.angle_deg), || format!("{r:?}"))),
     );
-    for (name, angle) in [
-        ("refuses what is no angle", f64::NAN),
-        ("refuses infinity", f64::INFINITY),
-    ] {
+    for (name, angle) in [("refuses NaN", f64::NAN), ("refuses infinity", f64::INFINITY)] {
         report.check(name, fails(stage.begin_move(angle), Fault::Limit));
     }
     if most.is_finite() {
         report.check(
-            "refuses what is beyond its range",
+            "refuses angles outside its range",
             fails(stage.begin_move(most + 10.0), Fault::Limit),
         );
     }
     report.check(
-        "a refused move moves nothing",
+        "does not move after a refused move",
         good(stage.read(SHORT)).and_then(|r| want(near(12.0, r.angle_deg), || format!("{r:?}"))),
     );
     report.check(
-        "a deadline that is too short is a timeout, and the move goes on",
+        "reports a timeout at a short deadline and continues the move",
         good(stage.begin_move(170.0)).and_then(|()| {
             fails(stage.finish_move(Duration::from_millis(1)), Fault::Timeout)?;
             good(stage.finish_move(LONG)).and_then(|r| want(near(170.0, r.angle_deg), || format!("{r:?}")))
         }),
     );
     report.check(
-        "stops on the way",
+        "stops during a move",
         good(stage.begin_move(0.0))
             .and_then(|()| good(stage.stop(SHORT)))
             .and_then(|()| good(stage.read(SHORT)))
             .and_then(|r| want(!r.moving && r.angle_deg > 1.0, || format!("{r:?}"))),
     );
     report.check(
-        "goes on after that",
+        "moves after a stop",
         good(stage.begin_move(0.0))
             .and_then(|()| good(stage.finish_move(LONG)))
             .and_then(|r| want(near(0.0, r.angle_deg), || format!("{r:?}"))),
@@ -170,14 +167,14 @@ pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
     let limits = projector.limits();
     let [width, height] = limits.size;
     let sane = width > 0 && height > 0 && limits.patterns > 0 && (1..=8).contains(&limits.bits);
-    report.check("has limits that can be", want(sane, || format!("{limits:?}")));
+    report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
     let flat = |value: u8, width: u32| Pattern {
         width,
         height,
         pixels: vec![value; width as usize * height as usize],
     };
     report.check(
-        "shows nothing that is not loaded",
+        "refuses to show a pattern that is not loaded",
         fails(projector.show(0, SHORT), Fault::Limit),
     );
     report.check(
@@ -185,29 +182,29 @@ pub fn pattern_projector(projector: &mut dyn PatternProjector) -> Report {
         good(projector.load(&[flat(255, width), flat(0, width)], LONG)),
     );
     for n in [0, 1, 0] {
-        report.check("shows them in any order", good(projector.show(n, SHORT)));
+        report.check("shows patterns in any order", good(projector.show(n, SHORT)));
     }
     report.check(
-        "has no third of two",
+        "refuses pattern 2 of two loaded patterns",
         fails(projector.show(2, SHORT), Fault::Limit),
     );
     report.check(
-        "refuses a pattern of another size",
+        "refuses a pattern of a different size",
         fails(projector.load(&[flat(255, width + 1)], LONG), Fault::Limit),
     );
     let mut torn = flat(255, width);
     torn.pixels.pop();
     report.check(
-        "refuses a torn pattern",
+        "refuses an incomplete pattern",
         fails(projector.load(&[torn], LONG), Fault::Limit),
     );
     if limits.bits == 1 {
         report.check(
-            "refuses grey",
+            "refuses grey pixels",
             fails(projector.load(&[flat(100, width)], LONG), Fault::Limit),
         );
     }
-    report.check("is dark", good(projector.dark(SHORT)));
+    report.check("turns dark", good(projector.dark(SHORT)));
     report
 }
 
@@ -219,9 +216,9 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     let [width, height] = limits.size;
     let sane =
         width > 0 && height > 0 && !limits.formats.is_empty() && limits.exposure[0] <= limits.exposure[1];
-    report.check("has limits that can be", want(sane, || format!("{limits:?}")));
+    report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
     report.check(
-        "exposes nothing before it is set",
+        "refuses to expose before it is configured",
         fails(camera.expose(), Fault::Refused),
     );
     let whole = Region {
@@ -253,7 +250,7 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
                 .and_then(|()| good(camera.expose()))
                 .and_then(|()| good(camera.frame(SHORT)));
             report.check(
-                "delivers what it was set to",
+                "delivers frames with the configured region and format",
                 taken.and_then(|f| {
                     let newer = last.is_none_or(|n| f.number > n);
                     last = Some(f.number);
@@ -273,20 +270,20 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     }
     let format = limits.formats[0];
     report.check(
-        "one exposure at a time",
+        "refuses a second exposure during the first",
         good(camera.expose()).and_then(|()| {
             fails(camera.expose(), Fault::Refused)?;
             good(camera.frame(SHORT)).map(drop)
         }),
     );
     report.check(
-        "has no frame that was not exposed",
+        "refuses to return a frame without an exposure",
         fails(camera.frame(Duration::from_millis(10)), Fault::Refused),
     );
     let mut beyond = whole;
     beyond.width += sx;
     report.check(
-        "refuses a region beyond its sensor",
+        "refuses a region outside the sensor",
         fails(camera.configure(&set(beyond, format), SHORT), Fault::Limit),
     );
     let empty = Region { height: 0, ..whole };
@@ -297,19 +294,19 @@ pub fn area_camera(camera: &mut dyn AreaCamera) -> Report {
     let mut long = set(whole, format);
     long.exposure = limits.exposure[1] + Duration::from_secs(1);
     report.check(
-        "refuses an exposure beyond its longest",
+        "refuses an exposure above the limit",
         fails(camera.configure(&long, SHORT), Fault::Limit),
     );
     let mut loud = set(whole, format);
     loud.gain_db = f64::NAN;
     report.check(
-        "refuses a gain that is none",
+        "refuses a gain of NaN",
         fails(camera.configure(&loud, SHORT), Fault::Limit),
     );
     let mut slow = set(whole, format);
     slow.exposure = Duration::from_millis(300).min(limits.exposure[1]);
     report.check(
-        "a deadline that is too short is a timeout, and the frame comes still",
+        "reports a timeout at a short deadline and delivers the frame later",
         good(camera.configure(&slow, SHORT))
             .and_then(|()| good(camera.expose()))
             .and_then(|()| {
@@ -327,14 +324,14 @@ pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
     let limits = galvo.limits();
     let [x, y] = limits.range_deg;
     report.check(
-        "has limits that can be",
+        "reports plausible limits",
         want(x > 0.0 && y > 0.0 && limits.resolution_deg > 0.0, || {
             format!("{limits:?}")
         }),
     );
     for goal in [[0.0, 0.0], [x, -y], [-x / 3.0, y / 7.0]] {
         report.check(
-            "points where it is told",
+            "points to the requested angles",
             good(galvo.point(goal, SHORT)).and_then(|at| {
                 let off = at
                     .iter()
@@ -342,14 +339,14 @@ pub fn galvo_scanner(galvo: &mut dyn GalvoScanner) -> Report {
                     .map(|(a, b)| (a - b).abs())
                     .fold(0.0, f64::max);
                 want(off <= 2.0 * limits.resolution_deg, || {
-                    format!("{at:?} instead of {goal:?}")
+                    format!("expected {goal:?}, got {at:?}")
                 })
             }),
         );
     }
     for goal in [[x * 1.01 + 0.1, 0.0], [0.0, -y * 1.01 - 0.1], [f64::NAN, 0.0]] {
         report.check(
-            "refuses what is beyond its range",
+            "refuses angles outside its range",
             fails(galvo.point(goal, SHORT), Fault::Limit),
         );
     }
@@ -363,14 +360,14 @@ pub fn pulsed_laser(laser: &mut dyn PulsedLaser) -> Report {
     let limits = laser.limits();
     let [least, most] = limits.rate_hz;
     report.check(
-        "has limits that can be",
+        "reports plausible limits",
         want(limits.nm > 0.0 && least > 0.0 && most >= least, || {
             format!("{limits:?}")
         }),
     );
     for rate in [least, most] {
         report.check(
-            "shines at its rates",
+            "emits at its lowest and highest rates",
             good(laser.emit(true, rate, SHORT))
                 .and_then(|()| good(laser.state(SHORT)))
                 .and_then(|s| {
@@ -382,12 +379,12 @@ pub fn pulsed_laser(laser: &mut dyn PulsedLaser) -> Report {
     }
     for rate in [most * 2.0, f64::NAN] {
         report.check(
-            "refuses other rates",
+            "refuses rates outside its limits",
             fails(laser.emit(true, rate, SHORT), Fault::Limit),
         );
     }
     report.check(
-        "goes off",
+        "turns off",
         good(laser.emit(false, least, SHORT))
             .and_then(|()| good(laser.state(SHORT)))
             .and_then(|s| want(!s.emitting, || format!("{s:?}"))),

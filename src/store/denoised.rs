@@ -10,7 +10,7 @@ pub const ATTRIBUTE: &str = "denoised";
 
 /// A denoised store was given where a render is required.
 #[derive(Debug, thiserror::Error)]
-#[error("{path} is denoised: for figures, and no measurement; give the render that it was made of{of}")]
+#[error("{path} is denoised, which is only for figures; use the original render{of}")]
 pub struct Denoised {
     pub path: PathBuf,
     /// The sources of the store, as text.

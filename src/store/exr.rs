@@ -30,7 +30,7 @@ pub enum ExrError {
     },
     #[error(transparent)]
     Probe(#[from] ProbeError),
-    #[error("cannot write {path}: {cause}; check that the directory is writable and the disk has room")]
+    #[error("cannot write {path}: {cause}; check that the directory is writable and the disk is not full")]
     Write { path: PathBuf, cause: String },
 }
 
@@ -74,7 +74,7 @@ pub fn write_exr(tensor: &Tensor, mueller: bool, path: &Path) -> Result<(), ExrE
         reason: reason.into(),
     };
     let (Some(_), Some(_)) = (tensor.find(AxisKind::Y), tensor.find(AxisKind::X)) else {
-        return Err(fault("has no image axes y and x left: select or sum other axes"));
+        return Err(fault("has no image axes y and x: keep both"));
     };
     let has = |kind| tensor.find(kind).is_some();
     if has(AxisKind::StokesIn) && !has(AxisKind::StokesOut) {

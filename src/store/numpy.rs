@@ -29,7 +29,7 @@ pub struct NumpyArray {
 #[derive(Debug, Error)]
 pub enum NumpyError {
     /// The file cannot be read, or is not an array.
-    #[error("{}: {cause}; give a .npy file as numpy.save writes it", path.display())]
+    #[error("{}: {cause}; pass a .npy file written by numpy.save", path.display())]
     Read { path: PathBuf, cause: io::Error },
     /// The elements are not real numbers.
     #[error("{}: its elements are {found}; save real numbers: numpy.save(file, array.astype('float32'))", path.display())]
@@ -39,10 +39,10 @@ pub enum NumpyError {
         found: String,
     },
     /// The elements are in column-major order, and there is not enough memory to reorder them.
-    #[error("{}: its elements are in column-major order and too many to be put in order; save numpy.ascontiguousarray(array)", path.display())]
+    #[error("{}: its elements are in column-major order, and memory is insufficient to reorder them; save numpy.ascontiguousarray(array)", path.display())]
     Order { path: PathBuf },
     /// The file is truncated.
-    #[error("{}: it ends before the array of shape {shape:?} does; save it anew", path.display())]
+    #[error("{}: the file ends before the end of the array of shape {shape:?}; save it again", path.display())]
     Short {
         path: PathBuf,
         /// Shape from the header.

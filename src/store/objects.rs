@@ -147,7 +147,7 @@ impl Objects {
         }
         let open = OPEN.get().ok_or_else(|| {
             Refusal::new(
-                format!("this program was built without object stores and cannot open {scheme}://"),
+                format!("this program was built without support for object stores and cannot open {scheme}://"),
                 "build it with `cargo build --release --features object-stores`, or copy the store to a folder",
             )
         })?;

@@ -13,16 +13,16 @@ use tensor::part::Part;
 #[derive(Debug, thiserror::Error)]
 pub enum ShardError {
     /// The output is also the input.
-    #[error("{path} is to be read and written at once: choose another `-o`")]
+    #[error("{path} is both the input and the output: choose another `-o`")]
     Itself { path: PathBuf },
     /// The input is a part of a render.
     #[error("{path} is {part} of a render: join all parts first (`sunstone merge PART.. -o WHOLE`)")]
     Part { path: PathBuf, part: Part },
     /// The input is already in shards.
-    #[error("{path} is in shards already: copy it as it is")]
+    #[error("{path} is already sharded: copy it instead")]
     Already { path: PathBuf },
     /// The input has no slices.
-    #[error("{path} has no slices, so it is not put into shards: give a store made by `sunstone render`")]
+    #[error("{path} has no slices, so it cannot be sharded: use a store made by `sunstone render`")]
     Nothing { path: PathBuf },
     #[error(transparent)]
     Open(#[from] OpenError),

@@ -33,14 +33,16 @@ pub enum SinkError {
     #[error(transparent)]
     Access(#[from] AccessError),
     #[error(
-        "cannot write the progress journal in {path}: {cause}; make room or check permissions, then run again with --resume"
+        "cannot write the progress journal in {path}: {cause}; free disk space or check permissions, then run again with --resume"
     )]
     Journal { path: PathBuf, cause: std::io::Error },
     /// Values were passed before the render began.
-    #[error("{path} takes no values before the render begins: call `begin` first")]
+    #[error("{path} is not ready to receive values: call `begin` first")]
     NotBegun { path: PathBuf },
     /// Values were passed for a slice that the render does not have.
-    #[error("{path} has {slices} slices, and values came for number {slice}: count the job's slices from 0")]
+    #[error(
+        "{path} has {slices} slices, but values were sent for slice {slice}: count the job's slices from 0"
+    )]
     NoSlice {
         path: PathBuf,
         /// Number of slices of the render.
@@ -53,8 +55,8 @@ pub enum SinkError {
     Denoised(#[from] Denoised),
     /// The store to resume is another render.
     #[error(
-        "{path} holds another render: its {what} differs ({theirs}, now {ours}); use the same scene file and options, \
-         another -o, or --force to replace it"
+        "{path} contains another render: its {what} differs ({theirs}, now {ours}); use the same scene file and options, another -o, or \
+         --force to replace it"
     )]
     Mismatch {
         path: PathBuf,
@@ -406,7 +408,7 @@ mod tests {
         let again = message(sound.begin(&job(1, 4)).map(drop));
         assert!(again.contains("--resume") && again.contains("--force"), "{again}");
         let other = message(sound.put(&piece(3, &[0.0; 4])));
-        assert!(other.contains("number 3") && other.contains("from 0"), "{other}");
+        assert!(other.contains("slice 3") && other.contains("from 0"), "{other}");
         let short = message(sound.put(&piece(0, &[0.0; 3])));
         assert!(short.contains("one value per element"), "{short}");
         // A list of touched elements that is too short to be valid is ignored.

@@ -51,7 +51,7 @@ pub enum ApplicationError {
     #[error(transparent)]
     Studio(#[from] StudioError),
     /// The number of seeds is out of range.
-    #[error("{0} seeds: give 1 to {MOST_SEEDS}")]
+    #[error("expected 1 to {MOST_SEEDS} seeds, got {0}")]
     Seeds(u64),
     /// A render cannot be opened.
     #[error(transparent)]
@@ -307,12 +307,12 @@ impl Observer<'_> {
                     let map = truth::layer(set, layer);
                     (
                         name,
-                        map.ok_or_else(|| self.lacks(format!("there is no layer `{layer}`")))?,
+                        map.ok_or_else(|| self.lacks(format!("unknown layer `{layer}`")))?,
                     )
                 }
                 Truth::Material { name, of } => {
                     if let Some(unknown) = of.iter().find(|m| !variant.file.materials.contains_key(**m)) {
-                        return Err(self.lacks(format!("there is no material `{unknown}`")));
+                        return Err(self.lacks(format!("unknown material `{unknown}`")));
                     }
                     (name, truth::material(&scene, of))
                 }
@@ -375,7 +375,7 @@ impl Observer<'_> {
     }
 
     fn lacks(&self, what: String) -> ApplicationError {
-        let fix = "give back the scene file that came with the program".to_owned();
+        let fix = "restore the scene file shipped with Sunstone".to_owned();
         self.studio.lacks(what, fix).into()
     }
 }

@@ -37,7 +37,7 @@ pub enum DenoiseError {
     Inputs(#[from] MergeError),
     /// More than two stores.
     #[error(
-        "{0} stores: give one, or two renders of one scene with different seeds; `sunstone merge` pools more"
+        "expected 1 store, or 2 renders of one scene with different seeds, got {0} stores; combine more with `sunstone merge`"
     )]
     TooMany(usize),
     /// A field of an input is not rendered yet, or is missing.

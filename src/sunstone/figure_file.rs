@@ -59,8 +59,8 @@ pub fn prepare<'a>(
     for (name, entry) in &source.file.scenes {
         let path = source.beside(&entry.file);
         if !path.is_file() {
-            let message = format!("there is no file {}", path.display());
-            let help = "name a scene file, seen from the folder of the figure file";
+            let message = format!("file {} not found", path.display());
+            let help = "set the path of a scene file, relative to the figure file";
             return Err(source.error(&entry.file, message, help).into());
         }
         let of_scene = |p: &&Located<PanelFile>| p.scene.as_ref().is_some_and(|s| **s == *name);
@@ -72,7 +72,7 @@ pub fn prepare<'a>(
             let known: Vec<&str> = variant.file.slices.iter().map(|s| s.name.as_str()).collect();
             if let Some(missing) = view.slice().filter(|s| !known.contains(s)) {
                 let message = format!("scene `{name}` has no slice `{missing}`");
-                let help = format!("name one of: {}", known.join(", "));
+                let help = format!("use one of: {}", known.join(", "));
                 return Err(source.error(view, message, help).into());
             }
         }
@@ -87,7 +87,7 @@ pub fn prepare<'a>(
         for panel in panels {
             view::check(panel, &scene).map_err(|e| match &panel.view {
                 Some(at) => source
-                    .error(at, e, "correct the view, or what its slice keeps")
+                    .error(at, e, "correct the view, or change what its slice keeps")
                     .into(),
                 None => FigureFileError::Figure(FigureError::Encode(e)),
             })?;
@@ -169,12 +169,12 @@ impl Prepared<'_> {
             (ViewFile::Apply(view), _) => self.applications.tile(at, view)?,
             (ViewFile::Curves(view), _) => self.applications.chart(at, view)?,
             (view, Some(stage)) => (view::tile(view, stage, &fault)?, stage.values()),
-            (_, None) => return Err(fault("this view is of no scene".into()).into()),
+            (_, None) => return Err(fault("this view needs a scene".into()).into()),
         };
         if let Some(white) = tile.white() {
             let shown = match white {
                 White::Value(v) => Value::Number(v.into()),
-                White::Nothing => Value::Text("– (nothing is positive)".into()),
+                White::Nothing => Value::Text("– (no positive values)".into()),
             };
             values.push(("white".into(), shown));
         }
@@ -188,8 +188,8 @@ impl Prepared<'_> {
             tile = tile.without_bar();
         }
         if let Some(inset) = panel.insets.first().filter(|_| tile.size().is_none()) {
-            let help = "leave it out, or show one element";
-            let message = "an inset magnifies a picture of one image, which this view is not";
+            let help = "remove it, or show a single element";
+            let message = "an inset needs a view with a single picture";
             return Err(source.error(inset, message, help).into());
         }
         let insets: Result<_, _> = panel.insets.iter().map(|i| source.inset(i)).collect();

@@ -18,7 +18,7 @@ pub enum FiguresError {
     #[error(transparent)]
     Figure(#[from] FigureError),
     /// The scene of the store does not list the figure.
-    #[error("the scene lists no figure `{name}`; it lists {known}; or use --view")]
+    #[error("unknown figure `{name}`; the scene lists {known}; or use --view")]
     Unknown {
         name: String,
         /// The names in the list.

@@ -15,7 +15,7 @@ pub enum MatricesError {
     Read(#[from] NumpyError),
     /// The shape of the array does not end with 4, 4.
     #[error(
-        "{}: its shape is {shape:?}; Mueller matrices have the shape (..., 4, 4), rows the Stokes elements that leave",
+        "{}: its shape is {shape:?}; expected (..., 4, 4), with the outgoing Stokes elements in rows",
         path.display()
     )]
     Shape { path: PathBuf, shape: Vec<usize> },
@@ -24,7 +24,7 @@ pub enum MatricesError {
     Probe(#[from] ProbeError),
     /// The slice does not resolve polarization.
     #[error(
-        "does not hold whole Mueller matrices; choose one with polarization = \"mueller\", and select along other axes"
+        "does not contain complete Mueller matrices; use a slice with polarization = \"mueller\", and select only along other axes"
     )]
     NotMueller,
 }

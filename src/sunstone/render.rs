@@ -182,14 +182,14 @@ impl Choices {
     pub fn apply(&self, scene: &mut Scene, dashes: &str) -> Result<(), String> {
         for (name, given) in [("spp", self.spp), ("replicates", self.replicates)] {
             if let Some(n) = given.filter(|n| !(1..=MOST_SAMPLES).contains(n)) {
-                return Err(format!("{dashes}{name} is {n}; give 1 to {MOST_SAMPLES}"));
+                return Err(format!("{dashes}{name}: expected 1 to {MOST_SAMPLES}, got {n}"));
             }
         }
         if let Some(names) = &self.slices {
             let known: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
             if let Some(unknown) = names.iter().find(|n| !known.contains(&n.as_str())) {
                 return Err(format!(
-                    "{dashes}slices: the scene has no slice `{unknown}`; it has {}",
+                    "{dashes}slices: unknown slice `{unknown}`; available: {}",
                     known.join(", ")
                 ));
             }

@@ -24,7 +24,7 @@ pub enum BenchError {
     #[error(transparent)]
     Render(#[from] RenderError<SinkError>),
     /// The user interrupted the render.
-    #[error("interrupted while the bench's tensor was rendered; run it again to go on")]
+    #[error("interrupted while rendering the bench's tensor; run the command again to resume")]
     Interrupted,
 }
 

@@ -30,12 +30,12 @@ pub enum RoundsError {
     #[error(transparent)]
     Merge(#[from] MergeError),
     /// Rounds of an earlier call exist.
-    #[error("{path} holds rounds of an unfinished render: go on with --resume, or begin anew with --force")]
+    #[error(
+        "{path} contains rounds of an unfinished render: resume with --resume, or start again with --force"
+    )]
     Rounds { path: PathBuf },
     /// The folder of rounds contains other files, so it is not removed.
-    #[error(
-        "{path} is in the way, and holds other things than rounds: {found}; move it away, or choose another name"
-    )]
+    #[error("{path} contains other files than rounds: {found}; move it, or choose another name")]
     Other {
         path: PathBuf,
         /// The name of one of these files.
@@ -263,7 +263,7 @@ impl ToError<'_> {
         match &standing.next {
             Next::Round(counts) => self.round(scene, round, counts, Some(part), target),
             _ => Err(RoundsError::Goal(format!(
-                "there is no round {round}: {} are enough, or all that may be",
+                "round {round} is not needed: {} rounds are enough, or are the maximum",
                 standing.round
             ))),
         }
@@ -324,7 +324,7 @@ impl ToError<'_> {
         let names: Vec<&str> = scene.slices.iter().map(|s| s.name.as_str()).collect();
         if !names.contains(&self.goal.slice.as_str()) {
             return Err(RoundsError::Goal(format!(
-                "--target-slice: the scene has no slice `{}`; it has {}",
+                "--target-slice: unknown slice `{}`; available: {}",
                 self.goal.slice,
                 names.join(", ")
             )));

@@ -53,13 +53,13 @@ pub enum StudioError {
     #[error(transparent)]
     Render(#[from] RenderError<SinkError>),
     /// The user stopped the render; finished tiles are kept.
-    #[error("stopped; run the same command again to go on")]
+    #[error("stopped; run the same command again to resume")]
     Interrupted,
     /// A render cannot be opened.
     #[error(transparent)]
     Open(#[from] OpenError),
     /// The store at the render's path is not that render.
-    #[error("{cause}; or delete {path}, and the same command renders it")]
+    #[error("{cause}; or delete {path} and run the same command again to render it")]
     Kept {
         /// Path of the render.
         path: PathBuf,
@@ -158,7 +158,7 @@ impl<'a> Studio<'a> {
                 // ends.
                 Err(e) if is_locked(&e) => {
                     if !told && begun.elapsed() > PATIENCE {
-                        tracing::warn!("waiting for another process that renders {}", path.display());
+                        tracing::warn!("waiting for another process that is rendering {}", path.display());
                         told = true;
                     }
                     std::thread::sleep(PAUSE);
@@ -182,8 +182,8 @@ impl<'a> Studio<'a> {
         let mut file = file.clone();
         let known: Vec<&str> = file.slices.iter().map(|f| f.name.as_str()).collect();
         if let Some(missing) = slices.iter().find(|s| !known.contains(s)) {
-            let fix = format!("it has {}", known.join(", "));
-            return Err(self.lacks(format!("there is no slice `{missing}`"), fix));
+            let fix = format!("available: {}", known.join(", "));
+            return Err(self.lacks(format!("unknown slice `{missing}`"), fix));
         }
         file.slices.retain(|s| slices.contains(&s.name.as_str()));
         file.figures.clear();
@@ -193,8 +193,8 @@ impl<'a> Studio<'a> {
         let widths = [&camera.fov_x_deg, &camera.fov_y_deg, &camera.orthographic_width];
         if widths.iter().all(|v| v.is_none()) || w == 0 || h == 0 {
             return Err(self.lacks(
-                "the camera has no field of view to be rendered at another size".into(),
-                "give it fov_x_deg or fov_y_deg".into(),
+                "the camera has no field of view, so it cannot be rendered at another size".into(),
+                "set fov_x_deg or fov_y_deg".into(),
             ));
         }
         let scaled = |n: u32| (u64::from(n) * u64::from(pixels) / u64::from(w.max(h))).max(1) as u32;

@@ -19,7 +19,8 @@ const CHECKSUMS: &str = include_str!("bytes.txt");
 fn checksum(program: &str, scene: &str, spp: &str, threads: &str) -> String {
     let folder = tempfile::tempdir().expect("a folder");
     let store = folder.path().join("out.zarr");
-    let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("scenes/{scene}/scene.toml"));
+    let file =
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("scenes/{scene}/scene.toml"));
     let out = Command::new(program)
         .args(["render", "--spp", spp, "--threads", threads, "--no-figures", "-o"])
         .args([&store, &file])

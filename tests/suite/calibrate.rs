@@ -219,7 +219,7 @@ fn what_is_no_board_is_refused() {
     ];
     arguments.extend(TARGET);
     let out = run(at, &arguments, 2);
-    assert!(stderr(&out).contains("there are 0 images"), "{}", stderr(&out));
+    assert!(stderr(&out).contains("got 0 images"), "{}", stderr(&out));
     let out = run(at, &["calibrate", "patterns", "--projector", "0x9", "-o", "p"], 2);
-    assert!(stderr(&out).contains("is none") && !at.join("p").exists());
+    assert!(stderr(&out).contains("invalid projector size") && !at.join("p").exists());
 }

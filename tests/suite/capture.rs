@@ -268,7 +268,7 @@ fn other_inputs_are_refused() {
         ("capture M.npy --noise -1 --scheme drr36.toml -o I.npy", "'-1'"),
         (
             "capture M.npy --noise=-1 --scheme drr36.toml -o I.npy",
-            "positive",
+            "expected 0 or a number",
         ),
         (
             "capture M.npy --noise 1 --detector camera.toml --scheme drr36.toml -o I.npy",

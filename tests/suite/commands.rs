@@ -315,13 +315,13 @@ fn a_store_in_shards_answers_as_before() {
     let d = dir.path();
     run(d, &["shard", "out/room.zarr", "-o", "shards.zarr"]);
     run(d, &["verify", "shards.zarr"]);
-    assert!(run(d, &["info", "shards.zarr"]).contains("in shards"));
+    assert!(run(d, &["info", "shards.zarr"]).contains("sharded"));
     let probe = |store: &str| run(d, &["probe", store, "xt", "-k", "x=3", "--csv", "-"]);
     assert_eq!(probe("shards.zarr"), probe("out/room.zarr"));
     let again = refused(d, &["shard", "shards.zarr", "-o", "twice.zarr"]);
-    assert!(again.contains("in shards already"), "{again}");
+    assert!(again.contains("already sharded"), "{again}");
     let onto = refused(d, &["shard", "out/room.zarr", "-o", "out/room.zarr"]);
-    assert!(onto.contains("another name"), "{onto}");
+    assert!(onto.contains("both an input"), "{onto}");
 }
 
 #[test]

@@ -266,7 +266,7 @@ fn it_is_marked_and_no_truth() {
     render(at, "1", "4", "a.zarr");
     render(at, "2", "4", "b.zarr");
     let said = run(at, &["denoise", "a.zarr", "b.zarr", "-o", "d.zarr"], 0);
-    assert!(String::from_utf8_lossy(&said.stdout).contains("stated errors"));
+    assert!(String::from_utf8_lossy(&said.stdout).contains("error estimates"));
     let info = run(at, &["info", "d.zarr"], 0);
     let info = String::from_utf8_lossy(&info.stdout).into_owned();
     assert!(
@@ -351,7 +351,7 @@ fn what_cannot_be_denoised_is_refused() {
         let told = stderr(&run(at, arguments, 2));
         assert!(told.contains(says), "{arguments:?}: {told}");
     };
-    refused(&["denoise", "a.zarr", "-o", "a.zarr", "--force"], "what is read");
+    refused(&["denoise", "a.zarr", "-o", "a.zarr", "--force"], "both an input");
     refused(&["denoise", "a.zarr", "a.zarr", "-o", "d.zarr"], "seed 1");
     refused(
         &["denoise", "a.zarr", "b.zarr", "a.zarr", "-o", "d.zarr"],

@@ -224,7 +224,7 @@ fn wrong_requests_are_refused() {
             "reconstruct j.npy --scheme s.toml -o m.npy --prior p.toml --noise 1",
             "p.toml:1:17",
         ),
-        ("scheme drr -k 0 -o x.toml", "at least one capture"),
+        ("scheme drr -k 0 -o x.toml", "no captures"),
         ("scheme drr -k 3 -o x.txt", ".toml"),
         ("learn -k 300 -o x.toml", "1 to 256"),
         ("learn -k 16 --noise 0 -o x.toml", "--noise"),

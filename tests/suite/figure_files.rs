@@ -61,18 +61,18 @@ fn faults_are_told_at_their_place() {
     #[rustfmt::skip]
     let cases = [
         ("no such view", "view.photo", "view.foto", "foto", "photo"),
-        ("no such slice", "photo = { slice = \"photo\"", "photo = { slice = \"foto\"", "foto", "name one of: photo, mueller, row"),
+        ("no such slice", "photo = { slice = \"photo\"", "photo = { slice = \"foto\"", "foto", "use one of: photo, mueller, row"),
         ("a slice without matrices", "element = { slice = \"mueller\"", "element = { slice = \"photo\"", "element = {", "polarization = \"mueller\""),
         ("a slice without time", "space_time = { slice = \"row\"", "space_time = { slice = \"photo\"", "space_time = {", "travel time"),
-        ("no such element", "-(3,3)", "-(3,4)", "-(3,4)", "no element"),
+        ("no such element", "-(3,3)", "-(3,4)", "-(3,4)", "not an element"),
         ("no such scene", "scene = \"ball\"\nview.photo", "scene = \"bell\"\nview.photo", "\"bell\"", "ball"),
-        ("no such file", "scene.toml", "nothing.toml", "nothing.toml", "there is no file"),
+        ("no such file", "scene.toml", "nothing.toml", "nothing.toml", "not found"),
         ("no such value", "{pixels}", "{pixel}", "caption = \"Photo", "pixels"),
-        ("an open brace", "{pixels}", "{pixels", "caption = \"Photo", "without its }"),
+        ("an open brace", "{pixels}", "{pixels", "caption = \"Photo", "{ without }"),
         ("no such colour", "\"sky\"", "\"mud\"", "arrows", "orange"),
-        ("an arrow to nowhere", "to = [0.5, 0.5]", "to = [0, 0]", "arrows", "points nowhere"),
+        ("an arrow to nowhere", "to = [0.5, 0.5]", "to = [0, 0]", "arrows", "the arrow has no length"),
         ("a crop outside", "[0.25, 0.25, 0.25, 0.25]", "[0.9, 0.25, 0.25, 0.25]", "insets", "within the picture"),
-        ("an inset too large", "magnify = 2", "magnify = 9", "insets", "fits into the picture"),
+        ("an inset too large", "magnify = 2", "magnify = 9", "insets", "fit into the picture"),
         ("no such layer", "layer = \"depth\"", "layer = \"deep\"", "deep", "depth"),
         ("a quantity that is none", "\"retardance\"", "\"retard\"", "retard", "retardance"),
         ("a width that is none", "\"single\"", "\"narrow\"", "\"narrow\"", "84 mm"),
@@ -109,7 +109,7 @@ fn applications_are_checked_before_they_are_run() {
     let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
     for (from, to, says) in [
         ("\"RGB\"", "\"CMYK\"", "epipolar RGB"),
-        ("variant = 8", "variant = 3", "name one of: 8, 9"),
+        ("variant = 8", "variant = 3", "use one of: 8, 9"),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
@@ -131,31 +131,35 @@ fn curves_are_checked_before_they_are_run() {
     );
     let scenes = ["--scenes", scenes.to_str().expect("UTF-8")];
     for (from, to, says) in [
-        ("\"metamerism\"", "\"alchemy\"", "name one of: analysis"),
-        ("\"metamerism\"", "\"ellipsometry\"", "captures by itself"),
-        ("[\"RGB\"]", "[\"CMYK\"]", "name some of: -(2,2) epipolar"),
+        ("\"metamerism\"", "\"alchemy\"", "use one of: analysis"),
+        ("\"metamerism\"", "\"ellipsometry\"", "captures its own input"),
+        ("[\"RGB\"]", "[\"CMYK\"]", "use some of: -(2,2) epipolar"),
         (
             "\"area under the curve\"",
             "\"area\"",
-            "name one of: area under the curve",
+            "use one of: area under the curve",
         ),
-        ("[0, 1]", "[1, 0]", "are no range"),
+        ("[0, 1]", "[1, 0]", "is not a valid range"),
         ("sweep.toml", "swept.toml", "cannot read the chain"),
         ("photons=10,100", "photos", "photons, extinction"),
-        ("photons=10,100", "photons=-1", "is no value of"),
+        ("photons=10,100", "photons=-1", "is not a value of"),
         ("sweep = \"photons=10,100\"", "captures = \"0-3\"", "within 1-64"),
         (
             "sweep = \"photons=10,100\"",
             "captures = \"1-3\", difference = true",
-            "leave `difference` out",
+            "remove `difference`",
         ),
-        ("sweep = \"photons=10,100\", ", "", "either sweep"),
+        (
+            "sweep = \"photons=10,100\", ",
+            "",
+            "exactly one of `sweep` and `captures`",
+        ),
         (
             "sweep = \"photons=10,100\"",
             "sweep = \"photons\", captures = \"1-3\"",
-            "either sweep",
+            "exactly one of `sweep` and `captures`",
         ),
-        ("limits = [0, 1]", "belief = \"exact\"", "name one of: nominal"),
+        ("limits = [0, 1]", "belief = \"exact\"", "use one of: nominal"),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         let arguments = [&["figure", "f.toml", "--preview", "-o", "out.png"], &scenes[..]].concat();
@@ -177,9 +181,9 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
         );
         String::from_utf8_lossy(&out.stdout).into_owned()
     };
-    assert!(make("a.png", "r").contains("(1 renders made now)"));
-    assert!(make("b.png", "r").contains("(0 renders made now)"));
-    assert!(make("c.png", "other").contains("(1 renders made now)"));
+    assert!(make("a.png", "r").contains("(1 new renders)"));
+    assert!(make("b.png", "r").contains("(0 new renders)"));
+    assert!(make("c.png", "other").contains("(1 new renders)"));
     let read = |name: &str| std::fs::read(folder.path().join(name)).expect("a picture");
     assert_eq!(read("a.png"), read("b.png"));
     assert_eq!(read("a.png"), read("c.png"));
@@ -195,7 +199,7 @@ fn the_same_files_give_the_same_bytes_and_one_render() {
     // A changed scene is rendered again and looks different.
     let scene = scenes.path().join("scene.toml");
     std::fs::write(&scene, edit(SCENE, "radius = 0.8", "radius = 0.7")).expect("a scene");
-    assert!(make("d.png", "r").contains("(1 renders made now)"));
+    assert!(make("d.png", "r").contains("(1 new renders)"));
     assert_ne!(read("a.png"), read("d.png"));
     // All figures of a folder, in both sizes.
     run(
@@ -223,7 +227,7 @@ fn nothing_positive_is_told() {
         std::fs::read_to_string(folder.path().join("f.svg")).expect("a picture")
     };
     // Lines break between words.
-    let said = |svg: &str| svg.contains("White –") && svg.contains("positive)");
+    let said = |svg: &str| svg.contains("White –") && svg.contains("values)");
     assert!(said(&draw("-(0,0)")));
     assert!(!said(&draw("(0,0)")));
 }

@@ -68,7 +68,7 @@ fn photons_at_the_end_of_a_period_and_beyond_it_are_counted() {
     assert_eq!(counts(&d.join("h.npy")).1.iter().sum::<u32>(), 2);
     let said = stderr(&out);
     assert!(
-        said.contains("2 of 3 photons are in the array; 1 after the last bin (up to 100.880 ns"),
+        said.contains("2 of 3 photons are counted; 1 after the last bin (up to 100.880 ns"),
         "{said}"
     );
 }
@@ -143,14 +143,14 @@ fn photons_of_which_none_can_be_counted_are_refused() {
             RecordType::GenericT3,
             photons(),
             &["--pixels", "2,2", "--pixel-marker", "3"],
-            "marker 3, which begins a pixel, never comes",
+            "marker 3, which begins each pixel, never occurs",
         ),
-        (RecordType::GenericT2, photons(), &[], "it has no sync pulses"),
+        (RecordType::GenericT2, photons(), &[], "there are no sync pulses"),
         (
             RecordType::GenericT3,
             vec![],
             &["--channel", "0"],
-            "it has no photons",
+            "contains no photons",
         ),
         (
             RecordType::GenericT3,
@@ -198,7 +198,7 @@ fn arrays_of_which_nothing_is_left_are_refused() {
     let capture = |name: &'static str| ["capture", name, "--scheme", "drr36.toml", "-o", "I.npy"];
     let said = refused(d, &capture("none.npy"));
     assert!(
-        said.contains("none of its matrices") && !d.join("I.npy").exists(),
+        said.contains("no matrix gives a finite intensity") && !d.join("I.npy").exists(),
         "{said}"
     );
     let said = stderr(&run(d, &capture("one.npy"), 0));
@@ -207,7 +207,7 @@ fn arrays_of_which_nothing_is_left_are_refused() {
     // too.
     let back = ["reconstruct", "I.npy", "--scheme", "drr36.toml", "-o", "M.npy"];
     let said = stderr(&run(d, &back, 0));
-    assert!(said.contains("1 of 2 pixels are not determined"), "{said}");
+    assert!(said.contains("1 of 2 pixels are NaN"), "{said}");
     std::fs::remove_file(d.join("M.npy")).expect("a file");
     let said = refused(
         d,

@@ -205,7 +205,8 @@ fn parts_of_shipped_scenes_are_the_whole() {
 
 /// A shipped scene of 20 × 20 pixels in tiles of four, two samples each, with the slices of these tests.
 fn small(name: &str) -> Scene {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("scenes/{name}/scene.toml"));
+    let path =
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("scenes/{name}/scene.toml"));
     let text = std::fs::read_to_string(&path).expect("a shipped scene");
     let text = &text[..text.find("[[slices]]").expect("slices")];
     let text = text
@@ -318,15 +319,18 @@ fn wrong_sets_are_refused() {
     refused(&["first", "last"], &["tiles 4 to 5 are missing", "--tiles 4-5"]);
     refused(
         &["p1", "p2", "p3", "first"],
-        &["both have tile", "leave one of them out"],
+        &["both contain tile", "remove one of them"],
     );
-    refused(&["p1", "half"], &["both have tile 0"]);
+    refused(&["p1", "half"], &["both contain tile 0"]);
     // Negative controls: one part has another seed, or other samples.
     refused(&["p1", "seed", "p3"], &["different renders", "`seeds` differs"]);
     refused(&["p1", "p2", "seed", "p3"], &["`seeds` differs"]);
     refused(&["p1", "spp", "p3"], &["per_pixel` differs"]);
-    refused(&["p1", "p2", "p3", "other"], &["part 1 of 3", "is not a part"]);
-    refused(&["other", "p1"], &["is not a part"]);
+    refused(
+        &["p1", "p2", "p3", "other"],
+        &["part 1 of 3", "is a whole render"],
+    );
+    refused(&["other", "p1"], &["is a whole render"]);
     // The same part twice counts once if both are equal.
     scene.settings.spp = 4;
     part(&scene, SHARES[1], &at("twin"));
@@ -358,7 +362,7 @@ fn wrong_sets_are_refused() {
     sum.write(Field::Mean, &[0, 0, 1], &[1, 1, 1], &[7.0])
         .expect("a number");
     twin.finish().expect("a part");
-    refused(&["p1", "twin", "p3"], &["another part has too"]);
+    refused(&["p1", "twin", "p3"], &["another part also has"]);
 }
 
 /// More machines than tiles: some parts are empty but still valid parts.
@@ -436,7 +440,7 @@ fn a_killed_part_resumes_to_the_same_bytes() {
     }
     run(at, &[&begin[..], &["--resume"]].concat(), 0);
     let again = run(at, &[&begin[..], &["--resume"]].concat(), 0);
-    assert!(String::from_utf8_lossy(&again.stdout).contains("was complete already"));
+    assert!(String::from_utf8_lossy(&again.stdout).contains("already complete"));
     run(at, &["merge", "1", "2", "-o", "all"], 0);
     run(at, &["render", "scene.toml", "-o", "whole"], 0);
     assert_same_store(&at.join("whole"), &at.join("all"));
@@ -450,11 +454,11 @@ fn wrong_options_are_told() {
     for (option, value, words) in [
         ("--part", "0/8", "no part 0 of 8"),
         ("--part", "9/8", "no part 9 of 8"),
-        ("--part", "3", "give K/N"),
-        ("--part", "3/8/9", "give K/N"),
-        ("--part", "-1/8", "give K/N"),
+        ("--part", "3", "expected K/N"),
+        ("--part", "3/8/9", "expected K/N"),
+        ("--part", "-1/8", "expected K/N"),
         ("--tiles", "5-4", "lower number first"),
-        ("--tiles", "x", "give A-B"),
+        ("--tiles", "x", "expected A-B"),
         ("--tiles", "0-36", "tiles 0 to 35"),
     ] {
         let option = format!("{option}={value}");

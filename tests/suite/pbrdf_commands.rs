@@ -268,13 +268,22 @@ fn wrong_requests_are_refused() {
     let before = files(at);
     for (arguments, says) in [
         ("eval m.toml --in 0,0 --mirror", "--name"),
-        ("eval m.toml --name silver --in 0,0 --mirror", "it has: glass"),
+        ("eval m.toml --name silver --in 0,0 --mirror", "available: glass"),
         ("eval none.toml --in 0,0 --mirror", "none.toml"),
         ("eval m.toml --name gold --in 0 --mirror", "two numbers"),
-        ("eval m.toml --name gold --in 0,x --mirror", "`x` is not a number"),
+        (
+            "eval m.toml --name gold --in 0,x --mirror",
+            "`x`: expected a number",
+        ),
         ("eval m.toml --name gold --in 0,0", "--refract"),
-        ("eval m.toml --name white --in 0,0 --mirror", "does not mirror"),
-        ("eval m.toml --name gold --in 0,0 --refract", "does not transmit"),
+        (
+            "eval m.toml --name white --in 0,0 --mirror",
+            "no specular reflection",
+        ),
+        (
+            "eval m.toml --name gold --in 0,0 --refract",
+            "no specular transmission",
+        ),
         ("eval m.toml --name white --directions bad.csv", "bad.csv:2"),
         ("synth m.toml -o t --name gold", "single directions"),
         ("synth m.toml -o t --name silver", "there are: glass"),
@@ -288,7 +297,7 @@ fn wrong_requests_are_refused() {
         ("pca --resolution 3x3", "361x91x91"),
         ("pca --data . --resolution 3x3x3", "cannot be used with"),
         ("pca --bands 550,450", "rise"),
-        ("pca -c 0", "positive number"),
+        ("pca -c 0", "expected a number from 1e-6"),
         ("pca --npz x.npy", ".npz"),
         ("pca -n 17", "17"),
     ] {

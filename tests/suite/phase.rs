@@ -94,10 +94,10 @@ fn bad_arguments_are_refused() {
         (&["m.toml"], "choose one with --name"),
         (&["m.toml", "--name", "beer"], "no medium `beer`"),
         (&["none.toml"], "no medium"),
-        (&["m.toml", "--name", "air", "--angles", "1"], "1 angles"),
+        (&["m.toml", "--name", "air", "--angles", "1"], "got 1"),
         (
             &["m.toml", "--name", "air", "--angles", "0,200"],
-            "`200` is not an angle",
+            "`200`: expected an angle",
         ),
         (
             &["m.toml", "--name", "air", "--wavelengths", "5"],

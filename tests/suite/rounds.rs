@@ -419,7 +419,7 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
     let out = run(folder.path(), &[&words[..6], &["0.001"][..], &most].concat(), 0);
     let told = String::from_utf8_lossy(&out.stdout).into_owned();
     assert!(
-        told.contains("--most-spp 64") && told.contains("more than 0.10 %"),
+        told.contains("--most-spp 64") && told.contains("above the target of 0.10 %"),
         "{told}"
     );
     for (more, fix) in [

@@ -181,7 +181,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     ];
     let first = run(at, &arguments, 0);
     let first = String::from_utf8_lossy(&first.stdout).into_owned();
-    assert!(first.contains("(20 renders made now)"), "{first}");
+    assert!(first.contains("(20 new renders)"), "{first}");
     let report = at.join("out/apply/metamerism_preview");
     for name in ["table.csv", "scores.csv", "report.json", "score_rgb.png"] {
         assert!(report.join(name).is_file(), "{name}");
@@ -206,7 +206,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     // Repeated: nothing is rendered, and the result is the same.
     let again = run(at, &arguments, 0);
     let again = String::from_utf8_lossy(&again.stdout).into_owned();
-    assert_eq!(again.replace("(0 renders", "(20 renders"), first);
+    assert_eq!(again.replace("(0 new renders", "(20 new renders"), first);
     // A lost render is repeated, with the same numbers.
     let renders = at.join("out/apply/renders");
     let one = std::fs::read_dir(&renders)
@@ -218,7 +218,7 @@ fn applications_are_listed_run_resumed_and_refused() {
     std::fs::remove_dir_all(one).expect("removes");
     let third = run(at, &arguments, 0);
     let third = String::from_utf8_lossy(&third.stdout).into_owned();
-    assert_eq!(third.replace("(1 renders", "(20 renders"), first);
+    assert_eq!(third.replace("(1 new renders", "(20 new renders"), first);
     figures_keep_what_was_fitted(at, scenes);
 }
 
@@ -276,7 +276,7 @@ fn ellipsometry_renders_light_alone_and_errs_as_closed_forms_say() {
         scenes,
     ];
     let said = String::from_utf8_lossy(&run(at, &arguments, 0).stdout).into_owned();
-    assert!(said.contains("(20 renders made now)"), "{said}");
+    assert!(said.contains("(20 new renders)"), "{said}");
     let table =
         std::fs::read_to_string(at.join("out/apply/ellipsometry_preview/table.csv")).expect("a table");
     let mean = |metric: &str, method: &str| -> f64 {

@@ -211,7 +211,7 @@ class Report(tuple[Check, ...]):
         return not self.faults
 
     def __str__(self) -> str:
-        lines = [f"keeps {len(self) - len(self.faults)} of {len(self)} promises"]
+        lines = [f"passes {len(self) - len(self.faults)} of {len(self)} checks"]
         lines += [f"  {c.name}: {c.fault}" for c in self.faults]
         return "\n".join(lines)
 

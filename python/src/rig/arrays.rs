@@ -28,7 +28,7 @@ impl Picture {
             .or_else(|| table::<u32>(array));
         let (shape, numbers) = numbers.ok_or_else(|| {
             format!(
-                "its pixels are {}; give a NumPy array (rows, columns) of uint8 or uint16",
+                "its pixels are {}; expected a NumPy array (rows, columns) of uint8 or uint16",
                 kind(array)
             )
         })?;
@@ -36,13 +36,13 @@ impl Picture {
         if let Some(n) = numbers.iter().find(|n| **n > most) {
             let name = format.name();
             return Err(format!(
-                "a pixel is {n}, and {name} holds 0 to {most}; give digital numbers of that format"
+                "a pixel is {n}, but {name} holds 0 to {most}; return digital numbers of that format"
             ));
         }
         let (number, timestamp_ns) = match of_frame {
             Some(_) => (
-                from.field("number", "the camera's count of frames, or None")?,
-                from.field("timestamp_ns", "nanoseconds, an integer from 0")?,
+                from.field("number", "the camera's frame number, or None")?,
+                from.field("timestamp_ns", "an integer number of nanoseconds, 0 or more")?,
             ),
             None => (None, 0),
         };
@@ -82,7 +82,7 @@ fn integers(from: &Answer<'_, '_>, name: &str) -> Result<Vec<u32>, String> {
     let array = from
         .0
         .getattr(name)
-        .map_err(|_| format!("it has no `{name}`; give a NumPy array of uint32"))?;
+        .map_err(|_| format!("it has no `{name}`; expected a NumPy array of uint32"))?;
     let found = list::<u32>(&array)
         .or_else(|| list::<u16>(&array))
         .or_else(|| list::<i64>(&array))
@@ -90,7 +90,7 @@ fn integers(from: &Answer<'_, '_>, name: &str) -> Result<Vec<u32>, String> {
         .or_else(|| list::<i32>(&array));
     found.ok_or_else(|| {
         format!(
-            "`{name}` is {}; give a NumPy array (bins,) of uint32, of counts that 32 bits hold",
+            "`{name}` is {}; expected a NumPy array (bins,) of uint32 counts",
             kind(&array)
         )
     })
@@ -99,7 +99,7 @@ fn integers(from: &Answer<'_, '_>, name: &str) -> Result<Vec<u32>, String> {
 /// Reads a counter's reply as a histogram; `number` is used if the counter does not number its acquisitions.
 pub fn histogram(from: &Answer<'_, '_>, number: u64) -> Result<Histogram, String> {
     let tagged = from.0.getattr("records").is_ok_and(|r| !r.is_none());
-    let own: Option<u64> = from.field("number", "the counter's own count, or None")?;
+    let own: Option<u64> = from.field("number", "the counter's acquisition number, or None")?;
     Ok(Histogram {
         counts: integers(from, "counts")?,
         records: if tagged {
@@ -107,9 +107,9 @@ pub fn histogram(from: &Answer<'_, '_>, number: u64) -> Result<Histogram, String
         } else {
             vec![]
         },
-        pulses: from.field("pulses", "the laser's pulses while it counted, an integer from 0")?,
+        pulses: from.field("pulses", "an integer number of laser pulses, 0 or more")?,
         number: own.unwrap_or(number),
-        timestamp_ns: from.field("timestamp_ns", "nanoseconds, an integer from 0")?,
+        timestamp_ns: from.field("timestamp_ns", "an integer number of nanoseconds, 0 or more")?,
     })
 }
 
@@ -124,7 +124,7 @@ pub fn of_histogram<'py>(py: Python<'py>, h: &Histogram) -> PyResult<Bound<'py, 
 /// Converts a frame to Python; a truncated frame is a failure that a retry can fix.
 pub fn of_frame(py: Python<'_>, name: &str, frame: &RawFrame) -> PyResult<Py<PyAny>> {
     let Some(numbers) = pixels::unpack(frame) else {
-        let what = format!("a frame of {} bytes came: it is torn", frame.bytes.len());
+        let what = format!("incomplete frame of {} bytes", frame.bytes.len());
         let failure = Failure::new(Fault::Timeout, name, what);
         return Err(super::fault::exception(py, &failure, ""));
     };
@@ -147,7 +147,7 @@ pub fn of_patterns<'py>(py: Python<'py>, patterns: &[Pattern]) -> PyResult<Bound
 
 /// Reads patterns from Python.
 pub fn patterns(given: &Bound<'_, PyAny>) -> Result<Vec<Pattern>, String> {
-    let wanted = "give a sequence of NumPy arrays (rows, columns) of uint8";
+    let wanted = "expected a sequence of NumPy arrays (rows, columns) of uint8";
     let items = given
         .try_iter()
         .map_err(|_| format!("{}: {wanted}", shown(given)))?;

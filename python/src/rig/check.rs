@@ -96,7 +96,7 @@ pub fn rig_check<'py>(
                 conformance::photon_counter::photon_counter
             )
         }
-        other => return Err(input(format!("no kind of instrument is called `{other}`"))),
+        other => return Err(input(format!("unknown kind of instrument `{other}`"))),
     };
     Ok(checks.into_iter().map(|c| (c.name, c.fault)).collect())
 }

@@ -28,7 +28,7 @@ impl<L: Value, S: Default> Given<L, S> {
     pub fn new(name: &str, object: &Bound<'_, PyAny>, thrown: &Thrown) -> PyResult<Self> {
         let answer = object.call_method0("limits")?;
         let limits = L::read(&Answer(&answer)).map_err(|what| {
-            crate::error::input(format!("{name}: `limits` answered {}: {what}", shown(&answer)))
+            crate::error::input(format!("{name}: `limits` returned {}: {what}", shown(&answer)))
         })?;
         Ok(Self {
             name: name.to_owned(),
@@ -58,7 +58,7 @@ impl<L, S> Given<L, S> {
             read(&Answer(&answer)).map_err(|what| {
                 self.failure(
                     Fault::Refused,
-                    format!("`{method}` answered {}: {what}", shown(&answer)),
+                    format!("`{method}` returned {}: {what}", shown(&answer)),
                 )
             })
         })
@@ -113,7 +113,7 @@ impl RotationStage for Stage {
     fn begin_move(&mut self, angle_deg: f64) -> Result<(), Failure> {
         let [least, most] = self.limits.range_deg;
         if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
-            let what = format!("{angle_deg}° is not within {least}° to {most}°; correct the plan");
+            let what = format!("{angle_deg}° is outside {least}° to {most}°; correct the plan");
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell("begin_move", (angle_deg,))
@@ -145,19 +145,19 @@ impl PatternProjector for Projector {
         let limit = |what: String| Err(self.failure(Fault::Limit, what));
         if patterns.len() > self.limits.patterns {
             let most = self.limits.patterns;
-            return limit(format!("{} patterns are more than its {most}", patterns.len()));
+            return limit(format!("{} patterns exceed the limit of {most}", patterns.len()));
         }
         for (i, p) in patterns.iter().enumerate() {
             if [p.width, p.height] != self.limits.size || p.pixels.len() != width as usize * height as usize {
                 let what = format!(
-                    "pattern {i} is of {} x {} pixels, it has {width} x {height}",
+                    "pattern {i} has {} x {} pixels, expected {width} x {height}",
                     p.width, p.height
                 );
                 return limit(what);
             }
             if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
                 return limit(format!(
-                    "pattern {i} has grey pixels; it knows on (255) and off (0)"
+                    "pattern {i} has grey pixels; only 255 (on) and 0 (off) are supported"
                 ));
             }
         }
@@ -171,7 +171,10 @@ impl PatternProjector for Projector {
 
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
         if pattern >= self.state {
-            let what = format!("there is no pattern {pattern}; {} are loaded", self.state);
+            let what = format!(
+                "pattern {pattern} does not exist; {} patterns are loaded",
+                self.state
+            );
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell("show", (pattern, within.as_secs_f64()))
@@ -243,10 +246,12 @@ impl AreaCamera for Camera {
 
     fn expose(&mut self) -> Result<(), Failure> {
         if self.of.state.settings.is_none() {
-            return Err(self.of.failure(Fault::Refused, "it is not configured"));
+            return Err(self.of.failure(Fault::Refused, "the camera is not configured"));
         }
         if self.of.state.under_way {
-            return Err(self.of.failure(Fault::Refused, "an exposure is under way"));
+            return Err(self
+                .of
+                .failure(Fault::Refused, "an exposure is already in progress"));
         }
         self.of.tell("expose", ())?;
         self.of.state.under_way = true;
@@ -257,7 +262,7 @@ impl AreaCamera for Camera {
         let (Some(CameraSettings { region, format, .. }), true) =
             (self.of.state.settings, self.of.state.under_way)
         else {
-            return Err(self.of.failure(Fault::Refused, "no exposure was begun"));
+            return Err(self.of.failure(Fault::Refused, "no exposure was started"));
         };
         let read = |answer: &Answer<'_, '_>| Picture::read(answer, format);
         let picture = self.of.call("frame", (within.as_secs_f64(),), read)?;
@@ -267,7 +272,7 @@ impl AreaCamera for Camera {
         if picture.shape != [height as usize, width as usize] {
             // An earlier frame may arrive late: timeout, so that the frame is requested again.
             let what = format!(
-                "`frame` answered an array of shape ({rows}, {columns}); the region that it was set to has {height} rows and {width} columns"
+                "`frame` returned an array of shape ({rows}, {columns}), but the configured region has {height} rows and {width} columns"
             );
             return Err(self.of.failure(Fault::Timeout, what));
         }
@@ -294,7 +299,7 @@ impl GalvoScanner for Galvo {
         let mut both = angles_deg.iter().zip(self.limits.range_deg);
         if !both.all(|(a, most)| a.is_finite() && a.abs() <= most) {
             let what = format!(
-                "{angles_deg:?}° is beyond ±{:?}°; correct the plan",
+                "{angles_deg:?}° is outside ±{:?}°; correct the plan",
                 self.limits.range_deg
             );
             return Err(self.failure(Fault::Limit, what));
@@ -303,7 +308,8 @@ impl GalvoScanner for Galvo {
         self.call("point", ((x, y), within.as_secs_f64()), |answer| {
             let found: Option<[f64; 2]> = answer.0.extract().ok();
             let finite = found.filter(|a| a.iter().all(|v| v.is_finite()));
-            finite.ok_or_else(|| "give where the mirrors are, two finite numbers of degrees".to_owned())
+            finite
+                .ok_or_else(|| "expected the angles of the mirrors, two finite numbers of degrees".to_owned())
         })
     }
 }
@@ -319,7 +325,7 @@ impl PulsedLaser for Laser {
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure> {
         let [least, most] = self.limits.rate_hz;
         if on && !(rate_hz >= least && rate_hz <= most) {
-            let what = format!("{rate_hz} Hz is not within {least} to {most}; correct the plan");
+            let what = format!("{rate_hz} Hz is outside {least} to {most} Hz; correct the plan");
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell("emit", (on, rate_hz, within.as_secs_f64()))
@@ -368,7 +374,7 @@ impl PhotonCounter for Counter {
             && s.dwell <= limits.longest
             && (limits.tags.is_some() || !s.tags);
         if !fits {
-            let what = format!("{s:?} is not within {limits:?}; correct the plan");
+            let what = format!("{s:?} exceed {limits:?}; correct the plan");
             return Err(self.of.failure(Fault::Limit, what));
         }
         self.of.state = Counting::default();
@@ -381,10 +387,12 @@ impl PhotonCounter for Counter {
 
     fn begin(&mut self) -> Result<(), Failure> {
         if self.of.state.settings.is_none() {
-            return Err(self.of.failure(Fault::Refused, "it is not configured"));
+            return Err(self.of.failure(Fault::Refused, "the counter is not configured"));
         }
         if self.of.state.under_way {
-            return Err(self.of.failure(Fault::Refused, "an acquisition is under way"));
+            return Err(self
+                .of
+                .failure(Fault::Refused, "an acquisition is already in progress"));
         }
         self.of.tell("begin", ())?;
         self.of.state.under_way = true;
@@ -393,7 +401,7 @@ impl PhotonCounter for Counter {
 
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
         let (Some(settings), true) = (self.of.state.settings, self.of.state.under_way) else {
-            return Err(self.of.failure(Fault::Refused, "no acquisition was begun"));
+            return Err(self.of.failure(Fault::Refused, "no acquisition was started"));
         };
         let number = self.taken + 1;
         let read = |answer: &Answer<'_, '_>| histogram(answer, number);
@@ -402,7 +410,7 @@ impl PhotonCounter for Counter {
         let bins = if settings.tags { 0 } else { settings.bins };
         if found.counts.len() != bins {
             let what = format!(
-                "`finish` answered {} counts; it was set to {bins} bins",
+                "`finish` returned {} counts, but {bins} bins are configured",
                 found.counts.len()
             );
             return Err(self.of.failure(Fault::Timeout, what));
@@ -411,7 +419,7 @@ impl PhotonCounter for Counter {
         if found.counts.iter().any(|n| u64::from(*n) >= full) {
             return Err(self
                 .of
-                .failure(Fault::Saturated, "a bin is full; count for a shorter time"));
+                .failure(Fault::Saturated, "a bin is full; reduce the dwell time"));
         }
         self.taken = number;
         Ok(found)

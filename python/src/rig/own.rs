@@ -45,7 +45,7 @@ impl<D: ?Sized + Send> Slot<D> {
         })?;
         done.ok_or_else(|| {
             input(format!(
-                "{}: a session runs with it; wait until that has ended",
+                "{}: in use by a running session; wait until it ends",
                 self.name
             ))
         })
@@ -80,7 +80,7 @@ macro_rules! own {
             pub fn lend(object: &Bound<'_, PyAny>) -> Option<PyResult<Box<dyn $device>>> {
                 let own = object.cast::<Self>().ok()?.get();
                 Some(own.0.take().ok_or_else(|| {
-                    input(format!("{}: it is in use; wait until that has ended", own.0.name))
+                    input(format!("{}: already in use; wait until it is released", own.0.name))
                 }))
             }
 

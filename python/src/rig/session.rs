@@ -90,7 +90,7 @@ struct Lent<'a, 'py> {
 impl<'a, 'py> Lent<'a, 'py> {
     fn new(session: &'a RigSession, instruments: &Bound<'py, PyDict>, thrown: &Thrown) -> PyResult<Self> {
         let bare = session.bare.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let bare = bare.ok_or_else(|| input("the session is at work; wait until that has ended"))?;
+        let bare = bare.ok_or_else(|| input("the session is running; wait until it ends"))?;
         let mut lent = Self {
             session,
             objects: instruments.extract()?,
@@ -209,7 +209,7 @@ pub fn rig_cost<'py>(
     let thrown = Thrown::default();
     let lent = Lent::new(session, instruments, &thrown)?;
     let Some(rig) = &lent.rig else {
-        return Err(input("the session is at work"));
+        return Err(input("the session is running"));
     };
     let steps = session.prepared.steps(rig).map_err(|e| prepare(py, &e))?;
     let cost = steps.cost(rig);
@@ -242,7 +242,7 @@ pub fn rig_run<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(u32, u32, f64)> {
     let existing = match (resume, force) {
-        (true, true) => return Err(input("resume and force exclude each other")),
+        (true, true) => return Err(input("resume and force cannot be combined")),
         (true, false) => Existing::Resume,
         (false, true) => Existing::Replace,
         (false, false) => Existing::Refuse,
@@ -250,7 +250,7 @@ pub fn rig_run<'py>(
     let thrown = Thrown::default();
     let mut lent = Lent::new(session, instruments, &thrown)?;
     let Some(rig) = &mut lent.rig else {
-        return Err(input("the session is at work"));
+        return Err(input("the session is running"));
     };
     let (prepared, sample) = (&session.prepared, session.sample.as_deref());
     let done = looked_on(py, progress, |seen| {
@@ -269,7 +269,7 @@ pub fn rig_run<'py>(
         Err(Ended::Prepare(e)) => Err(prepare(py, &e)),
         Err(Ended::Run(RunError::Instrument(failure))) => {
             let rest = format!(
-                "all frames until then are safe in {}; resume=True goes on",
+                "all earlier frames are saved in {}; resume with resume=True",
                 output.display()
             );
             Err(thrown.raise(py, &failure, &rest))

@@ -27,7 +27,7 @@ pub struct Answer<'a, 'py>(pub &'a Bound<'py, PyAny>);
 pub fn shown(object: &Bound<'_, PyAny>) -> String {
     let text = object
         .repr()
-        .map_or_else(|_| "what has no repr".into(), |t| t.to_string());
+        .map_or_else(|_| "an object without repr".into(), |t| t.to_string());
     // The text of an array has many lines.
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     match text.char_indices().nth(120) {
@@ -42,10 +42,10 @@ impl<'py> Answer<'_, 'py> {
         let value = self
             .0
             .getattr(name)
-            .map_err(|_| format!("it has no `{name}`; give {wanted}"))?;
+            .map_err(|_| format!("it has no `{name}`; expected {wanted}"))?;
         value
             .extract()
-            .map_err(|_| format!("`{name}` is {}; give {wanted}", shown(&value)))
+            .map_err(|_| format!("`{name}` is {}; expected {wanted}", shown(&value)))
     }
 
     /// Reads a finite number.
@@ -55,7 +55,7 @@ impl<'py> Answer<'_, 'py> {
         if value.is_finite() {
             Ok(value)
         } else {
-            Err(format!("`{name}` is {value}; give {wanted}"))
+            Err(format!("`{name}` is {value}; expected {wanted}"))
         }
     }
 
@@ -64,7 +64,7 @@ impl<'py> Answer<'_, 'py> {
         let wanted = format!("two numbers of {units}");
         let pair: [f64; 2] = self.field(name, &wanted)?;
         if pair.iter().any(|v| v.is_nan()) {
-            return Err(format!("`{name}` is {pair:?}; give {wanted}"));
+            return Err(format!("`{name}` is {pair:?}; expected {wanted}"));
         }
         Ok(pair)
     }
@@ -78,7 +78,7 @@ impl<'py> Answer<'_, 'py> {
 /// Converts seconds to a duration.
 pub fn duration(name: &str, seconds: f64) -> Result<Duration, String> {
     Duration::try_from_secs_f64(seconds)
-        .map_err(|_| format!("`{name}` is {seconds}; give seconds, 0 or more"))
+        .map_err(|_| format!("`{name}` is {seconds}; expected seconds, 0 or more"))
 }
 
 /// Converts a deadline; infinity is replaced by a very long time.
@@ -129,8 +129,8 @@ impl Value for StageLimits {
     fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
         Ok(Self {
             range_deg: from.pair("range_deg", "degrees")?,
-            velocity: from.number("velocity_deg_per_s", "degrees a second")?,
-            acceleration: from.number("acceleration_deg_per_s2", "degrees a second squared")?,
+            velocity: from.number("velocity_deg_per_s", "degrees per second")?,
+            acceleration: from.number("acceleration_deg_per_s2", "degrees per second squared")?,
             resolution_deg: from.number("resolution_deg", "degrees")?,
         })
     }
@@ -168,8 +168,8 @@ impl Value for ProjectorLimits {
 
     fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
         Ok(Self {
-            size: from.field("size", "columns and rows, pixels")?,
-            patterns: from.field("patterns", "how many its memory holds")?,
+            size: from.field("size", "columns and rows in pixels")?,
+            patterns: from.field("patterns", "the number of patterns in memory")?,
             bits: from.field("bits", "1 to 8")?,
             shortest: from.seconds("shortest_s")?,
         })
@@ -190,7 +190,7 @@ impl Value for ProjectorLimits {
 /// Returns the pixel format with a GenICam name.
 fn format(name: &str) -> Result<PixelFormat, String> {
     let known = FORMATS.into_iter().find(|f| f.name() == name);
-    known.ok_or_else(|| format!("no format is called `{name}`; Mono8, Mono10p, Mono12p, Mono16 are known"))
+    known.ok_or_else(|| format!("unknown format `{name}`; supported: Mono8, Mono10p, Mono12p, Mono16"))
 }
 
 impl Value for CameraLimits {
@@ -198,10 +198,10 @@ impl Value for CameraLimits {
 
     fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
         let [shortest, longest] = from.pair("exposure_s", "seconds")?;
-        let formats: Vec<String> = from.field("formats", "names of formats, as (\"Mono12p\",)")?;
+        let formats: Vec<String> = from.field("formats", "names of formats, such as (\"Mono12p\",)")?;
         Ok(Self {
-            size: from.field("size", "columns and rows, pixels")?,
-            step: from.field("step", "columns and rows, pixels")?,
+            size: from.field("size", "columns and rows in pixels")?,
+            step: from.field("step", "columns and rows in pixels")?,
             exposure: [
                 duration("exposure_s", shortest)?,
                 duration("exposure_s", longest)?,
@@ -263,7 +263,11 @@ impl Value for CameraSettings {
             trigger: match trigger.as_str() {
                 "software" => Trigger::Software,
                 "line" => Trigger::Line,
-                other => return Err(format!("`trigger` is {other:?}; give \"software\" or \"line\"")),
+                other => {
+                    return Err(format!(
+                        "`trigger` is {other:?}; expected \"software\" or \"line\""
+                    ));
+                }
             },
         })
     }
@@ -325,7 +329,7 @@ impl Value for LaserState {
         Ok(Self {
             emitting: from.field("emitting", "True or False")?,
             rate_hz: from.number("rate_hz", "hertz")?,
-            power: from.number("power", "nominal power, 1 where all is well")?,
+            power: from.number("power", "a fraction of nominal power, 1 in normal operation")?,
         })
     }
 
@@ -338,18 +342,23 @@ impl Value for CounterLimits {
     const CLASS: &'static str = "CounterLimits";
 
     fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
-        let tags: Option<String> = from.field("tags", "the name of a type of records, or None")?;
+        let tags: Option<String> = from.field("tags", "the name of a record type, or None")?;
         let record = |name: String| {
             let all = RecordType::ALL;
             let known: Vec<&str> = all.iter().map(|r| r.name()).collect();
             let found = all.into_iter().find(|r| r.name() == name);
-            found.ok_or_else(|| format!("`tags` is {name:?}; give None, or one of {}", known.join(", ")))
+            found.ok_or_else(|| {
+                format!(
+                    "`tags` is {name:?}; expected None, or one of {}",
+                    known.join(", ")
+                )
+            })
         };
         Ok(Self {
-            bins: from.field("bins", "how many a histogram has")?,
+            bins: from.field("bins", "the number of bins of a histogram")?,
             finest_ps: from.number("finest_ps", "picoseconds")?,
             longest: from.seconds("longest_s")?,
-            full: from.field("full", "counts that a bin holds")?,
+            full: from.field("full", "the largest count of a bin")?,
             tags: tags.map(record).transpose()?,
         })
     }
@@ -372,7 +381,7 @@ impl Value for CounterSettings {
 
     fn read(from: &Answer<'_, '_>) -> Result<Self, String> {
         Ok(Self {
-            bins: from.field("bins", "how many")?,
+            bins: from.field("bins", "the number of bins")?,
             bin_ps: from.field("bin_ps", "a number of picoseconds")?,
             dwell: from.seconds("dwell_s")?,
             offset_ps: from.field("offset_ps", "a number of picoseconds")?,

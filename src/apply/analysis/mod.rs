@@ -98,7 +98,7 @@ impl Application for Analysis {
     }
 
     fn shows(&self) -> &'static str {
-        "what space, time and polarization tell of matt, mirrored, single and multiple reflections (Fig. 2, 3)"
+        "what space, time and polarization reveal about matt, mirrored, single and multiple reflections (Fig. 2, 3)"
     }
 
     fn plan(&self) -> Plan {

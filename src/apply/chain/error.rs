@@ -9,14 +9,15 @@ use polarimetry::capture::mueller_image::ImageError;
 pub enum ChainError {
     /// The axes of the slice are not those of an image.
     #[error(
-        "slice `{slice}` has {what}, which no camera captures; give it rows, columns and whole Mueller matrices or intensities"
+        "slice `{slice}` has {what}, which a camera cannot capture; use a slice with rows, columns and complete Mueller matrices or \
+         intensities"
     )]
     Axes { slice: String, what: &'static str },
     /// The slice is not a valid image.
     #[error("slice `{slice}`: {cause}")]
     Image { slice: String, cause: ImageError },
     /// The exposure cannot be determined.
-    #[error("no slice of whole Mueller matrices shows light, so no exposure can be set; {0}")]
+    #[error("no slice with complete Mueller matrices contains light, so no exposure can be set; {0}")]
     Dark(String),
     /// The detector refuses its settings or its light.
     #[error(transparent)]

@@ -163,7 +163,7 @@ impl Laboratory {
         let noisy = self.camera.is_some() || self.counter.is_some();
         if noisy && !positive(level) {
             return Err(ChainError::Dark(
-                "expose for the mean, or for a higher percentile".into(),
+                "set the exposure by the mean, or by a higher percentile".into(),
             ));
         }
         let level = [level, mean_reading(scheme)];

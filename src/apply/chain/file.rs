@@ -142,7 +142,7 @@ fn all_samples() -> Located<Vec<Sample>> {
     Located::at(0..0, vec![Sample::Air, Sample::Mirror, Sample::Polarizer])
 }
 
-const FIX: &str = "a chain has `scheme` and, as it has them, `optics`, `calibration`, `samples`, `exposure`, `seed`, [cmos] and [spad]";
+const FIX: &str = "a chain has `scheme` and optionally `optics`, `calibration`, `samples`, `exposure`, `seed`, [cmos] and [spad]";
 
 /// Maximum number of captures of a scheme.
 const MOST_CAPTURES: usize = 1000;
@@ -152,7 +152,7 @@ const MOST_CAPTURES: usize = 1000;
 /// # Errors
 /// [`InputError`] with file, position and fix.
 pub fn load(path: &Path) -> Result<Chain, InputError> {
-    let text = document::read(path, "chain", "there are examples in rigs/chains")?;
+    let text = document::read(path, "chain", "see the examples in rigs/chains")?;
     from_toml(path, &text)
 }
 
@@ -173,10 +173,10 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     let nominal = match &*file.scheme {
         SchemeFrom::File(p) => scheme_file::load(&beside(p))?,
         SchemeFrom::Kind(k) => {
-            let known = "give `kind` drr, qrpr, quad or learned, or the name of a scheme file";
+            let known = "set `kind` to drr, qrpr, quad or learned, or use the name of a scheme file";
             if !(1..=MOST_CAPTURES).contains(&k.captures) {
                 let message = format!("{} captures", k.captures);
-                return Err(fault(file.scheme.span(), message, "give 1 to 1000"));
+                return Err(fault(file.scheme.span(), message, "set 1 to 1000 captures"));
             }
             let made = match k.kind.as_str() {
                 "drr" => Scheme::drr(k.captures, k.array),
@@ -184,7 +184,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
                 "quad" => Scheme::quad(k.captures, k.array),
                 "learned" => super::few::learned(k.captures, k.array),
                 other => {
-                    let message = format!("no scheme is called `{other}`");
+                    let message = format!("unknown scheme `{other}`");
                     return Err(fault(file.scheme.span(), message, known));
                 }
             };
@@ -194,7 +194,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
     // A chain must determine a Mueller matrix without a prior; captures for a prior are chosen by the
     // command.
     if let Err(e) = DesignMatrix::new(&nominal, &Ray::axial(550.0)).pseudo_inverse() {
-        let fix = format!("give at least {} captures of different settings", e.least);
+        let fix = format!("use at least {} captures with different settings", e.least);
         let message = format!(
             "{} captures of rank {} do not determine a Mueller matrix",
             e.captures, e.rank
@@ -210,13 +210,13 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             if !degrees(t.axis_error_deg) || !degrees(t.retardance_error_deg) {
                 return Err(fault(
                     span,
-                    "an error of the optics is no angle".into(),
-                    "give 0 to 90 degrees",
+                    "an error of the optics is out of range".into(),
+                    "set 0 to 90 degrees",
                 ));
             }
             if !(0.0..=1.0).contains(&t.extinction) {
                 let message = format!("`extinction` is {}", t.extinction);
-                let fix = "give least over greatest transmittance, 0 to 1: 1e-3 of a polarizer of 1000:1";
+                let fix = "set the ratio of minimum to maximum transmittance, 0 to 1: 1e-3 for a polarizer of 1000:1";
                 return Err(fault(span, message, fix));
             }
             Optics::Drawn(*t)
@@ -228,14 +228,14 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
             fault(
                 at.span(),
                 e.to_string(),
-                "fix it, or leave it out for the default",
+                "correct the value, or remove it to use the default",
             )
         })?;
         if file.cmos.is_none() && file.spad.is_none() {
             let fix = "add [cmos] for a camera's noise, or [spad] for a counter's; all their settings have defaults";
             return Err(fault(
                 at.span(),
-                "there is an exposure, and no detector".into(),
+                "`exposure` is set, but there is no detector".into(),
                 fix,
             ));
         }
@@ -252,7 +252,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
         return Err(fault(
             span,
             format!("`{name}` is empty"),
-            "name one, or leave it out for all",
+            "list at least one entry, or remove it to use all",
         ));
     }
     // A repeated sample would be captured with the same noise twice, but counted as independent.
@@ -261,16 +261,21 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Chain, InputError> {
         (repeats(&file.samples), file.samples.span(), "samples"),
     ];
     if let Some((_, span, name)) = twice.into_iter().find(|(twice, _, _)| *twice) {
-        return Err(fault(span, format!("`{name}` names one twice"), "name each once"));
+        return Err(fault(
+            span,
+            format!("`{name}` contains a duplicate"),
+            "list each entry once",
+        ));
     }
     if let Some(camera) = &file.cmos {
         let bad = camera.check().err().map(|e| e.to_string());
-        let bad = bad.or_else(|| (camera.binning > 1).then(|| "`binning` would make slices smaller".into()));
+        let bad =
+            bad.or_else(|| (camera.binning > 1).then(|| "`binning` is not supported in a chain".into()));
         if let Some(message) = bad {
             return Err(fault(
                 camera.span(),
                 message,
-                "fix it, or leave it out for the default",
+                "correct the value, or remove it to use the default",
             ));
         }
     }
@@ -314,16 +319,16 @@ mod tests {
         assert_eq!(chain.nominal.captures(), 36);
         assert_eq!(chain.laboratory.camera.expect("a camera").read_noise_e, 3.0);
         for (from, to, words) in [
-            ("\"drr\"", "\"drx\"", "c.toml:1:10: no scheme is called `drx`"),
+            ("\"drr\"", "\"drx\"", "c.toml:1:10: unknown scheme `drx`"),
             ("36", "0", "0 captures"),
             ("36", "15", "15 captures of rank 15"),
-            ("0.5", "-0.5", "no angle"),
+            ("0.5", "-0.5", "out of range"),
             ("[\"exact\"]", "[]", "`calibration` is empty"),
-            ("[\"exact\"]", "[\"exact\", \"exact\"]", "names one twice"),
+            ("[\"exact\"]", "[\"exact\", \"exact\"]", "contains a duplicate"),
             (
                 "calibration",
                 "samples = [\"air\", \"air\"]\ncalibration",
-                "`samples` names one twice",
+                "`samples` contains a duplicate",
             ),
             ("[\"exact\"]", "[\"exakt\"]", "unknown variant `exakt`"),
             ("\"mean\"", "{ percentile = 101 }", "`percentile`"),

@@ -31,10 +31,10 @@ impl Light {
         let polarized = match [out, inn] {
             [4, 4] => true,
             [1, 1] => false,
-            _ => return Err(wrong("a part of the Stokes elements")),
+            _ => return Err(wrong("only some of the Stokes elements")),
         };
         if [AxisKind::Y, AxisKind::X].map(|k| t.find(k)) != [Some(0), Some(1)] {
-            return Err(wrong("no rows and columns of the camera at first"));
+            return Err(wrong("no leading row and column axes"));
         }
         let places: Vec<Axis> = t.axes.iter().filter(|a| !is_stokes(a.kind)).cloned().collect();
         let nm = t

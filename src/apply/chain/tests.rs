@@ -337,7 +337,7 @@ fn what_no_camera_sees_is_refused() {
         Light::of(&part)
             .expect_err("a part")
             .to_string()
-            .contains("a part of the Stokes")
+            .contains("only some of the Stokes")
     );
     let lab = laboratory(Tolerances::default(), Some(100.0));
     let mut dark = s.clone();

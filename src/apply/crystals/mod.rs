@@ -74,7 +74,7 @@ impl Application for Crystals {
     }
 
     fn shows(&self) -> &'static str {
-        "retardance of quartz and calcite by decompositions of epipolar and other light, against theory (Fig. 7)"
+        "retardance of quartz and calcite from decompositions of epipolar and other light, compared with theory (Fig. 7)"
     }
 
     fn plan(&self) -> Plan {
@@ -121,7 +121,7 @@ impl Application for Crystals {
                 outcome.pictures.extend(pictures(method.name, probe, seen));
             }
             outcome.notes.push(format!(
-                "{}, seed {}: {:.2}° of errors are not the samples'",
+                "{}, seed {}: {:.2}° of the errors are not due to sampling noise",
                 method.name,
                 test[0].seed,
                 floor.to_degrees()

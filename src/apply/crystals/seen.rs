@@ -68,8 +68,7 @@ impl Seen {
                 .ok_or_else(|| missing("value of the parameter", name))
         };
         let mineral = o.words.get("mineral").and_then(|name| Mineral::named(name));
-        let mineral =
-            mineral.ok_or_else(|| missing("mineral that is known here in the parameter", "mineral"))?;
+        let mineral = mineral.ok_or_else(|| missing("known mineral in the parameter", "mineral"))?;
         let axis = Vector3::new(value("axis_x")?, value("axis_y")?, -1.0).normalize();
         let told = Slab {
             mineral,
@@ -101,7 +100,7 @@ impl Seen {
         let pixels = told.pixels(&rig.camera, o, &wavelengths)?;
         if pixels.is_empty() {
             return Err(ApplyError::Empty(format!(
-                "variant {} shows no pixel of the slab from face to face; render it larger",
+                "variant {} has no pixel that shows the slab from face to face; render it at a higher resolution",
                 o.variant
             )));
         }

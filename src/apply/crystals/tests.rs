@@ -217,7 +217,9 @@ fn what_is_missing_is_said() {
     assert!(failed(&|o| _ = o.values.remove("thickness")).contains("thickness"));
     assert!(failed(&|o| _ = o.words.insert("mineral".into(), "salt".into())).contains("mineral"));
     assert!(failed(&|o| drop(o.slices.remove("without"))).contains("without"));
-    assert!(failed(&|o| _ = o.values.insert("thickness".into(), 1.0)).contains("no pixel of the slab"));
+    assert!(
+        failed(&|o| _ = o.values.insert("thickness".into(), 1.0)).contains("no pixel that shows the slab")
+    );
     let flat = failed(&|o| {
         let s = o.slices.get_mut("epipolar").expect("it");
         (s.mean, s.error) = (

@@ -73,7 +73,7 @@ impl Bench {
             Ok(bench)
         } else {
             Err(ApplyError::Empty(format!(
-                "variant {} is dark: errors are over its mean intensity",
+                "variant {} is dark, but errors are relative to its mean intensity",
                 o.variant
             )))
         }
@@ -143,6 +143,6 @@ pub(super) fn second_moment(train: &[Bench]) -> Result<Moment, ApplyError> {
     if n > 0.0 {
         Ok(sum / n)
     } else {
-        Err(ApplyError::Empty("no training variant has light".into()))
+        Err(ApplyError::Empty("no training variant contains light".into()))
     }
 }

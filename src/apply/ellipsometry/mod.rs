@@ -111,7 +111,7 @@ impl Application for Ellipsometry {
     }
 
     fn shows(&self) -> &'static str {
-        "Mueller matrices of gold and of unseen materials from few captures at learnt angles (Fig. 4, 9, 10)"
+        "Mueller matrices of gold and of unseen materials from few captures at learned angles (Fig. 4, 9, 10)"
     }
 
     fn plan(&self) -> Plan {
@@ -276,13 +276,13 @@ fn notes(moment: &polarimetry::reconstruct::second_moment::Moment) -> Vec<String
     let share = |n: usize| 100.0 * values[..n].iter().sum::<f64>() / whole;
     vec![
         format!(
-            "the first 1, 4 and 9 principal components (mean included) hold {:.2} %, {:.2} % and {:.3} % of the training matrices",
+            "the first 1, 4 and 9 principal components (including the mean) contain {:.2} %, {:.2} % and {:.3} % of the training matrices",
             share(1),
             share(4),
             share(9)
         ),
-        "without a prior, angles of 16 captures or more (8 with an array) do not depend on any material: the estimate has no bias, and its \
-         error is the noise's alone"
+        "without a prior, the angles of 16 or more captures (8 with an array) do not depend on the materials: the estimate is unbiased, \
+         and its error is due to noise only"
             .to_owned(),
     ]
 }

@@ -49,7 +49,7 @@ impl fmt::Display for Learnt {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "found by {} of {:.3e} and more (area {:.3} in training); drawn by {} times {:.3} (cosine {:.3})",
+            "detected by {} of at least {:.3e} (area {:.3} in training); drawn from {} times {:.3} (cosine {:.3})",
             self.detector, self.threshold, self.reached[0], self.image, self.gain, self.reached[1]
         )
     }

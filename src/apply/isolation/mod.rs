@@ -48,7 +48,7 @@ pub(crate) fn run(
             let name = isolation.method.name;
             outcome.notes.push(match &learnt {
                 Some(learnt) => format!("{}, by {name}: {learnt}", task.name),
-                None => format!("{}, by {name}: nothing to be learnt", task.name),
+                None => format!("{}, by {name}: nothing to learn", task.name),
             });
             let Some(learnt) = learnt else { continue };
             for seen in &test {

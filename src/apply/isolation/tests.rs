@@ -307,7 +307,7 @@ fn what_cannot_be_learnt_is_left_out_and_said() {
     let all = observations(&[Kind::new(8, 1)], 4);
     let outcome = run(&[TASK], &METHODS, Sight::SpaceAndTime, &all[..2], &all[2..]).expect("it runs");
     assert!(outcome.scores.is_empty());
-    assert!(outcome.notes.iter().all(|n| n.contains("nothing to be learnt")));
+    assert!(outcome.notes.iter().all(|n| n.contains("nothing to learn")));
     assert!(matches!(
         run(&[TASK], &METHODS, Sight::SpaceAndTime, &[], &all),
         Err(ApplyError::Empty(_))

@@ -35,7 +35,7 @@ impl Classifier {
         let direction = Discriminant::new(&of(|s| &s.real), &of(|s| &s.fake));
         let direction = direction.ok_or_else(|| ApplyError::Unsolved {
             method,
-            cause: "the training variants show too few pixels of real or of fake fruit".into(),
+            cause: "the training variants have too few pixels of real or fake fruit".into(),
         })?;
         Ok(Self { features, direction })
     }

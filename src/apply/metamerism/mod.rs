@@ -94,7 +94,7 @@ impl Application for Metamerism {
     }
 
     fn shows(&self) -> &'static str {
-        "real fruit against painted plastic of the same colour, by what polarization of epipolar light tells (Fig. 14)"
+        "real fruit against painted plastic of the same colour, distinguished by the polarization of epipolar light (Fig. 14)"
     }
 
     fn plan(&self) -> Plan {
@@ -178,8 +178,8 @@ fn intervals(method: &str, seed: u64, groups: &[Group]) -> String {
     let pixels = roc::delong(&all(|g| &g.positive), &all(|g| &g.negative));
     let variants = roc::bootstrap(groups, DRAWS, seed);
     format!(
-        "{method}, seed {seed}: area {:.4} of all variants' pixels together; 95 % of bootstraps over variants within {:.4}..{:.4}; DeLong's \
-         interval, as if pixels were independent, {:.4}..{:.4}",
+        "{method}, seed {seed}: area {:.4} over the pixels of all variants; 95 % of bootstraps over variants within {:.4}..{:.4}; \
+         DeLong's interval for independent pixels {:.4}..{:.4}",
         variants.area, variants.interval[0], variants.interval[1], pixels.interval[0], pixels.interval[1]
     )
 }

@@ -40,7 +40,7 @@ impl Seen {
         }
         if seen.real.is_empty() || seen.fake.is_empty() {
             return Err(ApplyError::Empty(format!(
-                "variant {} shows no whole pixel of a real or of a fake fruit; render it larger",
+                "variant {} has no pixel that shows only a real or only a fake fruit; render it at a higher resolution",
                 o.variant
             )));
         }

@@ -64,7 +64,7 @@ const TASKS: [Task; 5] = [
 
 pub const COINS: Multibounce = Multibounce {
     name: "multibounce-coins",
-    shows: "which element isolates which light between coins and a mirror (Fig. 13)",
+    shows: "which Mueller element isolates which light between coins and a mirror (Fig. 13)",
     scene: "coins_mirror/variants.toml",
     maps: &[Truth::Material {
         name: "table",

@@ -87,7 +87,7 @@ const TASKS: [Task; 6] = [
 
 pub const DISCO_BALL: Multibounce = Multibounce {
     name: "multibounce",
-    shows: "which element isolates which light between a disco ball and painted walls (Fig. 13)",
+    shows: "which Mueller element isolates which light between a disco ball and painted walls (Fig. 13)",
     scene: "disco_ball/variants.toml",
     maps: &[
         Truth::Material {

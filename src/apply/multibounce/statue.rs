@@ -102,7 +102,7 @@ impl Application for Statue {
     }
 
     fn shows(&self) -> &'static str {
-        "which element at which time isolates which light of a statue and a mirror before a coaxial rig (Fig. 13)"
+        "which Mueller element at which time isolates which light of a statue and a mirror in front of a coaxial rig (Fig. 13)"
     }
 
     fn plan(&self) -> Plan {

@@ -80,7 +80,7 @@ impl Application for Scattering {
     }
 
     fn shows(&self) -> &'static str {
-        "a doll and a ruler in milky water: weights and biases of all epipolar Mueller elements against descattering by space, \
+        "a doll and a ruler in milky water: weights and biases of all epipolar Mueller elements, compared with descattering by space, \
          polarization and time (Fig. 12)"
     }
 
@@ -168,8 +168,8 @@ impl Application for Scattering {
             });
         }
         outcome.notes.push(
-            "gains and offsets of every method are learnt from the training variants; negative estimates count as dark; only \
-             pixels that see what stands in the milk count"
+            "gains and offsets of every method are learned from the training variants; negative estimates count as dark; only pixels that \
+             see an object in the milk count"
                 .into(),
         );
         Ok(outcome)

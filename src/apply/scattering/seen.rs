@@ -80,7 +80,7 @@ impl Seen {
         seen.peak = counted.flat_map(|(v, _)| v.iter().copied()).fold(0.0, f64::max);
         if seen.peak <= 0.0 {
             return Err(ApplyError::Empty(format!(
-                "variant {}: no lit pixel shows what stands in the tank; check the camera",
+                "variant {}: no lit pixel shows an object in the tank; check the camera",
                 o.variant
             )));
         }
@@ -92,7 +92,7 @@ impl Seen {
 /// bins.
 pub(super) fn wavelengths(train: &[Seen], test: &[Seen]) -> Result<usize, ApplyError> {
     let Some(first) = train.first() else {
-        return Err(ApplyError::Empty("give variants to learn from".into()));
+        return Err(ApplyError::Empty("pass variants for training".into()));
     };
     let shape = |s: &Seen| [s.polarimetric.wavelengths, s.gated.bins, s.transient.bins];
     match train.iter().chain(test).find(|s| shape(s) != shape(first)) {

@@ -44,7 +44,7 @@ impl Descattering for TimeGating {
         let best = fits.min_by(|a, b| a.1.total_cmp(&b.1));
         best.map(|(fit, _)| fit).ok_or_else(|| ApplyError::Unsolved {
             method: "time gating",
-            cause: "the slice has no bins".into(),
+            cause: "the slice has no time bins".into(),
         })
     }
 
@@ -56,6 +56,6 @@ impl Descattering for TimeGating {
             Some(format!("{}..{}", open.first()?, open.last()? + 1))
         };
         let all: Option<Vec<String>> = fits.iter().map(window).collect();
-        Some(format!("time gating: bins {} (by wavelength)", all?.join(", ")))
+        Some(format!("time gating: bins {} (per wavelength)", all?.join(", ")))
     }
 }

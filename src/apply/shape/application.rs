@@ -105,7 +105,7 @@ impl Application for ShapeScan {
     }
 
     fn shows(&self) -> &'static str {
-        "normals and depths of translucent statues, by epipolar structured light and polarization together (Fig. 11)"
+        "normals and depths of translucent statues from epipolar structured light combined with polarization (Fig. 11)"
     }
 
     /// Even variants are translucent, odd ones their sprayed twins; each six variants include all materials

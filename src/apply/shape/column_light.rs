@@ -40,7 +40,7 @@ impl Patterns {
 pub enum CodeError {
     /// The light and the patterns have different numbers of columns.
     #[error(
-        "the light is of {light} projector columns, the patterns are of {patterns}: make them for one projector"
+        "the light has {light} projector columns, but the patterns have {patterns}: use one projector for both"
     )]
     Columns {
         /// Number of columns of the light.
@@ -49,7 +49,7 @@ pub enum CodeError {
         patterns: usize,
     },
     /// The number of captures does not match the code.
-    #[error("{got} captures, and the code has {want}: capture its patterns")]
+    #[error("got {got} captures, but the code has {want}: capture all of its patterns")]
     Captures {
         /// Given number.
         got: usize,

@@ -93,7 +93,7 @@ pub fn decode(
 ) -> Result<Decoded, CodeError> {
     if periods.is_empty() || periods.iter().any(|p| !(*p > 2.0 && p.is_finite())) {
         return Err(CodeError::Periods(format!(
-            "periods {periods:?}: give one or more, all above 2 columns"
+            "periods {periods:?}: expected at least one period, all above 2 columns"
         )));
     }
     let names: Vec<_> = (0..columns).map(|u| name(u as f64 + 0.5, periods)).collect();

@@ -38,7 +38,7 @@ fn check(periods: &[f64], columns: usize) -> Result<(), CodeError> {
         return Ok(());
     }
     Err(CodeError::Periods(format!(
-        "periods {periods:?} do not fall from {columns} columns or more to 2 or more: list them so"
+        "periods {periods:?}: expected decreasing periods, the first at least {columns} columns and the last at least 2"
     )))
 }
 

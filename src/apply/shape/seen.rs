@@ -106,7 +106,7 @@ impl Seen {
         });
         if mask.data.iter().all(|m| *m == 0.0) {
             return Err(ApplyError::Empty(format!(
-                "variant {} shows no whole pixel of the statue; render it larger",
+                "variant {} has no pixel that shows only the statue; render it at a higher resolution",
                 o.variant
             )));
         }

@@ -104,7 +104,7 @@ impl Application for Transient {
     }
 
     fn shows(&self) -> &'static str {
-        "light that one or two specular reflections brought back, bin of travel time by bin, by its circular polarization (Fig. 8)"
+        "light after one or two specular reflections, per bin of travel time, from its circular polarization (Fig. 8)"
     }
 
     fn plan(&self) -> Plan {
@@ -199,7 +199,7 @@ fn picture(
 fn of_all(seen: &Seen) -> String {
     let count = |target| seen.lit.iter().filter(|p| seen.is(target, **p)).count();
     format!(
-        "variant {}: of {} lit bins of pixels {} are inverting and {} keeping",
+        "variant {}: of {} lit bins of pixels, {} are inverting and {} keeping",
         seen.variant,
         seen.lit.len(),
         count(Target::Inverting),

@@ -284,7 +284,7 @@ impl Calibration {
     /// # Errors
     /// [`InputError`] if the file is no calibration or has no valid device.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        let fix = "give a calibration as `sunstone calibrate` writes it";
+        let fix = "use a calibration file written by `sunstone calibrate`";
         let text = document::read(path, "calibration", fix)?;
         let calibration: Self = calibration_file::parse(path, &text, fix)?;
         let sound = |d: &DeviceTable| d.device().is_some() && d.pose().is_some();
@@ -295,7 +295,7 @@ impl Calibration {
             file: path.to_owned(),
             text: text.into(),
             span: None,
-            message: "the matrix, the coefficients or the pose of a device are none".into(),
+            message: "the matrix, the distortion coefficients or the pose of a device are invalid".into(),
             help: Some(fix.into()),
         })
     }

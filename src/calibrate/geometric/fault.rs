@@ -3,9 +3,9 @@
 /// The reason why a calibration fails. Views and points count from 1.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Fault {
-    #[error("there is no view of the board: give images in which all of it is seen")]
+    #[error("no view shows the board: use images that show the complete board")]
     NoViews,
-    #[error("view {view}: {found} points do not go with the {wanted} of the board")]
+    #[error("view {view}: got {found} points, but the board has {wanted}")]
     Count {
         view: usize,
         found: usize,
@@ -13,23 +13,25 @@ pub enum Fault {
     },
     #[error("view {view}: a coordinate is not a finite number of pixels")]
     NotFinite { view: usize },
-    #[error("view {view}: its points lie on a line or at one place, which tells no pose; leave the view out")]
+    #[error(
+        "view {view}: its points are on a line or at one place, so the pose is undetermined; exclude the view"
+    )]
     Collinear { view: usize },
     #[error(
-        "a board of {columns} × {rows} corners with squares of {square} m: at least 3 × 3 inner corners and a positive length are wanted"
+        "a board of {columns} × {rows} corners with squares of {square} m: expected at least 3 × 3 inner corners and a positive length"
     )]
     Board {
         columns: usize,
         rows: usize,
         square: f64,
     },
-    #[error("{measured} coordinates do not determine {unknown} unknowns: give more views, or fix parameters")]
+    #[error("{measured} coordinates do not determine {unknown} unknowns: use more views, or fix parameters")]
     TooFew { measured: usize, unknown: usize },
-    #[error("these views cannot tell {what}; {fix}")]
+    #[error("these views do not determine {what}; {fix}")]
     NotDetermined { what: String, fix: String },
     #[error(
-        "no camera fits the points: the best leaves {rms:.3} pixels RMS; check that the columns, rows and \
-         order of the corners are the board's, and that the images are all of one camera and size"
+        "no camera model fits the points: the best fit has {rms:.3} pixels RMS; check the columns, the rows and the order of the corners, \
+         and that all images are from one camera and have one size"
     )]
     NoFit { rms: f64 },
 }

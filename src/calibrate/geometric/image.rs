@@ -105,13 +105,13 @@ impl Image {
                 image,
                 orientation: 1,
             }),
-            _ => Err("images are read as .png (8 or 16 bits), .jpg or .npy: convert it".into()),
+            _ => Err("expected a .png (8 or 16 bits), .jpg or .npy image: convert the file".into()),
         };
         let loaded = loaded.map_err(error)?;
         let values = &loaded.image.values;
         if values.is_empty() || !values.iter().all(|v| v.is_finite()) {
             return Err(error(
-                "it has no pixels, or some that are not finite numbers".into(),
+                "it has no pixels, or pixels that are not finite numbers".into(),
             ));
         }
         Ok(loaded)
@@ -156,13 +156,13 @@ fn photo(path: &Path, format: ImageFormat) -> Result<Loaded, String> {
     let other = image::guess_format(&bytes).ok().filter(|found| *found != format);
     if let Some(other) = other {
         return Err(format!(
-            "it is no {name}, but {other:?}: give it the extension of its format"
+            "its content is {other:?}, not {name}: change the extension"
         ));
     }
     if format == ImageFormat::Jpeg && is_cut_off(&bytes) {
-        return Err("the JPEG is cut off: copy it again".into());
+        return Err("the JPEG file is truncated: copy it again".into());
     }
-    let bad = |e: image::ImageError| format!("it is no {name} that can be read: {e}");
+    let bad = |e: image::ImageError| format!("cannot read it as {name}: {e}");
     let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
     let mut limits = Limits::default();
     limits.max_alloc = Some(8 * MOST as u64);
@@ -206,13 +206,13 @@ fn npy(path: &Path) -> Result<Image, String> {
         [h, w, d] if d > 0 => (h, w, d),
         _ => {
             return Err(format!(
-                "its shape is {:?}, where (height, width) is wanted",
+                "its shape is {:?}; expected (height, width)",
                 reader.shape
             ));
         }
     };
     if reader.len() > MOST {
-        return Err("it is too large".into());
+        return Err("the image is too large".into());
     }
     let mut all = vec![0.0_f32; reader.len()];
     reader.read(0, &mut all).map_err(|e| e.to_string())?;
@@ -370,7 +370,7 @@ mod tests {
             );
         }
         let said = loaded("a.png", &whole).unwrap_err();
-        assert!(said.contains("it is no PNG, but Jpeg"), "{said}");
+        assert!(said.contains("its content is Jpeg, not PNG"), "{said}");
         let said = loaded("a.tif", &whole).unwrap_err();
         assert!(said.contains(".png"), "{said}");
     }

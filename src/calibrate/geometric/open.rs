@@ -15,7 +15,7 @@ const WORST_CENTRE: f64 = 0.1;
 /// Maximum standard error of the angles between camera and projector, in radians.
 const WORST_ANGLE: f64 = 0.05;
 
-const TILT: &str = "tilt the board by 20 to 45 degrees in different directions, over all of the image";
+const TILT: &str = "tilt the board by 20 to 45 degrees in different directions, and cover the complete image";
 
 /// Returns the names of the shared free parameters.
 fn names(state: &State) -> Vec<String> {
@@ -35,8 +35,15 @@ fn names(state: &State) -> Vec<String> {
         }
     }
     if state.devices.len() > 1 {
-        let pose = ["turn about x", "turn about y", "turn about z", "x", "y", "z"];
-        names.extend(pose.map(|p| format!("the projector's {p} to the camera")));
+        let pose = [
+            "rotation about x",
+            "rotation about y",
+            "rotation about z",
+            "x",
+            "y",
+            "z",
+        ];
+        names.extend(pose.map(|p| format!("the projector's {p} relative to the camera")));
     }
     names
 }
@@ -52,7 +59,7 @@ fn title(device: usize) -> &'static str {
 /// Returns the fault of a singular system.
 pub(super) fn singular() -> Fault {
     Fault::NotDetermined {
-        what: "all parameters apart".into(),
+        what: "all parameters independently".into(),
         fix: format!("{TILT}, or fix parameters"),
     }
 }
@@ -77,12 +84,15 @@ pub(super) fn refuse_undetermined(state: &State, root: &Root) -> Result<(), Faul
         .all(|n| n.contains(" k") || n.contains(" p") || n.contains(" s"));
     Err(Fault::NotDetermined {
         what: if those.len() == 1 {
-            format!("{} from the boards' poses", those[0])
+            format!("{} independently of the board poses", those[0])
         } else {
-            format!("{} from each other and from the boards' poses", those.join(", "))
+            format!(
+                "{} independently of each other and of the board poses",
+                those.join(", ")
+            )
         },
         fix: if lens {
-            "take fewer coefficients of distortion, or views that reach the corners of the image".into()
+            "use fewer distortion coefficients, or views that reach the corners of the image".into()
         } else {
             format!("{TILT}, or fix parameters")
         },
@@ -105,7 +115,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
                 return Err(Fault::NotDetermined {
                     what: format!("{} {name}: {size:.0} ± {:.0} pixels", title(d), error(i)),
                     fix: match device.model {
-                        Model::Eight | Model::Twelve => format!("take 5 coefficients, or {TILT}"),
+                        Model::Eight | Model::Twelve => format!("use 5 coefficients, or {TILT}"),
                         _ => format!("{TILT}, or fix it"),
                     },
                 });
@@ -120,7 +130,7 @@ pub(super) fn refuse_uncertain(state: &State, covariance: &DMatrix<f64>) -> Resu
         if worst > WORST_ANGLE {
             return Err(Fault::NotDetermined {
                 what: format!(
-                    "how the projector is turned to the camera: ± {:.1} degrees",
+                    "the rotation between projector and camera: ± {:.1} degrees",
                     worst.to_degrees()
                 ),
                 fix: TILT.into(),
@@ -146,7 +156,7 @@ pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
             .collect();
         if !weak.is_empty() {
             notes.push(format!(
-                "{} lens: {} may as well be 0; a model with fewer coefficients may do",
+                "{} lens: {} not significant; try a model with fewer coefficients",
                 title(d),
                 weak.join(", ")
             ));
@@ -155,7 +165,8 @@ pub(super) fn notes(state: &State, covariance: &DMatrix<f64>) -> Vec<String> {
         let corners = [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]];
         if corners.iter().any(|c| device.normalized((*c).into()).is_none()) {
             notes.push(format!(
-                "{} lens folds over in a corner of the image, where no view reaches: scenes refuse it; give views that do, or fix k3",
+                "{} lens model folds over in an image corner without views, and scenes refuse such lenses; add views of the corners, or \
+                 fix k3",
                 title(d)
             ));
         }

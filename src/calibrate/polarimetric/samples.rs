@@ -32,15 +32,15 @@ pub struct Sample {
 /// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CalibrationError {
-    #[error("there is no sample; capture air, a mirror or a known plate")]
+    #[error("no samples; capture air, a mirror or a known plate")]
     NoSample,
-    #[error("sample `{name}` has {found} intensities, its scheme {want} measurements")]
+    #[error("sample `{name}` has {found} intensities, but its scheme has {want} measurements")]
     Lengths { name: String, found: usize, want: usize },
     #[error(
-        "sample `{name}` is dark, or its noise is not positive; light it, and leave saturated captures out"
+        "sample `{name}` is dark, or its noise is not positive; increase the light, and exclude saturated captures"
     )]
     Dark { name: String },
-    #[error("samples `{first}` and `{other}` were captured with other elements")]
+    #[error("samples `{first}` and `{other}` were captured with different elements")]
     Elements { first: String, other: String },
     #[error(transparent)]
     Fit(#[from] FitError),

@@ -78,12 +78,12 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
         (
             "the light's relative standard error",
             options.light_sigma,
-            "zero or more",
+            "0 or more",
         ),
         (
-            "the limit of pixels that stand out",
+            "the threshold for outlier pixels",
             options.limit,
-            "some standard deviations",
+            "0 or more standard deviations",
         ),
     ] {
         if !(value.is_finite() && value >= 0.0) {
@@ -92,7 +92,7 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
     }
     if options.degree > MOST_DEGREE {
         return Err(RadiometricError::Setting {
-            what: "the number of linearity's coefficients",
+            what: "the number of linearity coefficients",
             value: options.degree as f64,
             need: "0 to 8",
         });
@@ -101,12 +101,12 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
     let dark = Dark::of(frames, options.limit)?;
     let mut untold = vec![];
     if dark.rate.is_none() {
-        untold.push("dark current: dark frames of one exposure alone; it is in the offset".to_owned());
+        untold.push("dark current: dark frames with only one exposure; the offset contains it".to_owned());
     }
     let levels = self::levels(&dark, light);
     let saturation = saturation(&levels);
     if saturation.is_none() {
-        untold.push("saturation: no level of light is beyond it".to_owned());
+        untold.push("saturation: no light level reaches it".to_owned());
     }
     let linearity = Linearity::of(&levels, saturation, options.degree, options.light_sigma)
         .map_err(|e| untold.push(e))
@@ -124,7 +124,7 @@ pub fn calibrate(dark: &[Stack], light: &[Stack], options: &Options) -> Result<R
     };
     if flat.is_some() {
         untold.push(
-            "flat field: unevenness of the light is in it, as the frames do not tell it from the pixels'"
+            "flat field: it includes the non-uniformity of the light, which the frames cannot separate from that of the pixels"
                 .to_owned(),
         );
     }

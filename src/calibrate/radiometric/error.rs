@@ -3,24 +3,25 @@
 /// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RadiometricError {
-    #[error("there are no dark frames; capture some with the lens capped")]
+    #[error("no dark frames; capture some with the lens cap on")]
     NoDark,
     #[error(
-        "the stack of {exposure_s} s has {frames} frames; noise is told from two on, and well from sixteen"
+        "the stack of {exposure_s} s has {frames} frames; a noise estimate needs at least 2, and 16 or more are recommended"
     )]
     Frames { exposure_s: f64, frames: u32 },
-    #[error("a frame has {found} pixels, the others {want}; give frames of the same region")]
+    #[error("a frame has {found} pixels, but the others have {want}; use frames of one region")]
     Size { found: usize, want: usize },
-    #[error("{what} is {value}; give {need}")]
+    #[error("{what} is {value}; expected {need}")]
     Setting {
         what: &'static str,
         value: f64,
         need: &'static str,
     },
     #[error(
-        "the frames at {exposure_s} s do not differ from one another: the noise is below a digital number (raise the gain), or one frame came several times"
+        "all frames at {exposure_s} s are identical: the noise is below one digital number (increase the gain), or one frame was stored \
+         several times"
     )]
     Constant { exposure_s: f64 },
-    #[error("no pixel is left: {hot} are hot, {noisy} noisy, {stuck} stuck")]
+    #[error("no usable pixels: {hot} hot, {noisy} noisy, {stuck} stuck")]
     NoPixel { hot: usize, noisy: usize, stuck: usize },
 }

@@ -61,7 +61,9 @@ impl Flat {
             }
         }
         if whole <= 0.0 {
-            return Err("flat field: no stack of even light at 5 to 70 % of saturation; capture one".into());
+            return Err(
+                "flat field: no stack of uniform light at 5 to 70 % of saturation; capture one".into(),
+            );
         }
         let used: Vec<usize> = (0..pixels).filter(|p| usable[*p]).collect();
         let count = used.len() as f64;

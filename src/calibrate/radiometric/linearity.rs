@@ -91,7 +91,7 @@ impl Linearity {
         lights.dedup();
         if lights.len() <= unknown {
             return Err(format!(
-                "linearity: {} levels of light below saturation; {} or more tell a polynomial of {degree}",
+                "linearity: {} light levels below saturation, but a polynomial of degree {degree} needs at least {}",
                 lights.len(),
                 unknown + 1
             ));
@@ -123,7 +123,9 @@ impl Linearity {
             let scaled = DMatrix::from_fn(unknown, unknown, |i, k| normal[(i, k)] * scale[i] * scale[k]);
             let solved = scaled.cholesky().map(|c| c.inverse());
             let Some(solved) = solved.filter(|s| s.iter().all(|v| v.is_finite() && v.abs() < 1e11)) else {
-                return Err("linearity: the levels of light are too near to one another; spread them".into());
+                return Err(
+                    "linearity: the light levels are too close to each other; use a wider range".into(),
+                );
             };
             inverse = DMatrix::from_fn(unknown, unknown, |i, k| solved[(i, k)] * scale[i] * scale[k]);
             x = &inverse * (m.transpose() * &y);

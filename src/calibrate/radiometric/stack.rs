@@ -34,13 +34,8 @@ impl Stack {
         let time = exposure_s.is_finite() && exposure_s > 0.0;
         setting("an exposure", exposure_s, time, "a positive time in seconds")?;
         let some = light.is_finite() && light >= 0.0;
-        setting(
-            "the light of a stack",
-            light,
-            some,
-            "zero or more in a unit of your own",
-        )?;
-        setting("the number of pixels", pixels as f64, pixels > 0, "one or more")?;
+        setting("the light of a stack", light, some, "0 or more, in any unit")?;
+        setting("the number of pixels", pixels as f64, pixels > 0, "1 or more")?;
         setting(
             "the largest digital number",
             f64::from(top_dn),
@@ -74,7 +69,7 @@ impl Stack {
             return Err(RadiometricError::Setting {
                 what: "a digital number",
                 value: f64::from(*dn),
-                need: "the bits of the camera's format: this one is larger than they hold",
+                need: "a value within the bits of the camera's format",
             });
         }
         self.frames += 1;
@@ -168,7 +163,7 @@ pub(super) fn check(stacks: &[&Stack]) -> Result<(), RadiometricError> {
             return Err(RadiometricError::Setting {
                 what: "the largest digital number of a stack",
                 value: f64::from(s.top_dn),
-                need: "frames of one pixel format",
+                need: "the same value in all stacks (one pixel format)",
             });
         }
         if s.frames < 2 {

@@ -211,8 +211,7 @@ fn settings_of_a_simulated_camera_come_back() {
         near(*c, 0.0, *sigma);
     }
     assert!(l.linearity_error < 1e-3, "{}", l.linearity_error);
-    let mean =
-        |m: &crate::pixel_map::PixelMap| (0..pixels).map(|p| m.at(p)).sum::<f64>() / pixels as f64;
+    let mean = |m: &crate::pixel_map::PixelMap| (0..pixels).map(|p| m.at(p)).sum::<f64>() / pixels as f64;
     let of = |m: &crate::pixel_map::PixelMap| mean(m) / (pixels as f64).sqrt();
     near(mean(&found.dark.offset), 16.0, of(&found.dark.offset_sigma));
     let (rate, sigma) = (found.dark.rate.expect("two"), found.dark.rate_sigma.expect("two"));

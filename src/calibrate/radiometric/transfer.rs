@@ -75,7 +75,7 @@ impl Transfer {
             ));
         }
         if points.len() <= dark.len() {
-            return Err("gain: no level of light below saturation; capture some".into());
+            return Err("gain: no light level below saturation; capture some".into());
         }
         let brightest = points.iter().map(|p| p.0).fold(0.0, f64::max);
         let at_brightest = points.iter().find(|p| p.0 == brightest).map_or(without, |p| p.1);
@@ -101,7 +101,7 @@ impl Transfer {
         let told = slope.is_finite() && slope > 5.0 * covariance[2].sqrt();
         if !told {
             return Err(
-                "gain: the noise does not grow with the light; take more frames or more light".into(),
+                "gain: the noise does not increase with the light; take more frames or use more light".into(),
             );
         }
         let gain = 1.0 / slope;

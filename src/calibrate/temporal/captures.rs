@@ -50,9 +50,9 @@ impl<'a> Capture<'a> {
 /// The reason why a calibration fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TemporalError {
-    #[error("there is no histogram; capture a plane at a known distance")]
+    #[error("no histograms; capture a plane at a known distance")]
     NoCapture,
-    #[error("the counter's {what} is {value}; give {need}")]
+    #[error("the counter's {what} is {value}; expected {need}")]
     Counter {
         what: &'static str,
         value: f64,
@@ -61,10 +61,10 @@ pub enum TemporalError {
     #[error("histogram {index} (from 0): {what}")]
     Capture { index: usize, what: String },
     #[error(
-        "no histogram shows a pulse above its background ({dark} dark, {saturated} saturated); count for a longer time, or attenuate"
+        "no histogram shows a pulse above the background ({dark} dark, {saturated} saturated); count longer, or attenuate the light"
     )]
     NoPulse { dark: usize, saturated: usize },
-    #[error("the response does not settle: begin nearer to it, or free less of it")]
+    #[error("the fit of the response does not converge: start closer to it, or free fewer of its parameters")]
     Unsettled,
 }
 
@@ -78,12 +78,7 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
         }
     };
     let time = |v: f64| (1e-3..=LONGEST_PS).contains(&v);
-    setting(
-        "bin",
-        counter.bin_ps,
-        time(counter.bin_ps),
-        "a time in ps, 1e-3 to 1e12",
-    )?;
+    setting("bin", counter.bin_ps, time(counter.bin_ps), "1e-3 to 1e12 ps")?;
     let bins = counter.period_bins;
     setting(
         "period",
@@ -96,14 +91,14 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
         "dead time",
         dead,
         dead == 0.0 || time(dead),
-        "no time, or one in ps, 1e-3 to 1e12",
+        "0, or 1e-3 to 1e12 ps",
     )?;
     if let Some(after) = counter.after_pulse_ps {
         setting(
-            "time of after-pulses",
+            "after-pulse time",
             after,
             time(after) && after <= 100.0 * counter.bin_ps * bins as f64,
-            "a time in ps, at most a hundred periods",
+            "a time in ps, at most 100 periods",
         )?;
     }
     if captures.is_empty() {
@@ -112,28 +107,31 @@ pub(super) fn check(counter: &Counter, captures: &[Capture], pixels: usize) -> R
     for (index, c) in captures.iter().enumerate() {
         let wrong = |what: String| Err(TemporalError::Capture { index, what });
         if c.pixel >= pixels {
-            return wrong(format!("it is of pixel {}, there are {pixels}", c.pixel));
+            return wrong(format!(
+                "its pixel is {}, but there are only {pixels} pixels",
+                c.pixel
+            ));
         }
         if c.travel_ps.is_nan() || c.travel_ps.abs() > LONGEST_PS {
             return wrong(format!(
-                "its travel time is {}; give the optical path over c in ps, at most 1e12",
+                "its travel time is {}; expected the optical path over c, at most 1e12 ps",
                 c.travel_ps
             ));
         }
         if c.pulses == 0 {
-            return wrong("it is of no pulses; give how many there were".into());
+            return wrong("its number of pulses is 0; set the number of laser pulses".into());
         }
         let whole = counter.mode == Mode::Synchronous && (8..=bins).contains(&c.counts.len());
         if c.counts.len() != bins && !whole {
             return wrong(format!(
-                "it has {} bins, the period {bins}; give all that the counter has",
+                "it has {} bins, but the period has {bins}; pass all bins of the counter",
                 c.counts.len()
             ));
         }
         let sum: u64 = c.counts.iter().map(|n| u64::from(*n)).sum();
         if counter.mode == Mode::Synchronous && sum > c.pulses {
             return wrong(format!(
-                "{sum} counts in {} pulses: a synchronous diode counts one at most",
+                "{sum} counts in {} pulses, but a synchronous diode counts at most one per pulse",
                 c.pulses
             ));
         }

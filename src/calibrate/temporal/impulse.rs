@@ -46,9 +46,9 @@ impl Shape {
     pub fn name(self) -> &'static str {
         match self {
             Self::Width => "width of the response",
-            Self::TailShare => "share of its tail",
-            Self::TailTime => "time constant of its tail",
-            Self::AfterPulsing => "probability of after-pulses",
+            Self::TailShare => "tail fraction",
+            Self::TailTime => "tail time constant",
+            Self::AfterPulsing => "after-pulse probability",
         }
     }
 }

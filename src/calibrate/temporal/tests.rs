@@ -340,7 +340,7 @@ fn tails_that_are_not_there_are_said() {
     let bench = Bench::new(spad, 0.1, 4, &[5000.0], 0.0, 700);
     let found = bench.calibrate(&Options::default()).expect("a calibration");
     assert!(
-        found.untold.iter().any(|w| w.contains("no tail stands out")),
+        found.untold.iter().any(|w| w.contains("no tail is detectable")),
         "{:?}",
         found.untold
     );
@@ -388,15 +388,15 @@ fn what_cannot_be_calibrated_is_said() {
         Err(TemporalError::NoCapture)
     );
     let message = |c: Capture| of(c).expect_err("is bad").to_string();
-    assert!(message(capture(&all, 999)).contains("one at most"));
-    assert!(message(capture(&all, 0)).contains("no pulses"));
+    assert!(message(capture(&all, 999)).contains("at most one per pulse"));
+    assert!(message(capture(&all, 0)).contains("number of pulses is 0"));
     assert!(message(capture(&all[..5], 2000)).contains("5 bins"));
     assert!(
         message(Capture {
             pixel: 1,
             ..capture(&all, 2000)
         })
-        .contains("pixel 1")
+        .contains("pixel is 1")
     );
     for travel_ps in [f64::NAN, f64::INFINITY] {
         assert!(

@@ -152,9 +152,9 @@ pub fn calibrate(
     let period_ps = counter.bin_ps * counter.period_bins as f64;
     if options.start.vector().iter().any(|v| !v.is_finite()) {
         return Err(TemporalError::Counter {
-            what: "response to begin with",
+            what: "initial response",
             value: f64::NAN,
-            need: "finite numbers, as of the data sheet",
+            need: "finite numbers, for example from the data sheet",
         });
     }
     let mut free = options.free.clone();
@@ -162,9 +162,12 @@ pub fn calibrate(
     if counter.mode == Mode::Synchronous || counter.after_pulse_ps.is_none() {
         free.retain(|s| *s != Shape::AfterPulsing);
         untold.push(match counter.mode {
-            Mode::Synchronous => "probability of after-pulses: a synchronous diode shows none".to_owned(),
+            Mode::Synchronous => {
+                "after-pulse probability: a synchronous diode has no after-pulses".to_owned()
+            }
             Mode::FreeRunning => {
-                "probability of after-pulses: without their time they are taken for background".to_owned()
+                "after-pulse probability: without the after-pulse time, after-pulses count as background"
+                    .to_owned()
             }
         });
     }
@@ -221,7 +224,7 @@ pub fn calibrate(
             &without,
         );
         untold.push(format!(
-            "{} and {}: no tail stands out from the Gaussian part; the share is 0",
+            "{} and {}: no tail is detectable beyond the Gaussian part; the fraction is set to 0",
             Shape::TailShare.name(),
             Shape::TailTime.name()
         ));
@@ -268,9 +271,9 @@ pub fn calibrate_with(
         && (0.0..=0.9).contains(&template.after_pulsing);
     if !fits {
         return Err(TemporalError::Counter {
-            what: "measured response's first time",
+            what: "first time of the measured response",
             value: template.first_ps,
-            need: "one within a period, a positive step and finite shares",
+            need: "a time within one period, with a positive step and finite values",
         });
     }
     let none = Matrix4::zeros();
@@ -327,7 +330,7 @@ fn finish(
     let clock = clock(&by_pixel, covariance);
     let mut untold = vec![];
     if clock.is_none() {
-        untold.push("error of the clock: one distance alone is not told from time zero".to_owned());
+        untold.push("clock error: with only one distance it cannot be separated from time zero".to_owned());
     }
     let correction = clock.filter(|_| correct_clock);
     let pixel = |ones: &Vec<One>| {

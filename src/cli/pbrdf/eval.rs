@@ -79,7 +79,7 @@ impl FromStr for Pair {
         let numbers = numbers(text)?;
         match numbers[..] {
             [a, b] => Ok(Self([a, b])),
-            _ => Err(format!("`{text}` is not two numbers with a comma between")),
+            _ => Err(format!("`{text}`: expected two numbers separated by a comma")),
         }
     }
 }
@@ -95,7 +95,7 @@ fn numbers(text: &str) -> Result<Vec<f64>, String> {
     text.split(',')
         .map(|n| match n.trim().parse::<f64>() {
             Ok(v) if v.abs() <= 36_000.0 => Ok(v),
-            _ => Err(format!("`{n}` is not a number in -36000..36000")),
+            _ => Err(format!("`{n}`: expected a number from -36000 to 36000")),
         })
         .collect()
 }
@@ -138,7 +138,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let specimen = Specimen::new(&set, &name, a.uv.0.map(|c| c as f32));
     let subject = Subject {
         set: &set,
-        specimen: specimen.ok_or_else(|| Failure::failed("the material is gone"))?,
+        specimen: specimen.ok_or_else(|| Failure::failed("internal error: material missing"))?,
         name,
     };
     let lobe = match (a.mirror, a.refract) {
@@ -158,7 +158,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             (Some(lobe), _) => What::Lobe(lobe),
             (None, Some(out)) => What::Brdf(out.direction()),
             (None, None) => {
-                return Err(Failure::input("give --out THETA,PHI, or --mirror, or --refract"));
+                return Err(Failure::input("expected --out THETA,PHI, --mirror or --refract"));
             }
         };
         let incoming = a.incoming.unwrap_or(Pair([0.0; 2])).direction();
@@ -194,7 +194,7 @@ fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<String, 
         None if set.names.len() == 1 => set.names.keys().next(),
         None => {
             return Err(Failure::input(format!(
-                "{} holds several materials; choose one with --name: {}",
+                "{} contains several materials; choose one with --name: {}",
                 file.display(),
                 known()
             )));
@@ -202,7 +202,7 @@ fn choose(set: &MaterialSet, file: &Path, name: Option<&str>) -> Result<String, 
     };
     found.cloned().ok_or_else(|| {
         Failure::input(format!(
-            "{} has no material `{}`; it has: {}",
+            "{} has no material `{}`; available: {}",
             file.display(),
             name.unwrap_or_default(),
             known()
@@ -225,7 +225,7 @@ fn directions(path: &Path, lobe: Option<Lobe>) -> Result<Vec<(Direction, What)>,
             ),
             (other, _) => {
                 let wanted = if lobe.is_some() { 2 } else { 4 };
-                return Err(place(format!("{} numbers where {wanted} belong", other.len())));
+                return Err(place(format!("expected {wanted} numbers, got {}", other.len())));
             }
         });
     }
@@ -260,13 +260,13 @@ impl Subject<'_> {
             let (name, lobe) = (
                 &self.name,
                 if lobe == Lobe::Reflected {
-                    "mirror"
+                    "reflection"
                 } else {
-                    "transmit"
+                    "transmission"
                 },
             );
             Failure::input(format!(
-                "material `{name}` does not {lobe} specularly there; give --out for its BRDF"
+                "material `{name}` has no specular {lobe} for this direction; use --out to evaluate its BRDF"
             ))
         })?;
         let matrices: Vec<_> = values.iter().map(|v| plain(v.mueller)).collect();

@@ -71,7 +71,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     if !(1e-6..=1e6).contains(&a.c) {
         return Err(Failure::input(format!(
-            "-c {}: give a positive number, 1e-6 to 1e6",
+            "-c: expected a number from 1e-6 to 1e6, got {}",
             a.c
         )));
     }
@@ -82,7 +82,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     let Some(components) = Components::of(&moments) else {
         return Err(Failure::failed(
-            "the matrices have no principal components; they are too large",
+            "cannot compute the principal components: the matrix elements are too large",
         ));
     };
     let quantity = match a.map {
@@ -123,8 +123,8 @@ fn together(share: &[f64; 16]) -> impl Iterator<Item = f64> {
 fn table(data: &DataSet, c: &Components, quantity: &str) -> String {
     let tally = data.tally();
     let mut text = format!(
-        "{quantity} of {} materials, {} bins; left out: {} holes, {} dark, {} with elements beyond M00\n\
-         component  singular value   explains   together\n",
+        "{quantity} of {} materials, {} bins; excluded: {} without values, {} dark, {} with elements larger than M00\ncomponent  singular \
+         value  explained  cumulative\n",
         data.materials.len(),
         tally.valid,
         tally.holes,
@@ -146,19 +146,19 @@ fn picture(a: &Arguments, data: &DataSet, c: &Components, quantity: &str) -> Res
     let count = usize::from(a.count);
     let mean = Map {
         label: "mean".into(),
-        caption: format!("of {} materials", data.materials.len()),
+        caption: format!("over {} materials", data.materials.len()),
         values: c.mean,
     };
     let component = |(k, sum): (usize, f64)| Map {
         label: format!("component {}", k + 1),
-        caption: format!("{:.2} %, together {:.2} %", 100.0 * c.share[k], 100.0 * sum),
+        caption: format!("{:.2} %, cumulative {:.2} %", 100.0 * c.share[k], 100.0 * sum),
         values: c.scaled[k],
     };
     let shown = together(&c.share).enumerate().take(count).map(component);
     let maps: Vec<Map> = std::iter::once(mean).chain(shown).collect();
     let notes = [
-        "Components times their standard deviation over all bins, with the share of the variance that they explain. \
-         Rows: Stokes out; columns: Stokes in. One scale for all."
+        "Components scaled by their standard deviation over all bins, with the fraction of the variance they explain. Rows: outgoing \
+         Stokes; columns: incoming Stokes. One scale for all."
             .to_owned(),
         format!(
             "{} bins of {} materials at {:?} nm.",

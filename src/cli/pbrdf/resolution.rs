@@ -12,7 +12,7 @@ impl FromStr for Resolution {
         let parts: Option<Vec<usize>> = text.split('x').map(|n| n.trim().parse().ok()).collect();
         match parts.as_deref() {
             Some(&[a, b, c]) if [a, b, c].iter().all(|n| (2..=4096).contains(n)) => Ok(Self([a, b, c])),
-            _ => Err("give three numbers from 2 to 4096, such as 361x91x91".into()),
+            _ => Err("expected three numbers from 2 to 4096, such as 361x91x91".into()),
         }
     }
 }

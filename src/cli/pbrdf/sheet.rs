@@ -41,7 +41,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let set = MaterialSet::load(&a.material)?;
     if spectral_table::nearest_within(set.wavelengths.nm(), a.wavelength).is_none() {
         return Err(Failure::input(format!(
-            "--wavelength {}: the materials are given at {:?} nm",
+            "--wavelength {}: not available; the materials are given at {:?} nm",
             a.wavelength,
             set.wavelengths.nm()
         )));
@@ -54,8 +54,9 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let nm = set.wavelengths.nm();
     let title = format!("Mueller matrices at {} nm", nm[nearest(nm, a.wavelength)]);
     let notes = [
-        "Spheres lit by a projector 45° to the right of the camera and above it; rows of each grid: Stokes out, columns: Stokes in.",
-        "M00 is shown as intensity on a scale of its own; grey: no light.",
+        "Spheres lit by a projector 45° to the right of the camera and above it. Rows of each grid: outgoing Stokes; columns: incoming \
+         Stokes.",
+        "M00 is shown as intensity on its own scale. Grey: no light.",
     ];
     let image = draw(&title, &grids?, a.columns.into(), &notes).map_err(Failure::input)?;
     crate::figure::save(&image, &a.output)?;

@@ -53,7 +53,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::files([a.material.as_ref()], written.iter().map(Some))?;
     let there = a.output.exists();
     std::fs::create_dir_all(&a.output)
-        .map_err(|e| Failure::failed(format!("cannot make {}: {e}", a.output.display())))?;
+        .map_err(|e| Failure::failed(format!("cannot create {}: {e}", a.output.display())))?;
     let bar = ProgressBar::new(names.len() as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
         bar.set_style(style);

@@ -57,7 +57,7 @@ pub fn info(a: &InfoArguments) -> Result<(), Failure> {
         "a sample of"
     };
     text += &format!(
-        "over {of} the entries:\n  nm    known      M00 from        to  mean degree of polarization kept\n"
+        "statistics over {of} entries:\n  nm    known      M00 from        to  mean preserved degree of polarization\n"
     );
     for band in band_statistics(&table) {
         let (nm, share, kept) = (band.nm, 100.0 * band.known, band.kept);
@@ -111,8 +111,8 @@ pub fn plot(a: &PlotArguments) -> Result<(), Failure> {
     let name = a.source.file.file_stem().unwrap_or_default().to_string_lossy();
     let title = format!("{name}, φd = {:.0}°", phi_d[p].to_degrees());
     let notes = [
-        "Each panel: half angle θh from left to right, difference angle θd from the bottom up, both 0° to 90°.",
-        "M00 (BRDF, 1/sr) is shown as intensity, white its 99th percentile; grey: not known.",
+        "Each panel: half angle θh left to right, difference angle θd bottom to top, both 0° to 90°.",
+        "M00 (BRDF, 1/sr) is shown as intensity; white is its 99th percentile. Grey: unknown.",
     ];
     let image = draw(&title, &grids, 3, &notes).map_err(Failure::input)?;
     crate::figure::save(&image, &a.output)?;
@@ -154,7 +154,7 @@ pub fn slice(a: &SliceArguments) -> Result<(), Failure> {
     match a.output.extension().and_then(|e| e.to_str()) {
         Some("npy") => npy(&table, &part, &a.output),
         Some("csv") => csv(&table, &part, &a.output),
-        _ => return Err(Failure::input("the output must end in .npy or .csv")),
+        _ => return Err(Failure::input("the output must have the extension .npy or .csv")),
     }
     .map_err(|e| Failure::failed(format!("cannot write {}: {e}", a.output.display())))?;
     crate::output::print(&a.output.display().to_string())
@@ -166,7 +166,7 @@ fn within(table: &Table, degrees: [Option<f32>; 3], nm: Option<f32>) -> Result<(
         let (first, last) = (nodes[0].to_degrees(), nodes[nodes.len() - 1].to_degrees());
         if let Some(deg) = wanted.filter(|deg| !(first - 1.0..=last + 1.0).contains(deg)) {
             return Err(Failure::input(format!(
-                "--{} {deg}: the table has {first:.1} to {last:.1} degrees",
+                "--{} {deg}: outside the table's range of {first:.1}° to {last:.1}°",
                 name.replace('_', "-")
             )));
         }
@@ -174,7 +174,7 @@ fn within(table: &Table, degrees: [Option<f32>; 3], nm: Option<f32>) -> Result<(
     let bands: Vec<f64> = table.wavelengths_nm().iter().copied().map(f64::from).collect();
     match nm.map(f64::from) {
         Some(nm) if nearest_within(&bands, nm).is_none() => Err(Failure::input(format!(
-            "--wavelength {nm}: the table has bands at {bands:?} nm"
+            "--wavelength {nm}: not in the table; available: {bands:?} nm"
         ))),
         _ => Ok(()),
     }

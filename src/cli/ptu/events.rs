@@ -62,7 +62,7 @@ pub struct FromText {
 
 fn positive(text: &str) -> Result<f64, String> {
     let value = text.parse().ok().filter(|v: &f64| (1e-3..=1e12).contains(v));
-    value.ok_or_else(|| "give a time in picoseconds, 0.001 to 1e12".into())
+    value.ok_or_else(|| "expected a time from 0.001 to 1e12 ps".into())
 }
 
 fn slug(record: RecordType) -> String {
@@ -73,7 +73,7 @@ fn record(text: &str) -> Result<RecordType, String> {
     let found = RecordType::ALL.into_iter().find(|r| slug(*r) == text);
     found.ok_or_else(|| {
         let names: Vec<String> = RecordType::ALL.into_iter().map(slug).collect();
-        format!("there is no such type; choose of {}", names.join(", "))
+        format!("unknown record type; choose from {}", names.join(", "))
     })
 }
 
@@ -136,7 +136,7 @@ fn event(line: &str) -> Option<Event> {
 pub fn write(a: &FromText) -> Result<(), Failure> {
     places::files([Some(&a.events)], [Some(&a.output)])?;
     places::extension(&a.output, "photons are", &["ptu"])?;
-    let fix = "give lines of kind,time,dtime,channel,markers, as `sunstone ptu records` prints them";
+    let fix = "write lines of kind,time,dtime,channel,markers, as `sunstone ptu records` prints them";
     let text = document::read(&a.events, "events", fix)?;
     let description = Description {
         record: a.record,
@@ -151,7 +151,7 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
     };
     if text.trim().is_empty() {
         return Err(Failure::input(format!(
-            "{}: it has no events; {fix}",
+            "{}: the file contains no events; {fix}",
             a.events.display()
         )));
     }
@@ -172,7 +172,7 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
                 help: Some(fix.into()),
             };
             let Some(event) = event(line) else {
-                wrong = Some(refused(format!("`{}` is no event", line.trim())));
+                wrong = Some(refused(format!("`{}` is not an event", line.trim())));
                 return Err(ErrorKind::InvalidInput.into());
             };
             let result = match event {

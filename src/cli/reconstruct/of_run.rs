@@ -21,13 +21,13 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         places::folders(inputs, [Some(&a.output)])?;
         if a.errors.is_some() {
             return Err(Failure::input(
-                "--errors: a store holds the errors beside the matrices; leave it out",
+                "--errors: a store already contains the errors; remove the option",
             ));
         }
     }
     if a.variance.is_some() || a.noise.is_some() && a.prior.is_none() || a.saturation.is_some() {
         return Err(Failure::input(
-            "--variance, --noise, --saturation: a run's detector tells them; leave them out",
+            "--variance, --noise and --saturation come from the run's detector; remove them",
         ));
     }
     let scheme = a.scheme.as_deref().map(load).transpose()?;
@@ -39,7 +39,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     };
     if array && masks.len() != 1 {
         return Err(Failure::input(format!(
-            "an array holds one mask, and the run has {}; choose with --mask, or write a store: -o {}",
+            "an array holds one mask, but the run has {}; choose one with --mask, or write a store: -o {}",
             masks.join(", "),
             a.output.with_extension("zarr").display()
         )));
@@ -60,7 +60,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     }
     if let Some(image) = images.iter().find(|i| i.tally.lost == i.tally.pixels) {
         return Err(Failure::input(format!(
-            "{}: none of the {} pixels of mask {} is determined: the readings that are neither saturated nor missing do not determine 16 elements; nothing is written",
+            "{}: none of the {} pixels of mask {} is determined: unsaturated readings are too few for 16 elements; no file was written",
             a.source.display(),
             image.tally.pixels,
             image.name
@@ -96,7 +96,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     for image in &images {
         let t = image.tally;
         super::super::output::print(&format!(
-            "{:<14} {} pixels, {} without some of their measurements, {} not determined",
+            "{:<14} {} pixels, {} with missing measurements, {} not determined",
             image.name, t.pixels, t.partial, t.lost
         ))?;
     }

@@ -112,7 +112,7 @@ impl<T: PixelNumber> Work<'_, T> {
             self.read(variances, v, first, n)?;
             if v.iter().any(|v| v.get() < 0.0) {
                 return Err(Failure::input(
-                    "--variance: some of them are negative; give squares of noise",
+                    "--variance: some values are negative; expected 0 or more",
                 ));
             }
             weights = Some(&*v);

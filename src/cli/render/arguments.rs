@@ -137,7 +137,7 @@ fn integrator(name: &str) -> Result<Integrator, String> {
         Integrator::Bidirectional,
     ];
     let found = all.into_iter().find(|i| i.name() == name);
-    found.ok_or_else(|| format!("give one of {}", all.map(Integrator::name).join(", ")))
+    found.ok_or_else(|| format!("expected one of {}", all.map(Integrator::name).join(", ")))
 }
 
 /// Parses two integers separated by a character.
@@ -148,7 +148,7 @@ fn pair(text: &str, between: char) -> Option<[u32; 2]> {
 
 /// Parses `K/N`.
 fn share(text: &str) -> Result<Part, String> {
-    let [number, of] = pair(text, '/').ok_or("give K/N, such as 3/8: part 3 of 8")?;
+    let [number, of] = pair(text, '/').ok_or("expected K/N, such as 3/8: part 3 of 8")?;
     let part = Part::Share { number, of };
     part.fault(0).map_or(Ok(part), Err)
 }
@@ -158,7 +158,7 @@ fn tiles(text: &str) -> Result<Part, String> {
     let one = || text.parse().ok().map(|tile| [tile, tile]);
     let [first, last] = pair(text, '-')
         .or_else(one)
-        .ok_or("give A-B, such as 0-31: tiles 0 to 31")?;
+        .ok_or("expected A-B, such as 0-31: tiles 0 to 31")?;
     let part = Part::Tiles { first, last };
     part.fault(u32::MAX).map_or(Ok(part), Err)
 }

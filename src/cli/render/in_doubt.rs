@@ -17,7 +17,7 @@ pub(super) fn in_doubt(path: &Path) -> Result<String, Failure> {
         {
             let percent = 100.0 * doubt.share();
             let told = format!(
-                ", {percent:.1} % of error bars cannot be trusted yet in slice {name} (sunstone info tells of all)"
+                ", {percent:.1} % unreliable error estimates (too few samples) in slice {name} (see sunstone info)"
             );
             most = (doubt.share(), told);
         }

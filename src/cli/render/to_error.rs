@@ -23,7 +23,7 @@ fn about(standing: &Standing, goal: &Goal) -> String {
         || format!("round {round}: "),
         |error| {
             format!(
-                "round {round}, error so far {} of {}: ",
+                "round {round}, current error {} (target {}): ",
                 percent(error),
                 percent(goal.error)
             )
@@ -67,7 +67,7 @@ pub(super) fn run(
         }
         None if a.part.is_some() => {
             return Err(Failure::input(
-                "--part with --target-error is a part of a round: add --rounds FOLDER and --round K",
+                "--part with --target-error needs --rounds FOLDER and --round K",
             ));
         }
         None => to_error.render(scene, target),
@@ -76,7 +76,7 @@ pub(super) fn run(
     progress.clear();
     if !summary.complete {
         return Err(Failure::Interrupted(format!(
-            "stopped after {} of {} tiles of a round; to go on:\n  {}",
+            "stopped after {} of {} tiles of a round; to resume:\n  {}",
             summary.tiles_done,
             summary.tiles,
             again(a, target)
@@ -91,7 +91,7 @@ pub(super) fn run(
             "{store}: part of round {round}, {} tiles, {} samples, {:.1} s",
             summary.tiles, summary.samples, summary.wall_s
         ),
-        (None, None) => format!("{store}: was complete already"),
+        (None, None) => format!("{store}: already complete"),
         (None, Some(standing)) => told(&summary, &standing, &goal, scene, a, target)?,
     })?;
     if !a.no_figures && a.target.round.is_none() {
@@ -116,7 +116,7 @@ fn told(
     };
     let missed = if standing.next == Next::Exhausted {
         format!(
-            ": more than {}, with the most samples that pixels may have (--most-spp {})",
+            ", above the target of {}: pixels reached the sample limit (--most-spp {})",
             percent(goal.error),
             goal.most
         )
@@ -125,8 +125,8 @@ fn told(
     };
     let rate = summary.samples as f64 / summary.wall_s.max(1e-9) / 1e6;
     Ok(format!(
-        "{}: {} slices, error {} ({of} lit pixels of slice {}){missed}, after {} rounds of {:.0} spp in the mean, where one number for \
-         all would be about {:.0}; {:.1} s, {rate:.2} Msamples/s, {} samples discarded{}",
+        "{}: {} slices, error {} ({of} lit pixels of slice {}){missed}, after {} rounds with {:.0} spp on average (uniform sampling: \
+         about {:.0}); {:.1} s, {rate:.2} Msamples/s, {} samples discarded{}",
         target.path.display(),
         scene.slices.len(),
         percent(standing.error.unwrap_or(0.0)),

@@ -43,11 +43,11 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         samples.extend(run.samples().map_err(Failure::input)?);
     }
     let Some(first) = samples.first() else {
-        return Err(Failure::input("give runs of known samples"));
+        return Err(Failure::input("expected runs of known samples"));
     };
     for s in samples.iter().filter(|s| s.left_out > 0) {
         eprintln!(
-            "note: {}: {} of {} readings left out: saturated, or unknown",
+            "note: {}: {} of {} readings excluded: saturated or unknown",
             s.name, s.left_out, s.readings
         );
     }
@@ -57,7 +57,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         if word.is_empty() || !all.iter().any(|p| names(p).contains(word.as_str())) {
             let known: Vec<String> = all.iter().map(names).collect();
             return Err(Failure::input(format!(
-                "--free: nothing is called `{word}`; there are {}",
+                "--free: unknown parameter `{word}`; available: {}",
                 known.join(", ")
             )));
         }
@@ -84,7 +84,9 @@ fn table(found: &Calibrated) -> String {
         .unwrap_or(0);
     let mut text = String::new();
     for f in &found.found {
-        let sigma = f.sigma.map_or("not told".to_owned(), |s| format!("± {s:.5}"));
+        let sigma = f
+            .sigma
+            .map_or("not determined".to_owned(), |s| format!("± {s:.5}"));
         text.push_str(&format!(
             "{:<width$}  {:>10.5}{} {sigma}\n",
             f.name,
@@ -93,11 +95,11 @@ fn table(found: &Calibrated) -> String {
         ));
     }
     text.push_str(&format!(
-        "chi squared {:.1} over {} degrees of freedom\n",
+        "chi-squared {:.1}, {} degrees of freedom\n",
         found.fit.chi_squared, found.fit.freedom
     ));
     for words in &found.untold {
-        text.push_str(&format!("not told: {words}\n"));
+        text.push_str(&format!("not determined: {words}\n"));
     }
     text
 }

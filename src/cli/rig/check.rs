@@ -76,7 +76,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }
         for (name, report) in &reports {
             let good = report.0.len() - report.faults().count();
-            lines.push(format!("{name:<14} keeps {good} of {} promises", report.0.len()));
+            lines.push(format!("{name:<14} passes {good} of {} checks", report.0.len()));
             for check in report.faults() {
                 failed.push(format!(
                     "{name}: {}: {}",

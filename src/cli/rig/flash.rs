@@ -31,7 +31,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     places::folders(session.inputs.iter().map(Some), [Some(&a.output)])?;
     if a.output.exists() {
         return Err(Failure::input(format!(
-            "{}: it already exists; name a new folder",
+            "{}: already exists; choose a new folder",
             a.output.display()
         )));
     }
@@ -39,14 +39,14 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let [w, h] = SIZE;
     if steps.patterns.is_empty() || steps.patterns.iter().any(|p| [p.width, p.height] != SIZE) {
         return Err(Failure::input(format!(
-            "{}: its projector's patterns are not of {w} x {h} pixels; give the rig's [projector] size = [{w}, {h}]",
+            "{}: the projector's patterns are not {w} x {h} pixels; set [projector] size = [{w}, {h}] in the rig file",
             a.plan.display()
         )));
     }
     let images = flash::images(&steps.patterns);
     for (i, rgb) in images.iter().enumerate() {
         let path = a.output.join(format!("flash_{i:02}.png"));
-        let bytes = flash::to_png(rgb).ok_or_else(|| Failure::failed("an image cannot be written as PNG"))?;
+        let bytes = flash::to_png(rgb).ok_or_else(|| Failure::failed("cannot encode an image as PNG"))?;
         whole_file::write(&path, &bytes).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     }
     super::super::output::print(&format!(

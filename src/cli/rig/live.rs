@@ -51,7 +51,7 @@ impl Live {
         // The remaining frames are assumed to take the mean time of the previous ones.
         let left = p.elapsed.as_secs_f64() / taken * f64::from(p.frames - p.done);
         let text = format!(
-            "{rate:.1} frames/s, {} left on the rig, {} tries again  {}",
+            "{rate:.1} frames/s, {} left, {} retries  {}",
             super::session::time(left),
             p.retries,
             histogram(p.last)
@@ -95,7 +95,7 @@ pub struct Rendering<'a>(pub &'a AtomicBool);
 impl Watch for Rendering<'_> {
     fn tile_done(&self, s: &Summary) {
         if s.tiles_done == 1 {
-            eprintln!("rendering what the bench plays: {} tiles", s.tiles);
+            eprintln!("rendering the bench's tensor: {} tiles", s.tiles);
         }
     }
 

@@ -64,7 +64,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         }
         if output.exists() && !a.resume && !a.force {
             return Err(Failure::input(format!(
-                "{} already exists: go on with it with `--resume`, replace it with `--force`, or choose another `-o`",
+                "{} already exists: resume it with `--resume`, replace it with `--force`, or choose another `-o`",
                 output.display()
             )));
         }
@@ -73,7 +73,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!("finishing the frame in flight (press Ctrl-C again to stop at once)");
+        eprintln!("finishing the current frame (press Ctrl-C again to exit immediately)");
     });
     let begun = Instant::now();
     let mut rig = session.assemble(&[], a.dry_run, Path::new(BENCH), &Rendering(&INTERRUPTED))?;
@@ -92,7 +92,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let (store, recovered) = session.begin(output, &steps, existing, a.sample.as_deref())?;
     if recovered.frames > 0 {
         eprintln!(
-            "{} of {} frames are there; going on",
+            "{} of {} frames exist; resuming",
             recovered.frames,
             steps.frames()
         );
@@ -104,19 +104,19 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     live.end();
     let outcome = outcome.map_err(|e| match e {
         RunError::Interrupted => Failure::Interrupted(format!(
-            "stopped; to go on:\n  sunstone rig run {} --resume -o {}",
+            "stopped; to resume:\n  sunstone rig run {} --resume -o {}",
             a.plan.display(),
             output.display()
         )),
         RunError::Instrument(failure) => Failure::failed(format!(
-            "{failure}\nall frames until then are safe in {}; --resume goes on",
+            "{failure}\nall earlier frames are saved in {}; resume with --resume",
             output.display()
         )),
         RunError::Disk(e) => Failure::failed(e),
     })?;
     run_store::finish(output, &steps).map_err(Failure::failed)?;
     super::super::output::print(&format!(
-        "{}: {} frames in {} of the rig's time, {} tries again, {:.1} s in all",
+        "{}: {} frames in {} of rig time, {} retries, {:.1} s in total",
         output.display(),
         outcome.taken,
         time(outcome.elapsed.as_secs_f64()),

@@ -53,7 +53,8 @@ pub(super) fn stand_in(session: &Prepared) -> Result<Rig, Failure> {
 pub(super) fn summary(scheme: &Scheme, steps: &Steps, rig: &Rig) -> String {
     let cost = steps.cost(rig);
     let mut text = format!(
-        "plan       {}\nrig        {}\nscheme     {}, {} captures\nframes     {}\nduration   {} on the rig, {} of it moving\nraw bytes  {:.1} MB\n",
+        "plan       {}\nrig        {}\nscheme     {}, {} captures\nframes     {}\nduration   {} of rig time, {} of it moving\nraw data   \
+         {:.1} MB\n",
         steps.plan.name,
         rig.name,
         scheme.name,
@@ -65,7 +66,7 @@ pub(super) fn summary(scheme: &Scheme, steps: &Steps, rig: &Rig) -> String {
     );
     for mask in &steps.masks {
         text.push_str(&format!(
-            "mask       {}, {} frames a capture and exposure\n",
+            "mask       {}, {} frames per capture and exposure\n",
             mask.name,
             mask.shots.len()
         ));

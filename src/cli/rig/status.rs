@@ -19,7 +19,7 @@ pub struct Arguments {
 pub fn run(a: &Arguments) -> Result<(), Failure> {
     if !is_frames(&a.store) {
         return Err(Failure::input(format!(
-            "{}: there is no store of a run; `sunstone rig run PLAN -o STORE` makes one",
+            "{}: not the store of a run; create one with `sunstone rig run PLAN -o STORE`",
             a.store.display()
         )));
     }
@@ -30,7 +30,7 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
         Event::Frame(_) => {}
         Event::Begin { frame, .. } => {
             begins += 1;
-            lines.push(format!("begun at frame {frame}"));
+            lines.push(format!("started at frame {frame}"));
         }
         Event::Retry {
             frame,
@@ -41,13 +41,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             lines.push(format!("{:>9}  frame {frame}: {failure}", time(run_s)));
         }
         Event::Suspend { frame, why, run_s } => {
-            lines.push(format!("{:>9}  frame {frame}: waits, {why}", time(run_s)));
+            lines.push(format!("{:>9}  frame {frame}: suspended, {why}", time(run_s)));
         }
         Event::ClockJump { by_s, run_s } => {
-            lines.push(format!(
-                "{:>9}  the wall's clock jumped by {by_s:.0} s",
-                time(run_s)
-            ));
+            lines.push(format!("{:>9}  system clock jumped by {by_s:.0} s", time(run_s)));
         }
         Event::End { .. } => lines.push("ended".into()),
     })
@@ -56,10 +53,10 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let state = if finished {
         "finished"
     } else {
-        "not finished: --resume goes on"
+        "not finished; resume with --resume"
     };
     let mut text = format!(
-        "{}: {} frames, {state}\n{begins} begins, {retries} tries again\n",
+        "{}: {} frames, {state}\n{begins} starts, {retries} retries\n",
         a.store.display(),
         records.len()
     );

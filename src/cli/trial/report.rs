@@ -99,7 +99,7 @@ pub fn curve(rows: &[SchemeResult]) -> Chart {
         add_point(&mut series, kind, (row.captures as f64, row.rmse), row.rmse_error);
     }
     Chart {
-        title: "Error of reconstruction against captures".to_owned(),
+        title: "Reconstruction error against number of captures".to_owned(),
         x: ChartAxis {
             label: "captures".to_owned(),
             ..ChartAxis::default()

@@ -107,7 +107,7 @@ fn values_that_a_log_axis_cannot_show_are_counted() {
     let note = left_out(&chart).unwrap();
     assert_eq!(
         note,
-        "2 points at or below zero are not on the logarithmic vertical axis."
+        "2 points at or below 0 are not shown on the logarithmic vertical axis."
     );
     let with = draw(&chart).unwrap();
     chart.series[0].points.drain(..2);
@@ -185,13 +185,13 @@ fn what_cannot_be_drawn_is_refused() {
     assert!(message(&square(vec![series("a", &nowhere, SeriesStyle::Line, 0)])).contains("one point"));
     let mut short = series("b", &[(1.0, 1.0)], SeriesStyle::Line, 0);
     short.errors = Some(vec![]);
-    assert!(message(&square(vec![short])).contains("0 values long for `b`"));
+    assert!(message(&square(vec![short])).contains("a list of 0 values for `b`"));
     let mut chart = square(vec![series("", &[(1.0, 1.0)], SeriesStyle::Line, 0)]);
     chart.y.range = Some((2.0, 1.0));
     assert!(message(&chart).contains("`y range`"));
     chart.y = axis("", true, None);
     chart.series[0].points = vec![(1.0, -1.0)];
-    assert!(message(&chart).contains("above zero"));
+    assert!(message(&chart).contains("above 0"));
 }
 
 /// Charts of every style on both kinds of axis have a useful size and contain their text, and drawing is

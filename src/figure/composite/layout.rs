@@ -206,7 +206,7 @@ pub fn layout(figure: &Composite) -> Result<Layout, FigureError> {
         2.0 * EDGE + head + lefts.iter().sum::<f64>() + rights.iter().sum::<f64>() + (n - 1) as f64 * GAP;
     let p = (figure.width_mm - taken) / n as f64;
     if p < 4.0 {
-        let must = "so few that pictures are at least 4 millimetres wide";
+        let must = "small enough for pictures of at least 4 mm width";
         return Err(FigureError::option("columns", n, must));
     }
     // Left edge of each column's image.

@@ -142,12 +142,12 @@ impl Inset {
         let inside = |from: f64, size: f64| from >= 0.0 && size > 0.0 && from + size <= 1.0 + 1e-9;
         if !inside(x, w) || !inside(y, h) {
             let value = format!("{:?}", self.crop);
-            let must = "[x, y, width, height] within the picture, whose sides are 1";
+            let must = "[x, y, width, height] within the picture, as fractions of its sides";
             return Err(FigureError::option("crop", value, must));
         }
         let large = self.magnify * w.max(h);
         if !(self.magnify >= 1.0 && large <= 1.0 + 1e-9) {
-            let must = "at least 1, and so small that the inset fits into the picture";
+            let must = "at least 1, and small enough for the inset to fit into the picture";
             return Err(FigureError::option("magnify", self.magnify, must));
         }
         Ok(())
@@ -175,7 +175,7 @@ impl Composite {
         let option = |option, value: String, must| Err(FigureError::option(option, value, must));
         let [least, most] = WIDTHS_MM;
         if !(least..=most).contains(&self.width_mm) {
-            return option("width", self.width_mm.to_string(), "30 to 400 millimetres");
+            return option("width", self.width_mm.to_string(), "30 to 400 mm");
         }
         if !(1..=MOST_COLUMNS).contains(&self.columns) {
             return option("columns", self.columns.to_string(), "1 to 16");

@@ -46,7 +46,7 @@ fn options_out_of_range_are_named() {
         |_| 1.0,
     );
     let m = message(&View::SpaceTime(map_view(2, [0, 0], None)), &t);
-    assert!(m.contains("2 camera rows") && m.contains("choose 0 to 1"), "{m}");
+    assert!(m.contains("2 camera rows") && m.contains("use 0 to 1"), "{m}");
     assert!(message(&View::SpaceTime(map_view(0, [0, 4], None)), &t).contains("index 4"));
     assert!(message(&flight_view(0), &t).contains("`frames`"));
     assert!(message(&profile_view([f64::NAN, 0.0], [0, 0]), &t).contains("`pixel`"));

@@ -31,10 +31,10 @@ pub struct RankError {
 
 fn fix(captures: usize, least: usize) -> String {
     if captures < least {
-        format!("with its sensor it takes at least {least} captures, or a prior (--prior)")
+        format!("use at least {least} captures with this sensor, or a prior (--prior)")
     } else {
         format!(
-            "{least} captures could: choose more different settings (`sunstone learn` does), or a prior (--prior)"
+            "{least} captures can be enough: choose more different settings (for example with `sunstone learn`), or use a prior (--prior)"
         )
     }
 }

@@ -19,12 +19,10 @@ pub const DEFAULT_NM: f64 = 550.0;
 
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageError {
-    #[error("{0}; give nanometres, as in 450,550,660")]
+    #[error("invalid wavelength {0}; expected nanometres, such as 450,550,660")]
     Wavelength(f64),
     /// The last axis does not match the wavelengths.
-    #[error(
-        "the last axis before the matrices, of shape {shape:?}, is not as long as the {wavelengths} wavelengths"
-    )]
+    #[error("expected {wavelengths} wavelengths on the last axis before the matrices, got shape {shape:?}")]
     Wavelengths {
         /// Lengths of the axes before the two Stokes axes.
         shape: Vec<usize>,
@@ -32,14 +30,13 @@ pub enum ImageError {
     },
     /// Light is resolved along an axis that no sensor distinguishes.
     #[error(
-        "the slice has an axis {0}, along which no sensor tells light apart; choose an entry with -k {0}=0, or a slice that \
-         is summed over it"
+        "the slice has an axis {0}, which sensors cannot resolve; select an entry with -k {0}=0, or use a slice summed over it"
     )]
     Parts(&'static str),
-    #[error("there are no matrices; keep at least one of each axis")]
+    #[error("there are no matrices; keep at least one entry of each axis")]
     Empty,
     /// The number of elements does not match the shape.
-    #[error("{found} elements do not fill the shape {shape:?} of matrices of 16")]
+    #[error("{found} elements do not fill matrices of shape {shape:?} with 16 elements each")]
     Elements {
         /// Lengths of the axes before the two Stokes axes.
         shape: Vec<usize>,
@@ -47,12 +44,12 @@ pub enum ImageError {
     },
     /// Binning and superpixels need two rows and two columns.
     #[error(
-        "an image of {height} x {width} is too small for binning or demosaicking; take out `binning` and `demosaic`"
+        "an image of {height} x {width} is too small for binning or demosaicking; remove `binning` and `demosaic`"
     )]
     TooSmall { height: usize, width: usize },
     /// A photon counter needs time bins, and the image has none.
     #[error(
-        "a [spad] counts photons in time bins; capture a slice with time bins and no projector axes, or give a [cmos]"
+        "a [spad] counts photons in time bins; use a slice with time bins and without projector axes, or use [cmos]"
     )]
     NoTimeBins,
     /// The time bins of counter and image differ.

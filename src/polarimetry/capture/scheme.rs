@@ -54,9 +54,7 @@ impl Sensor {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum SchemeError {
     /// Lists of settings differ in length.
-    #[error(
-        "the settings of `{name}` are {found}, but those of `{other}` are {want}; give one for each capture"
-    )]
+    #[error("`{name}` has {found} settings, but `{other}` has {want}; list one setting per capture")]
     Lengths {
         name: String,
         /// Number of its settings.
@@ -66,9 +64,9 @@ pub enum SchemeError {
         /// Number of the other element's settings.
         want: usize,
     },
-    #[error("a scheme has at least one capture; give settings for it")]
+    #[error("the scheme has no captures; add at least one setting")]
     Empty,
-    #[error("the setting of `{name}` at capture {capture} is not a finite number; fix it")]
+    #[error("the setting of `{name}` at capture {capture} is not a finite number; correct it")]
     NotFinite {
         name: String,
         /// The capture, counted from 0.

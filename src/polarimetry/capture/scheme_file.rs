@@ -42,7 +42,7 @@ use std::path::Path;
 /// # Errors
 /// [`InputError`] with file, line, column and fix.
 pub fn load(path: &Path) -> Result<Scheme, InputError> {
-    let fix = "make one: sunstone scheme drr -k 36 -o scheme.toml";
+    let fix = "create one: sunstone scheme drr -k 36 -o scheme.toml";
     let text = document::read(path, "scheme", fix)?;
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         from_csv(path, &text)
@@ -63,7 +63,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let file: SchemeFile = document::parse(path, text, |message| {
         let missing = message.contains("missing field `sensor`");
         let calibration = if missing {
-            "; `sunstone rig calibrate` puts a scheme into a calibration's file"
+            "; `sunstone rig calibrate` adds a scheme to a calibration file"
         } else {
             ""
         };
@@ -79,15 +79,15 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
     );
     let name = file.name.clone().unwrap_or_else(|| stem(path));
     let mut scheme = Scheme::new(&name, generator, analyzer, place.sensor(&file.sensor)?)
-        .map_err(|e| place.error(None, e.to_string(), "settings are lists of the same length"))?;
+        .map_err(|e| place.error(None, e.to_string(), "use lists of settings with equal lengths"))?;
     if let Some(source) = &file.source {
         let [s0, s1, s2, s3] = **source;
         let polarized = (s1 * s1 + s2 * s2 + s3 * s3).sqrt();
         if !(s0 > 0.0 && polarized <= s0 * (1.0 + 1e-9) && s0 <= 1e12) {
             return Err(place.error(
                 Some(source.span()),
-                "`source` is no Stokes vector".to_owned(),
-                "give [s0, s1, s2, s3] with 0 < s0 ≤ 1e12 and s1² + s2² + s3² ≤ s0²",
+                "`source` is not a physical Stokes vector".to_owned(),
+                "set [s0, s1, s2, s3] with 0 < s0 ≤ 1e12 and s1² + s2² + s3² ≤ s0²",
             ));
         }
         scheme.source = **source;
@@ -104,15 +104,23 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Scheme, InputError> {
             ];
             for (result, field) in checks {
                 result.map_err(|must| {
-                    place.error(None, format!("`coaxial.{name}.{field}` {must}"), "fix it")
+                    place.error(
+                        None,
+                        format!("`coaxial.{name}.{field}` {must}"),
+                        "correct the value",
+                    )
                 })?;
             }
         }
         if let Some(galvo) = &coaxial.galvo {
             for (value, field) in [(&galvo.n, "n"), (&galvo.k, "k")] {
-                value
-                    .check(0.0, 1e6)
-                    .map_err(|must| place.error(None, format!("`coaxial.galvo.{field}` {must}"), "fix it"))?;
+                value.check(0.0, 1e6).map_err(|must| {
+                    place.error(
+                        None,
+                        format!("`coaxial.galvo.{field}` {must}"),
+                        "correct the value",
+                    )
+                })?;
             }
         }
         scheme.coaxial = Some(coaxial.clone());

@@ -272,7 +272,7 @@ impl Job<'_> {
     fn camera(&self, camera: &Cmos, method: Option<Method>) -> Result<Captured, DetectorError> {
         camera.check()?;
         if method.is_some() {
-            let need = "1 where a mosaic of polarizers is taken apart";
+            let need = "1 where a polarizer mosaic is demosaicked";
             demand("binning", f64::from(camera.binning), camera.binning == 1, need)?;
         }
         let halved = camera.binning == 2 || method == Some(Method::Superpixel);

@@ -50,7 +50,7 @@ impl SpectralValue {
             Self::Table(rows) => {
                 let rising = rows.windows(2).all(|w| w[0][0] < w[1][0]);
                 if rows.is_empty() || !rising || rows.iter().any(|row| !(row[0] > 0.0 && row[0] <= 1e6)) {
-                    return Err("must have rows [nm, value] in rising order of nm, above 0".to_owned());
+                    return Err("must have rows [nm, value] with positive, increasing nm".to_owned());
                 }
                 rows.iter().all(|row| inside(row[1]))
             }
@@ -58,7 +58,7 @@ impl SpectralValue {
         if ok {
             Ok(())
         } else {
-            Err(format!("must lie from {low} to {high}"))
+            Err(format!("must be from {low} to {high}"))
         }
     }
 }

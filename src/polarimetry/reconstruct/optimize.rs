@@ -83,7 +83,7 @@ impl<F: Smooth> Remembered<'_, F> {
             return Ok((*value, gradient.clone()));
         }
         if self.f.is_unwanted() {
-            return Err(Error::msg("it is not wanted any more"));
+            return Err(Error::msg("the optimization was stopped"));
         }
         let (mut value, gradient) = self.f.evaluate(x);
         if value.is_finite() {
@@ -91,7 +91,7 @@ impl<F: Smooth> Remembered<'_, F> {
         } else {
             value = BAD;
             if self.walls.fetch_add(1, Ordering::Relaxed) >= MOST_WALLS {
-                return Err(Error::msg("the function has no value near its last point"));
+                return Err(Error::msg("the function has no finite value near its last point"));
             }
         }
         let mut best = self

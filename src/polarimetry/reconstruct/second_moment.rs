@@ -92,7 +92,7 @@ struct SecondMomentOut<'a> {
     second_moment: Vec<Vec<f64>>,
 }
 
-const FIX: &str = "make one: sunstone pbrdf pca --prior prior.toml -o components.png";
+const FIX: &str = "create one: sunstone pbrdf pca --prior prior.toml -o components.png";
 
 /// Reads a second moment.
 ///
@@ -114,7 +114,7 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
     let rows = &file.second_moment;
     let wrong = |message: &str| Err(error(Some(rows.span()), message.to_owned()));
     if rows.len() != 16 || rows.iter().any(|row| row.len() != 16) {
-        return wrong("`second_moment` is not 16 rows of 16 numbers");
+        return wrong("expected 16 rows of 16 numbers in `second_moment`");
     }
     let s = Moment::from_fn(|i, j| rows[i][j]);
     match fault(&s) {
@@ -128,7 +128,7 @@ pub fn load(path: &Path) -> Result<Moment, InputError> {
 pub fn fault(s: &Moment) -> Option<&'static str> {
     let most = s.amax();
     if !s.iter().all(|v| v.is_finite()) {
-        return Some("has an element that is no finite number");
+        return Some("has an element that is not finite");
     }
     if (s - s.transpose()).amax() > 1e-9 * most {
         return Some("is not symmetric");
@@ -168,7 +168,7 @@ mod tests {
             std::fs::write(&path, text).expect("space");
             load(&path).expect_err("a fault").to_string()
         };
-        assert!(fault("second_moment = [[1.0]]").contains("prior.toml:1:17: `second_moment` is not 16 rows"));
+        assert!(fault("second_moment = [[1.0]]").contains("prior.toml:1:17: expected 16 rows"));
         let of = |f: &dyn Fn(usize, usize) -> f64| {
             let rows: Vec<Vec<f64>> = (0..16).map(|i| (0..16).map(|j| f(i, j)).collect()).collect();
             format!("second_moment = {rows:?}")

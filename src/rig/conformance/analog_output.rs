@@ -17,61 +17,61 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
         && slow > 0.0
         && slow <= fast
         && limits.samples > 0;
-    report.check("has limits that can be", want(sane, || format!("{limits:?}")));
+    report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
     let half = (least + most) / 2.0;
     report.check(
-        "takes nothing before it is set",
+        "refuses data before it is configured",
         fails(card.write(&[vec![half]]), Fault::Refused),
     );
     report.check(
-        "starts nothing that was not written",
+        "refuses to start without data",
         fails(card.start(), Fault::Refused),
     );
     report.check(
-        "waits for nothing that was not started",
+        "refuses to wait when nothing was started",
         fails(card.wait(Duration::from_millis(10)), Fault::Refused),
     );
     // Choose a rate at which a third of a second fits into the card's memory.
     let rate_hz = (limits.samples as f64 * 3.0).min(1000.0).clamp(slow, fast);
     let set = |channels: Vec<usize>, rate_hz: f64| AnalogSettings { channels, rate_hz };
     for (name, settings) in [
-        (
-            "refuses a channel that it has not",
-            set(vec![limits.channels], rate_hz),
-        ),
-        ("refuses a channel twice", set(vec![0, 0], rate_hz)),
-        ("refuses no channels", set(vec![], rate_hz)),
-        ("refuses a rate beyond its own", set(vec![0], fast * 1.01)),
-        ("refuses a rate that is none", set(vec![0], f64::NAN)),
+        ("refuses an unknown channel", set(vec![limits.channels], rate_hz)),
+        ("refuses a duplicate channel", set(vec![0, 0], rate_hz)),
+        ("refuses an empty channel list", set(vec![], rate_hz)),
+        ("refuses a rate above the limit", set(vec![0], fast * 1.01)),
+        ("refuses a rate of NaN", set(vec![0], f64::NAN)),
     ] {
         report.check(name, fails(card.configure(&settings, SHORT), Fault::Limit));
     }
     report.check(
-        "is set to what it can do",
+        "accepts a valid configuration",
         good(card.configure(&set(vec![0], rate_hz), SHORT)),
     );
     for (name, buffer) in [
-        ("refuses a list too many", vec![vec![half]; 2]),
+        ("refuses more lists than channels", vec![vec![half]; 2]),
         ("refuses an empty buffer", vec![vec![]]),
-        ("refuses more than it holds", vec![vec![half; limits.samples + 1]]),
-        ("refuses volts beyond its range", vec![vec![half, most + 0.1]]),
-        ("refuses what is no voltage", vec![vec![f64::NAN]]),
+        (
+            "refuses a buffer that is too long",
+            vec![vec![half; limits.samples + 1]],
+        ),
+        ("refuses voltages outside its range", vec![vec![half, most + 0.1]]),
+        ("refuses a voltage of NaN", vec![vec![f64::NAN]]),
     ] {
         report.check(name, fails(card.write(&buffer), Fault::Limit));
     }
     let long = vec![vec![half; ((0.3 * rate_hz) as usize).clamp(1, limits.samples)]];
     report.check(
-        "puts out all of its range",
+        "outputs its full range",
         good(card.write(&[vec![least, most, half]]))
             .and_then(|()| good(card.start()))
             .and_then(|()| good(card.wait(LONG))),
     );
     report.check(
-        "puts it out again",
+        "outputs the same buffer again",
         good(card.start()).and_then(|()| good(card.wait(LONG))),
     );
     report.check(
-        "one buffer at a time",
+        "refuses a second buffer during the first",
         good(card.write(&long)).and_then(|()| {
             good(card.start())?;
             fails(card.start(), Fault::Refused)?;
@@ -80,14 +80,14 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
         }),
     );
     report.check(
-        "a deadline that is too short is a timeout, and the buffer goes on",
+        "reports a timeout at a short deadline and continues the buffer",
         good(card.start()).and_then(|()| {
             fails(card.wait(Duration::from_millis(1)), Fault::Timeout)?;
             good(card.wait(LONG))
         }),
     );
     report.check(
-        "stops on the way, and at rest",
+        "stops during a buffer and at rest",
         good(card.start()).and_then(|()| {
             good(card.stop(SHORT))?;
             good(card.stop(SHORT))?;
@@ -95,7 +95,7 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
         }),
     );
     report.check(
-        "goes on after that",
+        "outputs after a stop",
         good(card.start()).and_then(|()| good(card.wait(LONG))),
     );
     report

@@ -11,9 +11,9 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
     common(counter, &mut report);
     let limits = counter.limits();
     let sane = limits.bins > 0 && limits.finest_ps > 0.0 && limits.full > 0;
-    report.check("has limits that can be", want(sane, || format!("{limits:?}")));
+    report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
     report.check(
-        "counts nothing before it is set",
+        "refuses to count before it is configured",
         fails(counter.begin(), Fault::Refused),
     );
     let settings = |bins: usize| CounterSettings {
@@ -26,7 +26,7 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
     let mut last = None;
     for bins in [1, limits.bins.min(100)] {
         report.check(
-            "counts as many bins as it is set to",
+            "returns the configured number of bins",
             good(counter.configure(&settings(bins), SHORT))
                 .and_then(|()| good(counter.begin()))
                 .and_then(|()| good(counter.finish(SHORT)))
@@ -45,11 +45,11 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
     };
     match limits.tags {
         None => report.check(
-            "refuses to give time tags that it has not",
+            "refuses time tags that it does not support",
             fails(counter.configure(&tagged, SHORT), Fault::Limit),
         ),
         Some(record) => report.check(
-            "gives time tags of its pulses, in their order, and no counts",
+            "returns time tags of its pulses in order, without counts",
             good(counter.configure(&tagged, SHORT))
                 .and_then(|()| good(counter.begin()))
                 .and_then(|()| good(counter.finish(SHORT)))
@@ -73,34 +73,34 @@ pub fn photon_counter(counter: &mut dyn PhotonCounter) -> Report {
         ),
     }
     report.check(
-        "one acquisition at a time",
+        "refuses a second acquisition during the first",
         good(counter.begin()).and_then(|()| {
             fails(counter.begin(), Fault::Refused)?;
             good(counter.finish(SHORT)).map(drop)
         }),
     );
     report.check(
-        "has no histogram that was not begun",
+        "refuses to return a histogram without an acquisition",
         fails(counter.finish(Duration::from_millis(10)), Fault::Refused),
     );
     report.check(
-        "refuses more bins than it has",
+        "refuses more bins than the limit",
         fails(counter.configure(&settings(limits.bins + 1), SHORT), Fault::Limit),
     );
     report.check(
-        "refuses no bins",
+        "refuses 0 bins",
         fails(counter.configure(&settings(0), SHORT), Fault::Limit),
     );
     let mut bad = settings(1);
     bad.bin_ps = f64::NAN;
     report.check(
-        "refuses bins that are no time",
+        "refuses an invalid bin width",
         fails(counter.configure(&bad, SHORT), Fault::Limit),
     );
     let mut slow = settings(1);
     slow.dwell = Duration::from_millis(300).min(limits.longest);
     report.check(
-        "a deadline that is too short is a timeout, and the histogram comes still",
+        "reports a timeout at a short deadline and delivers the histogram later",
         good(counter.configure(&slow, SHORT))
             .and_then(|()| good(counter.begin()))
             .and_then(|()| {

@@ -88,11 +88,11 @@ fn liars_are_found() {
     assert_eq!(
         names,
         [
-            "says who it is",
-            "shines at its rates",
-            "refuses other rates",
-            "refuses other rates",
-            "goes off"
+            "reports its identity",
+            "emits at its lowest and highest rates",
+            "refuses rates outside its limits",
+            "refuses rates outside its limits",
+            "turns off"
         ]
     );
 }

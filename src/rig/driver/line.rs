@@ -8,10 +8,10 @@ use std::time::Duration;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError {
     /// Nothing arrived before the deadline.
-    #[error("no answer before the deadline")]
+    #[error("no reply before the deadline")]
     Timeout,
     /// The line is closed or disconnected.
-    #[error("the line is gone: {0}")]
+    #[error("connection lost: {0}")]
     Gone(String),
 }
 
@@ -93,7 +93,7 @@ impl Line for SerialLine {
             .map_err(std::io::Error::from)
             .and_then(|()| port.read(&mut buffer));
         match got {
-            Ok(0) => Err(self.gone("it was closed")),
+            Ok(0) => Err(self.gone("the port was closed")),
             Ok(n) => Ok(buffer[..n].to_vec()),
             Err(e) if e.kind() == ErrorKind::TimedOut => Err(LineError::Timeout),
             Err(e) => Err(self.gone(e)),
@@ -144,7 +144,7 @@ impl MemoryLine {
 
 impl Line for MemoryLine {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LineError> {
-        let gone = |_| LineError::Gone("the other end was dropped".into());
+        let gone = |_| LineError::Gone("the other end was closed".into());
         self.to.send(bytes.to_vec()).map_err(gone)
     }
 
@@ -155,7 +155,7 @@ impl Line for MemoryLine {
                 Ok(bytes) => return Ok(bytes),
                 Err(RecvTimeoutError::Timeout) => return Err(LineError::Timeout),
                 Err(RecvTimeoutError::Disconnected) => {
-                    return Err(LineError::Gone("the other end was dropped".into()));
+                    return Err(LineError::Gone("the other end was closed".into()));
                 }
             }
         }

@@ -60,7 +60,7 @@ impl Line for TcpLine {
             .set_read_timeout(Some(within.max(Duration::from_millis(1))))
             .and_then(|()| stream.read(&mut buffer));
         match got {
-            Ok(0) => Err(self.gone("the other side closed it")),
+            Ok(0) => Err(self.gone("the other side closed the connection")),
             Ok(n) => Ok(buffer[..n].to_vec()),
             Err(e) => Err(self.told(&e)),
         }
@@ -71,7 +71,7 @@ impl Line for TcpLine {
         let found = self.address.to_socket_addrs().map(|mut all| all.next());
         let connected = match found {
             Ok(Some(address)) => TcpStream::connect_timeout(&address, PATIENCE),
-            Ok(None) => return Err(self.gone("no such host")),
+            Ok(None) => return Err(self.gone("host not found")),
             Err(e) => Err(e),
         };
         let ready = connected.and_then(|s| {

@@ -78,7 +78,7 @@ pub fn bench(
         || optics.sensor.channels() != plan.scheme.sensor.channels()
     {
         return Err(AssembleError(format!(
-            "the bench's optics are {:?} and the scheme's {:?}; give them the same elements and sensor",
+            "the bench's optics have the elements {:?}, but the scheme has {:?}; use the same elements and sensor",
             elements(&optics),
             elements(&plan.scheme)
         )));
@@ -94,7 +94,7 @@ pub fn bench(
     };
     if wanted.is_some_and(|w| w != seen) {
         return Err(AssembleError(format!(
-            "the tensor has {} x {} camera pixels, and the rig {:?}; give the camera, or the scan, that size",
+            "the tensor has {} x {} camera pixels, but the rig expects {:?}; use this size for the camera or the scan",
             seen[0], seen[1], wanted
         )));
     }
@@ -157,7 +157,7 @@ fn dlpc350(
     (flash, leds, triggers): (Flash, u8, Triggers),
     period: Duration,
 ) -> Result<Box<dyn PatternProjector>, AssembleError> {
-    let told = |e: String| AssembleError(format!("`projector`: {e}; plug it in, and see that it is on"));
+    let told = |e: String| AssembleError(format!("`projector`: {e}; check the cable and the power"));
     let line = HidRaw::open(DLPC350).map_err(|e| told(e.to_string()))?;
     let projector = Dlpc350::new("projector", Box::new(line), flash, leds, period);
     let projector = projector.and_then(|p| p.with_triggers(triggers));
@@ -167,7 +167,7 @@ fn dlpc350(
 #[cfg(not(target_os = "linux"))]
 fn dlpc350(_: (Flash, u8, Triggers), _: Duration) -> Result<Box<dyn PatternProjector>, AssembleError> {
     Err(AssembleError(
-        "`projector`: a DLPC350 is driven on Linux only; write a HidLine for this system".into(),
+        "`projector`: the DLPC350 driver supports only Linux; implement HidLine for this system".into(),
     ))
 }
 
@@ -181,15 +181,17 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
     let bench = |name: &str| {
         world.cloned().ok_or_else(|| {
             AssembleError(format!(
-                "`{name}` is simulated, and the rig file has no [bench]; add one"
+                "`{name}` is simulated, but the rig file has no [bench]; add one"
             ))
         })
     };
     let missing = |name: &str, driver: &Driver| {
         Err(AssembleError(if *driver == Driver::Python {
-            format!("`{name}` is written in Python; give it to `pysunstone.rig.Session` (docs/python-rig.md)")
+            format!(
+                "`{name}` is implemented in Python; pass it to `pysunstone.rig.Session` (docs/python-rig.md)"
+            )
         } else {
-            format!("`{name}`: driver {driver:?} does not drive this kind of instrument")
+            format!("`{name}`: driver {driver:?} does not support this kind of instrument")
         }))
     };
     for (name, file) in &plan.stages {
@@ -201,12 +203,11 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
             Driver::Apt => {
                 let known = file.model.as_deref().unwrap_or("PRM1-Z8");
                 let model = Model::named(known).ok_or_else(|| {
-                    AssembleError(format!(
-                        "`{name}`: no model is called `{known}`; PRM1-Z8 is known"
-                    ))
+                    AssembleError(format!("`{name}`: unknown model `{known}`; supported: PRM1-Z8"))
                 })?;
                 let port = file.port.as_deref().unwrap_or_default();
-                let told = |e: String| AssembleError(format!("`{name}`: {e}; plug it in, or fix `port`"));
+                let told =
+                    |e: String| AssembleError(format!("`{name}`: {e}; check the cable, or correct `port`"));
                 let line = SerialLine::open(port, 115_200, true).map_err(|e| told(e.to_string()))?;
                 Box::new(AptStage::new(name, Box::new(line), model).map_err(|e| told(e.to_string()))?)
             }
@@ -310,8 +311,8 @@ fn analog_galvo(
 ) -> Result<AnalogGalvo, AssembleError> {
     let world = world.ok_or_else(|| {
         AssembleError(
-            "`galvo` hangs at an analog output card, of which this program knows a simulated one alone, and the rig file has no \
-             [bench]; add one, or write a program with an `AnalogOutput` for your card (docs/instruments.md)"
+            "`galvo` needs an analog output card; only a simulated card is built in, and the rig file has no [bench]; add [bench], or \
+             write a program with an `AnalogOutput` for your card (docs/instruments.md)"
                 .into(),
         )
     })?;
@@ -333,7 +334,7 @@ fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn
     let found = camera.limits().size;
     if found != limits.size {
         return Err(AssembleError(format!(
-            "`camera` has {found:?} pixels, and the rig file says {:?}; fix `size`",
+            "`camera` has {found:?} pixels, but the rig file says {:?}; correct `size`",
             limits.size
         )));
     }
@@ -344,6 +345,7 @@ fn genicam_camera(serial: Option<&str>, limits: &CameraLimits) -> Result<Box<dyn
 #[cfg(not(feature = "usb3_vision"))]
 fn genicam_camera(_: Option<&str>, _: &CameraLimits) -> Result<Box<dyn AreaCamera>, AssembleError> {
     Err(AssembleError(
-        "`camera` speaks GenICam, and this program was built without it; build it with --features usb3_vision".into(),
+        "`camera` uses GenICam, but this program was built without it; build with --features usb3_vision"
+            .into(),
     ))
 }

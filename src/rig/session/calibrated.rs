@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-const FIX: &str = "make one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
+const FIX: &str = "create one: sunstone calibrate sensor RUN -o calibration.toml, or counter, or projector";
 
 /// Parameters of the instruments with which a run is read and captured.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,8 +67,7 @@ impl Believed {
             };
             let pair = found.camera.as_ref().zip(found.projector.as_ref());
             if found.detector.cmos.is_none() && found.detector.spad.is_none() && pair.is_none() {
-                let message =
-                    "it has neither [detector.cmos] nor [detector.spad], nor [camera] with [projector]";
+                let message = "[detector.cmos], [detector.spad] and [camera] with [projector] are all missing; at least one is needed";
                 return Err(wrong(None, message.into(), FIX));
             }
             if let Some(cmos) = &found.detector.cmos {
@@ -90,9 +89,10 @@ impl Believed {
                     let [w, h] = table.resolution;
                     if let Some([x, y]) = size.filter(|s| *s != table.resolution) {
                         let message = format!(
-                            "[{name}] was calibrated with {w} × {h} pixels, and the rig's has {x} × {y}"
+                            "[{name}] was calibrated with {w} × {h} pixels, but the rig has {x} × {y}"
                         );
-                        let fix = "calibrate with images of the rig's size, or fix `size` in the rig file";
+                        let fix =
+                            "calibrate with images of the rig's size, or correct `size` in the rig file";
                         return Err(wrong(Some(table.span()), message, fix));
                     }
                 }
@@ -191,7 +191,7 @@ mod tests {
             (
                 "sensor = { kind = \"intensity\" }",
                 [None; 2],
-                "neither [detector.cmos]",
+                "[detector.cmos], [detector.spad] and [camera] with [projector] are all missing",
             ),
             ("[camera]\nresolution = 3", [None; 2], "0.toml:2:14: invalid type"),
             ("[detector.cmos]\ngain = 1", [None; 2], "unknown field `gain`"),
@@ -200,15 +200,15 @@ mod tests {
             (
                 PAIR,
                 [Some([8, 7]), None],
-                "0.toml:1:1: [camera] was calibrated with 8 × 6 pixels, and the rig's has 8 × 7",
+                "0.toml:1:1: [camera] was calibrated with 8 × 6 pixels, but the rig has 8 × 7",
             ),
             (
                 PAIR,
                 [None, Some([5, 4])],
                 "0.toml:5:1: [projector] was calibrated with 4 × 4",
             ),
-            (&torn, [None; 2], "[projector] is no device"),
-            (&still, [None; 2], "stand in one place"),
+            (&torn, [None; 2], "[projector] is not a calibrated device"),
+            (&still, [None; 2], "have the same position"),
         ];
         for (text, sizes, words) in cases {
             let told = read(&[text], sizes).expect_err("a fault");

@@ -29,8 +29,8 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), (
     let good = file.range_deg.iter().all(|r| *r > 0.0 && *r <= 60.0);
     let settle = Duration::try_from_secs_f64(file.settle_us / 1e6);
     let settle = settle.ok().filter(|s| good && s.as_secs() < 1000);
-    let help = "give range_deg = [x, y] up to 60 and settle_us";
-    let settle = settle.ok_or_else(|| ("no scanner is like that".to_owned(), help))?;
+    let help = "set range_deg = [x, y], each above 0 and at most 60, and settle_us from 0 to less than 1e9";
+    let settle = settle.ok_or_else(|| ("invalid setting in [galvo]".to_owned(), help))?;
     if file.driver != Driver::Analog {
         let others = [
             ("volts_per_degree", file.volts_per_degree.is_some()),
@@ -40,11 +40,8 @@ pub(super) fn check(file: &GalvoFile) -> Result<(GalvoLimits, Option<Behind>), (
             ("card", file.card.is_some()),
         ];
         if let Some((name, _)) = others.iter().find(|(_, given)| *given) {
-            let help = "add driver = \"analog\", or leave it out";
-            return Err((
-                format!("`{name}` is of a galvo behind an analog output card"),
-                help,
-            ));
+            let help = "add driver = \"analog\", or remove it";
+            return Err((format!("`{name}` applies only to driver = \"analog\""), help));
         }
         let limits = GalvoLimits {
             range_deg: file.range_deg,
@@ -83,9 +80,9 @@ fn card(file: CardFile) -> Result<AnalogLimits, (String, &'static str)> {
         && fast <= 1e9
         && (1..=1 << 24).contains(&file.samples);
     if !good {
-        let help =
-            "give channels, volts = [least, greatest], bits up to 32, rate_hz = [least, greatest], samples";
-        return Err(("no card is like that".into(), help));
+        let help = "set channels from 1 to 64, volts = [min, max] within ±1000, bits from 1 to 32, rate_hz = [min, max] above 0 and at most 1e9, \
+             samples from 1 to 16777216";
+        return Err(("invalid setting in `card`".into(), help));
     }
     Ok(AnalogLimits {
         channels: file.channels,

@@ -53,13 +53,13 @@ impl Lens {
         let k = &file.distortion;
         if ![0, 4, 5, 8, 12].contains(&k.len()) {
             return Err(format!(
-                "`{name}.distortion` has {} numbers; give OpenCV's 4, 5, 8 or 12",
+                "`{name}.distortion` has {} numbers; expected OpenCV's 4, 5, 8 or 12",
                 k.len()
             ));
         }
         if !k.iter().all(|v| v.is_finite()) {
             return Err(format!(
-                "`{name}.distortion` has a number that is not finite; fix it"
+                "`{name}.distortion` contains a number that is not finite; correct it"
             ));
         }
         Self::of(file.matrix, Opencv::from_list(k).into(), name)
@@ -73,7 +73,7 @@ impl Lens {
         let inverse = matrix.try_inverse();
         let (true, true, Some(inverse)) = (finite, shape, inverse) else {
             return Err(format!(
-                "`{name}.matrix` is no camera matrix; give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+                "`{name}.matrix` is not a camera matrix; expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
             ));
         };
         Ok(Self {
@@ -87,7 +87,7 @@ impl Lens {
     fn calibrated(table: &DeviceTable, name: &str) -> Result<Self, String> {
         let device = table
             .device()
-            .ok_or_else(|| format!("[{name}] is no device that was calibrated"))?;
+            .ok_or_else(|| format!("[{name}] is not a calibrated device"))?;
         let distortion = match table.fisheye {
             Some(k) => Distortion::Fisheye(Fisheye { k }),
             None => Opencv::from_list(&device.coefficients).into(),
@@ -128,7 +128,7 @@ impl Geometry {
         let r = match (file.rotation, file.rodrigues) {
             (Some(rows), None) => Matrix3::from_fn(|i, j| rows[i][j]),
             (None, Some(r)) => *Rotation3::new(Vector3::from(r)).matrix(),
-            _ => return Err("give either `rotation` or `rodrigues`".into()),
+            _ => return Err("set either `rotation` or `rodrigues`".into()),
         };
         Self::between(camera, projector, r, Vector3::from(file.translation))
     }
@@ -143,12 +143,14 @@ impl Geometry {
             Lens::calibrated(projector, "projector")?,
         );
         let (Some(from), Some(to)) = (camera.pose(), projector.pose()) else {
-            return Err("a pose is no rotation and translation".into());
+            return Err("a pose is not a rotation and a translation".into());
         };
         let between = to.after(&from.inverse());
         // A distance below one nanometer is rounding.
         if between.translation.norm() < 1e-9 {
-            return Err("camera and projector stand in one place; calibrate them where they are".into());
+            return Err(
+                "camera and projector have the same position; calibrate them at their real positions".into(),
+            );
         }
         Self::between(lenses.0, lenses.1, between.rotation, between.translation)
     }
@@ -157,7 +159,9 @@ impl Geometry {
         let orthogonal = (r.transpose() * r - Matrix3::identity()).amax() < 1e-3 && r.determinant() > 0.0;
         let apart = t.norm() > 0.0 && t.norm().is_finite();
         if !(orthogonal && apart) {
-            return Err("`rotation` is no rotation, or `translation` is zero; copy OpenCV's R and t".into());
+            return Err(
+                "`rotation` is not a rotation matrix, or `translation` is zero; copy OpenCV's R and t".into(),
+            );
         }
         // F for pixel centers at integers, then shifted by half a pixel.
         let f = projector.inverse.transpose() * t.cross_matrix() * r * camera.inverse;

@@ -69,7 +69,7 @@ impl Run {
         };
         if names(given) != names(&planned) || given.sensor.channels() != planned.sensor.channels() {
             return Err(ImageError(format!(
-                "the scheme has the elements {:?}, the run {:?}; calibrate the scheme that the run was made with",
+                "the scheme has the elements {:?}, but the run has {:?}; pass a calibration of the scheme of this run",
                 names(given),
                 names(&planned)
             )));
@@ -155,7 +155,7 @@ impl Run {
             .ok_or_else(|| self.damaged("`masks`"))?;
         let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
             ImageError(format!(
-                "no mask is called `{mask}`; the run has {}",
+                "unknown mask `{mask}`; the run has {}",
                 self.masks.join(", ")
             ))
         })?;
@@ -346,7 +346,7 @@ fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme,
     let frames = store.layout().frames();
     let per = frames / captures.max(1);
     if per * captures != frames {
-        return Err("its frames are not those of its scheme".into());
+        return Err("its number of frames does not match its scheme".into());
     }
     let mut out = given.clone();
     let names: Vec<String> = given
@@ -373,7 +373,7 @@ fn stood(store: &FrameStore, given: &Scheme, planned: &Scheme) -> Result<Scheme,
             (None, None) => continue,
         };
         if angles.iter().any(|a| !a.is_finite()) {
-            return Err(format!("an angle of `{name}` is no number"));
+            return Err(format!("an angle of `{name}` is not a finite number"));
         }
         out = out.turned(&name, &angles).map_err(|e| e.to_string())?;
     }

@@ -83,6 +83,6 @@ pub fn absent(role: &str) -> Failure {
     Failure::new(
         crate::instrument::Fault::Refused,
         role,
-        format!("the plan needs a {role}, and the rig has none; add it to the rig file"),
+        format!("the plan needs a {role}, but the rig has none; add it to the rig file"),
     )
 }

@@ -127,7 +127,7 @@ pub fn stripes(
         .collect();
     if of_projector.iter().all(Option::is_none) || shot_of.iter().all(Option::is_none) {
         return Err(
-            "no epipolar line of the camera crosses the projector; fix the geometry of the rig".into(),
+            "no epipolar line of the camera crosses the projector; correct the geometry of the rig".into(),
         );
     }
     let shot = |i: u32| Shot {

@@ -51,7 +51,7 @@ impl Run {
         let path = self.store.path().display().to_string();
         let Some(spad) = self.diode()? else {
             return Err(ImageError(format!(
-                "{path}: it is of a camera; give a run of a plan with [scan]"
+                "{path}: this is a camera run; use a run of a plan with [scan]"
             )));
         };
         let shape: Vec<usize> = self
@@ -122,7 +122,7 @@ impl Run {
             .collect();
         let (&[captures, shots, exposures, height, width], true) = (&shape[..], self.fov_x.is_none()) else {
             return Err(ImageError(format!(
-                "{path}: it is of a scan; give a run of a plan with [camera]"
+                "{path}: this is a scan; use a run of a plan with [camera]"
             )));
         };
         let elements = self.scheme.generator().iter().chain(self.scheme.analyzer());
@@ -132,8 +132,8 @@ impl Run {
         });
         if !still {
             return Err(ImageError(format!(
-                "{path}: its captures differ in their angles, so that the light of its frames does; give a run of a scheme that repeats \
-                 one setting, as angle_deg = [0, 0, 0, …]"
+                "{path}: the angles differ between captures, so the light differs between frames; use a run whose scheme repeats one \
+                 setting, such as angle_deg = [0, 0, 0, …]"
             )));
         }
         let list = self.work["masks"]
@@ -142,7 +142,7 @@ impl Run {
         let first = |mask: &str| -> Result<usize, ImageError> {
             let entry = list.iter().find(|m| m["name"] == mask).ok_or_else(|| {
                 ImageError(format!(
-                    "{path}: it has no mask `{mask}`; take both: masks = [\"dark\", \"full\"]"
+                    "{path}: the run has no mask `{mask}`; use masks = [\"dark\", \"full\"]"
                 ))
             })?;
             let first = entry["first"].as_u64().unwrap_or(u64::MAX) as usize;

@@ -136,7 +136,7 @@ pub fn load(path: &Path) -> Result<Plan, InputError> {
     let text = document::read(
         path,
         "plan",
-        "copy rigs/spatio_polarimetric/plan.toml and change it",
+        "copy rigs/spatio_polarimetric/plan.toml and edit it",
     )?;
     from_toml(path, &text)
 }
@@ -147,8 +147,8 @@ pub fn load(path: &Path) -> Result<Plan, InputError> {
 /// Like [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let file: PlanFile = document::parse(path, text, |_| {
-        "a plan has `scheme`, and [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, \
-         `dwell_ms`, `bins`, `bin_ps`"
+        "a plan needs `scheme`, and [camera] with `exposures_ms` and `masks`, or [scan] with `points`, `fov_x_deg`, `dwell_ms`, `bins`, \
+         `bin_ps`"
             .to_owned()
     })?;
     let fault = |span: Range<usize>, message: String, help: &str| InputError {
@@ -162,12 +162,12 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
     let scheme = match &*file.scheme {
         SchemeFrom::File(p) => scheme_file::load(&beside(p))?,
         SchemeFrom::Kind(k) => {
-            let known = "give `kind` drr, qrpr or quad, or the name of a scheme file";
+            let known = "set `kind` to drr, qrpr or quad, or use the name of a scheme file";
             if !(1..=100_000).contains(&k.captures) {
                 return Err(fault(
                     file.scheme.span(),
                     format!("{} captures", k.captures),
-                    "give 1 to 100000",
+                    "set 1 to 100000 captures",
                 ));
             }
             let made = match k.kind.as_str() {
@@ -177,7 +177,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
                 other => {
                     return Err(fault(
                         file.scheme.span(),
-                        format!("no scheme is called `{other}`"),
+                        format!("unknown scheme `{other}`"),
                         known,
                     ));
                 }
@@ -193,16 +193,16 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
             Work::Scan(scan_work(scan).map_err(|(what, help)| fault(scan.span(), what, help))?)
         }
         (Some(_), Some(second)) => {
-            let help = "keep the one that the rig has; make two plans for both";
+            let help = "keep one of them; write two plans to use both";
             return Err(fault(
                 second.span(),
-                "there are both [camera] and [scan]".into(),
+                "[camera] and [scan] are both present".into(),
                 help,
             ));
         }
         (None, None) => {
             let help = "add [camera] with `exposures_ms` and `masks`, or [scan]";
-            return Err(fault(0..0, "there is neither [camera] nor [scan]".into(), help));
+            return Err(fault(0..0, "[camera] and [scan] are both missing".into(), help));
         }
     };
     let limits = file.limits.as_deref().copied().unwrap_or_default();
@@ -217,7 +217,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
             return Err(fault(
                 place(),
                 format!("`{name}` is {value}"),
-                "give seconds, above 0 and up to 1e6",
+                "set seconds, above 0 and at most 1e6",
             ));
         }
     }
@@ -229,7 +229,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
             return Err(fault(
                 place(),
                 format!("`{name}` is {value}"),
-                "give a share, 0 to 1",
+                "set a fraction from 0 to 1",
             ));
         }
     }
@@ -237,7 +237,7 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
         return Err(fault(
             place(),
             format!("`retries` is {}", limits.retries),
-            "give 0 to 1000",
+            "set 0 to 1000",
         ));
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -250,10 +250,13 @@ pub fn from_toml(path: &Path, text: &str) -> Result<Plan, InputError> {
         limits,
     };
     if plan.frames() > MOST_FRAMES {
-        let help = "make several plans of it";
+        let help = "split it into several plans";
         return Err(fault(
             0..0,
-            format!("{} frames are more than {MOST_FRAMES}", plan.frames()),
+            format!(
+                "the plan has {} frames, but the limit is {MOST_FRAMES}",
+                plan.frames()
+            ),
             help,
         ));
     }
@@ -268,7 +271,7 @@ fn milliseconds(name: &str, ms: f64) -> Result<Duration, Fault> {
     } else {
         Err((
             format!("`{name}` has {ms}"),
-            "give milliseconds, above 0 and up to an hour",
+            "set milliseconds, above 0 and at most 3.6e6 (one hour)",
         ))
     }
 }
@@ -282,13 +285,13 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
     if exposures.is_empty() || exposures.len() > 64 {
         return Err((
             format!("`exposures_ms` has {} entries", exposures.len()),
-            "give 1 to 64 exposures",
+            "list 1 to 64 exposures",
         ));
     }
     if !file.gain_db.is_finite() {
         return Err((
             format!("`gain_db` is {}", file.gain_db),
-            "give decibels; 0 is a good value",
+            "set a finite number of decibels, such as 0",
         ));
     }
     let name = file.format.as_deref().unwrap_or("Mono12p");
@@ -300,8 +303,8 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
     ];
     let format = all.into_iter().find(|f| f.name() == name);
     let format = format.ok_or((
-        format!("no pixel format is called `{name}`"),
-        "give Mono8, Mono10p, Mono12p or Mono16",
+        format!("unknown pixel format `{name}`"),
+        "use Mono8, Mono10p, Mono12p or Mono16",
     ))?;
     let mut masks: Vec<MaskPlan> = vec![];
     for mask in &file.masks {
@@ -309,19 +312,19 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
             MaskFile::Named(name) if name == "full" => MaskPlan::Full,
             MaskFile::Named(name) if name == "dark" => MaskPlan::Dark,
             MaskFile::Named(name) => {
-                let help = "give \"full\", \"dark\", or { name = \"epipolar\", stripes = 32 }";
-                return Err((format!("no mask is called `{name}`"), help));
+                let help = "use \"full\", \"dark\", or { name = \"epipolar\", stripes = 32 }";
+                return Err((format!("unknown mask `{name}`"), help));
             }
             MaskFile::Stripes(s) => {
                 let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
                 if s.name.is_empty() || !s.name.chars().all(plain) {
                     return Err((
-                        format!("a mask is called `{}`", s.name),
-                        "give letters, digits and `_`",
+                        format!("invalid mask name `{}`", s.name),
+                        "use letters, digits and `_`",
                     ));
                 }
                 if !(1..=8192).contains(&s.stripes) {
-                    return Err((format!("`stripes` is {}", s.stripes), "give 1 to 8192"));
+                    return Err((format!("`stripes` is {}", s.stripes), "set 1 to 8192"));
                 }
                 MaskPlan::Stripes {
                     name: s.name.clone(),
@@ -331,12 +334,12 @@ fn camera_work(file: &CameraFile) -> Result<CameraWork, Fault> {
             }
         };
         if masks.iter().any(|m| m.name() == mask.name()) {
-            return Err((format!("two masks are called `{}`", mask.name()), "rename one"));
+            return Err((format!("duplicate mask `{}`", mask.name()), "rename one"));
         }
         masks.push(mask);
     }
     if masks.is_empty() {
-        return Err(("`masks` is empty".into(), "give at least \"full\""));
+        return Err(("`masks` is empty".into(), "add at least \"full\""));
     }
     Ok(CameraWork {
         exposures,
@@ -350,35 +353,39 @@ fn scan_work(file: &ScanFile) -> Result<ScanWork, Fault> {
     if file.points.iter().any(|n| !(1..=65_536).contains(n)) {
         return Err((
             format!("`points` is {:?}", file.points),
-            "give columns and rows, 1 to 65536",
+            "set columns and rows, each from 1 to 65536",
         ));
     }
     if !(file.fov_x_deg > 0.0 && file.fov_x_deg < 90.0) {
         return Err((
             format!("`fov_x_deg` is {}", file.fov_x_deg),
-            "give degrees, above 0 and below 90",
+            "set degrees, above 0 and below 90",
         ));
     }
     if !(1..=1 << 20).contains(&file.bins) {
-        return Err((format!("`bins` is {}", file.bins), "give 1 to 1048576"));
+        return Err((format!("`bins` is {}", file.bins), "set 1 to 1048576"));
     }
     if !(file.bin_ps > 0.0 && file.bin_ps <= 1e9 && file.offset_ps.abs() <= 1e12) {
-        return Err(("`bin_ps` or `offset_ps` is no time".into(), "give picoseconds"));
+        return Err((
+            "`bin_ps` or `offset_ps` is out of range".into(),
+            "set picoseconds: bin_ps above 0 and at most 1e9, offset_ps from -1e12 \
+            to 1e12",
+        ));
     }
     if file.time_tags && file.bins > RECORD.dtimes() {
         return Err((
             format!(
-                "`time_tags` with {} bins: records tell {}",
+                "`time_tags` with {} bins: expected at most {}",
                 file.bins,
                 RECORD.dtimes()
             ),
-            "take fewer or wider bins, or leave `time_tags` out",
+            "use fewer or wider bins, or remove `time_tags`",
         ));
     }
     if !(1.0..=1e10).contains(&file.rate_hz) {
         return Err((
             format!("`rate_hz` is {}", file.rate_hz),
-            "give pulses a second, 1 to 1e10",
+            "set pulses per second, from 1 to 1e10",
         ));
     }
     Ok(ScanWork {

@@ -12,7 +12,7 @@ pub enum RunError {
     Instrument(#[from] Failure),
     #[error(transparent)]
     Disk(#[from] DiskError),
-    #[error("interrupted; `--resume` goes on")]
+    #[error("interrupted; resume with `--resume`")]
     Interrupted,
 }
 

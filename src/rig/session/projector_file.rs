@@ -16,11 +16,11 @@ type Fault = (String, &'static str);
 
 /// Checks the table of a rig file at `path`. Images of the flash are relative to that file.
 pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, Option<FlashPlan>), Fault> {
-    let help = "give size = [columns, rows], bits 1 to 8, patterns, shortest_ms";
+    let help = "set size = [columns, rows], each from 1 to 65536, bits from 1 to 8, and shortest_ms from 0 to less than 1e6";
     let pixels = p.size.iter().all(|n| (1..=65_536).contains(n));
     let shortest = Duration::try_from_secs_f64(p.shortest_ms / 1e3).ok();
     let shortest = shortest.filter(|_| p.shortest_ms < 1e6 && pixels && (1..=8).contains(&p.bits));
-    let shortest = shortest.ok_or_else(|| ("no projector is like that".to_owned(), help))?;
+    let shortest = shortest.ok_or_else(|| ("invalid setting in [projector]".to_owned(), help))?;
     let limits = ProjectorLimits {
         size: p.size,
         patterns: p.patterns,
@@ -29,18 +29,17 @@ pub(super) fn check(path: &Path, p: &ProjectorFile) -> Result<(ProjectorLimits, 
     };
     if p.driver != Driver::Dlpc350 {
         if p.triggers != Triggers::default() || !p.flash.is_empty() {
-            let what = "`flash` and `triggers` are of a DLPC350";
-            return Err((what.to_owned(), "take them out, or write driver = \"dlpc350\""));
+            let what = "`flash` and `triggers` apply only to driver = \"dlpc350\"";
+            return Err((what.to_owned(), "remove them, or set driver = \"dlpc350\""));
         }
         return Ok((limits, None));
     }
     let beside = |f: &PathBuf| path.parent().unwrap_or(Path::new("")).join(f);
     let files: Vec<PathBuf> = p.flash.iter().map(beside).collect();
-    let help =
-        "write the plan's patterns by `sunstone rig flash`, and name the images: flash = [\"flash_00.png\"]";
+    let help = "write the plan's patterns with `sunstone rig flash`, and list the images: flash = [\"flash_00.png\"]";
     let held = flash::load(&files).map_err(|e| (e, help))?;
     let triggers = p.triggers.commands();
-    triggers.map_err(|e| (format!("triggers: {e}"), "fix `triggers`, or leave them out"))?;
+    triggers.map_err(|e| (format!("triggers: {e}"), "correct `triggers`, or remove them"))?;
     let leds = p.leds.iter().fold(0, |all, led| all | *led as u8);
     Ok((limits, Some((held, leds, p.triggers))))
 }
@@ -72,7 +71,7 @@ mod tests {
             ),
             (
                 "triggers = { input = { edge = \"rising\" } }\n",
-                "are of a DLPC350",
+                "apply only to driver",
             ),
             (
                 "driver = \"dlpc350\"\ntriggers = { input = { edge = \"up\" } }\n",

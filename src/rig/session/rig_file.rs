@@ -121,11 +121,7 @@ pub struct RigPlan {
 /// # Errors
 /// [`InputError`] with file, position and fix.
 pub fn load(path: &Path) -> Result<RigPlan, InputError> {
-    let text = document::read(
-        path,
-        "rig",
-        "copy rigs/spatio_polarimetric/rig.toml and change it",
-    )?;
+    let text = document::read(path, "rig", "copy rigs/spatio_polarimetric/rig.toml and edit it")?;
     from_toml(path, &text)
 }
 
@@ -135,8 +131,8 @@ pub fn load(path: &Path) -> Result<RigPlan, InputError> {
 /// Like [`load`].
 pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let file: RigFile = document::parse(path, text, |_| {
-        "a rig has [stages.NAME], [projector], [camera], [galvo], [laser], [counter], [detector.cmos] or [detector.spad], \
-         [geometry], [bench]"
+        "expected [stages.NAME], [projector], [camera], [galvo], [laser], [counter], [detector.cmos] or [detector.spad], [geometry], \
+         [bench]"
             .to_owned()
     })?;
     let fault = |span: Range<usize>, message: String, help: &str| InputError {
@@ -154,15 +150,15 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         if !good {
             return Err(fault(
                 stage.span(),
-                format!("stage `{name}` has a number that no stage has"),
-                "give positive speeds and a step, and 0 to 90 degrees of approach and backlash",
+                format!("invalid setting of stage `{name}`"),
+                "set velocity, acceleration and resolution_deg in (0, 1e6), and approach_deg and backlash_deg from 0 to 90",
             ));
         }
         if stage.driver == Driver::Apt && stage.port.is_none() {
             return Err(fault(
                 stage.span(),
                 format!("stage `{name}` has no port"),
-                "add port = \"/dev/ttyUSB0\", or COM3 of Windows",
+                "add port = \"/dev/ttyUSB0\", or \"COM3\" on Windows",
             ));
         }
     }
@@ -179,9 +175,10 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let camera = match &file.camera {
         None => None,
         Some(c) => {
-            let help = "give size = [columns, rows], step of regions, row_time_us";
+            let help = "set size and step = [columns, rows], each from 1 to 65536, and row_time_us from 0 to less than 1e9";
             let row_time = milliseconds(c.row_time_us / 1e3).filter(|_| pixels(c.size) && pixels(c.step));
-            let row_time = row_time.ok_or_else(|| fault(c.span(), "no camera is like that".into(), help))?;
+            let row_time =
+                row_time.ok_or_else(|| fault(c.span(), "invalid setting in [camera]".into(), help))?;
             Some((
                 c.driver.clone(),
                 CameraLimits {
@@ -212,8 +209,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         Some(l) => {
             let good = l.nm > 100.0 && l.nm < 1e5 && l.rate_hz[0] > 0.0 && l.rate_hz[1] >= l.rate_hz[0];
             if !good {
-                let help = "give nm and rate_hz = [least, greatest]";
-                return Err(fault(l.span(), "no laser is like that".into(), help));
+                let help = "set nm above 100 and below 1e5, and rate_hz = [min, max] above 0";
+                return Err(fault(l.span(), "invalid setting in [laser]".into(), help));
             }
             let limits = LaserLimits {
                 nm: l.nm,
@@ -227,7 +224,13 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
             let beside = |p: &PathBuf| path.parent().unwrap_or(Path::new("")).join(p);
             let help = "add table = \"laser.toml\", with its address and commands; see docs/instruments.md";
             let table = l.table.as_ref().map(beside);
-            let table = table.ok_or_else(|| fault(l.span(), "an SCPI laser has no table".into(), help))?;
+            let table = table.ok_or_else(|| {
+                fault(
+                    l.span(),
+                    "a laser with driver = \"scpi\" needs a table".into(),
+                    help,
+                )
+            })?;
             let text = document::read(&table, "laser's table", help)?;
             let parsed = LaserTable::parse(&text);
             Some(parsed.map_err(|e| fault(l.span(), format!("{}: {e}", table.display()), help))?)
@@ -239,8 +242,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         Some(c) => {
             let good = (1..=1 << 20).contains(&c.bins) && c.finest_ps > 0.0 && c.finest_ps < 1e9;
             if !good {
-                let help = "give bins up to 1048576 and finest_ps";
-                return Err(fault(c.span(), "no counter is like that".into(), help));
+                let help = "set bins from 1 to 1048576, and finest_ps above 0 and below 1e9";
+                return Err(fault(c.span(), "invalid setting in [counter]".into(), help));
             }
             let limits = CounterLimits {
                 bins: c.bins,
@@ -259,14 +262,27 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     let cmos = file.detector.cmos.clone().unwrap_or_default();
     let spad = file.detector.spad.clone().unwrap_or_default();
     let detector = cmos.check().map_err(|e| e.to_string());
-    detector.map_err(|e| fault(0..0, format!("[detector.cmos]: {e}"), "fix it, or leave it out"))?;
+    detector.map_err(|e| {
+        fault(
+            0..0,
+            format!("[detector.cmos]: {e}"),
+            "correct the value, or remove it",
+        )
+    })?;
     let detector = spad.check().map_err(|e| e.to_string());
-    detector.map_err(|e| fault(0..0, format!("[detector.spad]: {e}"), "fix it, or leave it out"))?;
+    detector.map_err(|e| {
+        fault(
+            0..0,
+            format!("[detector.spad]: {e}"),
+            "correct the value, or remove it",
+        )
+    })?;
     let geometry = match &file.geometry {
         None => None,
-        Some(g) => {
-            Some(Geometry::new(g).map_err(|e| fault(g.span(), e, "see the head of a shipped rig file"))?)
-        }
+        Some(g) => Some(
+            Geometry::new(g)
+                .map_err(|e| fault(g.span(), e, "see the comments at the top of a shipped rig file"))?,
+        ),
     };
     let bench = match &file.bench {
         None => None,
@@ -287,8 +303,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
         if let Some(odd) = b.faults.iter().find(|f| f.at == 0 || !known(&f.instrument)) {
             return Err(fault(
                 b.span(),
-                format!("a fault strikes `{}` at use {}", odd.instrument, odd.at),
-                "name an instrument of this file, or the disk, and its use, from 1",
+                format!("a fault is planned for `{}` at use {}", odd.instrument, odd.at),
+                "set the name of an instrument of this file, or \"disk\", and a use from 1",
             ));
         }
     }
@@ -305,8 +321,8 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
     if !(wavelength_nm > 100.0 && wavelength_nm < 1e5) {
         return Err(fault(
             0..0,
-            "`wavelength_nm` is no wavelength".into(),
-            "give nanometres",
+            "`wavelength_nm` is out of range".into(),
+            "set a wavelength above 100 and below 1e5 nm",
         ));
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -335,16 +351,16 @@ pub fn from_toml(path: &Path, text: &str) -> Result<RigPlan, InputError> {
 fn th260(path: &Path, file: &CounterFile) -> Result<Option<Board>, (String, &'static str)> {
     if file.driver != Driver::Vendor {
         if file.library.is_some() || file.th260.is_some() {
-            let help = "add driver = \"vendor\", or leave `library` and `th260` out";
+            let help = "add driver = \"vendor\", or remove `library` and `th260`";
             return Err((
-                "`library` and `th260` are of a counter behind a vendor's library".into(),
+                "`library` and `th260` apply only to driver = \"vendor\"".into(),
                 help,
             ));
         }
         return Ok(None);
     }
     let settings = file.th260.clone().unwrap_or_default();
-    settings.check().map_err(|e| (e, "fix [counter.th260]"))?;
+    settings.check().map_err(|e| (e, "correct [counter.th260]"))?;
     // A bare name is searched in the system's library paths.
     let library = file.library.clone().map(|l| {
         if l.components().count() > 1 {
@@ -390,21 +406,25 @@ fn bench(
                 let m: [f32; 16] = std::array::from_fn(|i| rows[i / 4][i % 4]);
                 // Reject only matrices that are impossible for any sample. Realizability is not checked.
                 if !(m[0] <= 1e15 && m.iter().all(|v| v.abs() <= m[0])) {
-                    let help = "give four rows of numbers, none of them greater than the first";
-                    return Err(fault(file.span(), "`sample` is no Mueller matrix".into(), help));
+                    let help = "set four rows of numbers; no absolute value may exceed the first number";
+                    return Err(fault(
+                        file.span(),
+                        "`sample` is not a Mueller matrix".into(),
+                        help,
+                    ));
                 }
                 m
             }
             SampleFile::Named(name) => sample_of(name).ok_or_else(|| {
-                let help = "give \"air\", \"mirror\", \"polarizer\", or a matrix of four rows";
-                fault(file.span(), format!("no sample is called `{name}`"), help)
+                let help = "use \"air\", \"mirror\", \"polarizer\", or a matrix of four rows";
+                fault(file.span(), format!("unknown sample `{name}`"), help)
             })?,
         }),
         _ => {
-            let help = "give one of `tensor`, `scene` and `sample`";
+            let help = "set exactly one of `tensor`, `scene` and `sample`";
             return Err(fault(
                 file.span(),
-                "the bench's light meets nothing, or two things".into(),
+                "[bench] must have exactly one of `tensor`, `scene` and `sample`".into(),
                 help,
             ));
         }
@@ -416,23 +436,23 @@ fn bench(
         if !(fov > 0.0 && fov < 170.0) {
             return Err(fault(
                 file.span(),
-                format!("a field of view of {fov}°"),
-                "give degrees, up to 170",
+                format!("field of view {fov}° is out of range"),
+                "set degrees, above 0 and below 170",
             ));
         }
     }
     if !(file.brightness > 0.0 && file.brightness < 1e30) {
         return Err(fault(
             file.span(),
-            "`brightness` is none".into(),
-            "give a positive number",
+            "`brightness` is out of range".into(),
+            "set a number above 0 and below 1e30",
         ));
     }
     if !(file.wavelength_nm > 100.0 && file.wavelength_nm < 1e5) {
         return Err(fault(
             file.span(),
-            "`wavelength_nm` is no wavelength".into(),
-            "give nanometres",
+            "`wavelength_nm` is out of range".into(),
+            "set a wavelength above 100 and below 1e5 nm",
         ));
     }
     let truth = file.cmos.clone().unwrap_or_else(|| cmos.clone());
@@ -441,7 +461,7 @@ fn bench(
         fault(
             file.span(),
             format!("[bench.cmos]: {e}"),
-            "fix it, or leave it out",
+            "correct the value, or remove it",
         )
     })?;
     let diode = file.spad.clone().unwrap_or_else(|| spad.clone());
@@ -450,7 +470,7 @@ fn bench(
         fault(
             file.span(),
             format!("[bench.spad]: {e}"),
-            "fix it, or leave it out",
+            "correct the value, or remove it",
         )
     })?;
     Ok(BenchPlan {

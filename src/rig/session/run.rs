@@ -244,7 +244,11 @@ impl Session<'_> {
             }
             if !state.emitting {
                 // Its power was cut: start over.
-                return Ok(Err(Failure::new(Fault::Timeout, "laser", "its light went out")));
+                return Ok(Err(Failure::new(
+                    Fault::Timeout,
+                    "laser",
+                    "the laser stopped emitting",
+                )));
             }
             let why = format!("the laser's power is {:.2} of nominal", state.power);
             if !noted {
@@ -257,7 +261,7 @@ impl Session<'_> {
                 noted = true;
             }
             if self.rig.clock.now() >= until {
-                let what = format!("{why}, and was for {} s; fix it and resume", limits.suspend_s);
+                let what = format!("{why} for {} s; correct this and resume", limits.suspend_s);
                 return Ok(Err(Failure::new(Fault::Refused, "laser", what)));
             }
             if stop.load(Ordering::Relaxed) {
@@ -274,7 +278,11 @@ impl Session<'_> {
         for (name, stage) in &mut self.rig.stages {
             let reading = stage.device.read(self.within)?;
             if !reading.homed {
-                return Err(Failure::new(Fault::Disconnected, name, "it lost its zero"));
+                return Err(Failure::new(
+                    Fault::Disconnected,
+                    name,
+                    "the zero position was lost",
+                ));
             }
             let Some(goals) = self.steps.goals.get(name) else {
                 found.insert(name.clone(), reading.angle_deg);
@@ -315,7 +323,7 @@ impl Session<'_> {
             let (limits, goal) = (stage.device.limits(), self.steps.goals[&name][capture]);
             let reading = stage.device.finish_move(self.within + longest)?;
             if (reading.angle_deg - goal).abs() > 2.0 * limits.resolution_deg {
-                let what = format!("it is at {:.4}° instead of {goal:.4}°", reading.angle_deg);
+                let what = format!("the stage is at {:.4}°, expected {goal:.4}°", reading.angle_deg);
                 return Err(Failure::new(Fault::Stalled, &name, what));
             }
             angles.insert(name, reading.angle_deg);
@@ -366,20 +374,16 @@ impl Session<'_> {
         let frame = camera.frame(settings.exposure + self.within)?;
         let name = camera.name().to_owned();
         if frame.region != settings.region || frame.format != settings.format {
-            let what = format!("a frame of {:?} {} came", frame.region, frame.format.name());
+            let what = format!("unexpected frame of {:?} {}", frame.region, frame.format.name());
             return Err(Failure::new(Fault::Timeout, &name, what));
         }
         let Some(part) = pixels::unpack(&frame) else {
-            let what = format!("a frame of {} bytes came: it is torn", frame.bytes.len());
+            let what = format!("incomplete frame of {} bytes", frame.bytes.len());
             return Err(Failure::new(Fault::Timeout, &name, what));
         };
         // A frame number that does not increase means an earlier frame.
         if self.last_number.is_some_and(|last| frame.number <= last) {
-            return Err(Failure::new(
-                Fault::Timeout,
-                &name,
-                "a frame of before came once more",
-            ));
+            return Err(Failure::new(Fault::Timeout, &name, "an old frame arrived again"));
         }
         self.last_number = Some(frame.number);
         self.saturated(step, &part, settings.format.bits(), &name)?;
@@ -408,7 +412,7 @@ impl Session<'_> {
         let share = full as f64 / numbers.len().max(1) as f64;
         if share > self.steps.plan.limits.saturated_share {
             let what = format!(
-                "{:.0} % of the frame is saturated; expose for a shorter time, or allow it with `saturated_share`",
+                "{:.0} % of the frame is saturated; reduce the exposure, or increase `saturated_share`",
                 100.0 * share
             );
             return Err(Failure::new(Fault::Saturated, name, what));
@@ -450,14 +454,14 @@ impl Session<'_> {
             _ => None,
         };
         if histogram.counts.len() != work.bins as usize {
-            let what = format!("{} bins came instead of {}", histogram.counts.len(), work.bins);
+            let what = format!("got {} bins, expected {}", histogram.counts.len(), work.bins);
             return Err(Failure::new(Fault::Timeout, counter.name(), what));
         }
         // Discard the counts if the laser failed during the acquisition.
         let laser = self.rig.laser.as_mut().ok_or_else(|| absent("laser"))?;
         let power = laser.state(self.within)?.power;
         if power < self.steps.plan.limits.laser_power {
-            let what = format!("its power fell to {power:.2} of nominal during a frame");
+            let what = format!("the power fell to {power:.2} of nominal during a frame");
             return Err(Failure::new(Fault::Timeout, laser.name(), what));
         }
         record.number = histogram.number;

@@ -20,14 +20,14 @@ pub enum RunStoreError {
     Open(#[from] OpenError),
     /// The store belongs to another run.
     #[error(
-        "{path}: it was begun with another plan, scheme or rig ({what} is not the same); resume it with those, or choose another `-o`"
+        "{path}: started with another plan, scheme or rig ({what} differs); resume with those, or choose another `-o`"
     )]
     Other {
         path: String,
         /// The attribute that differs.
         what: String,
     },
-    #[error("{path}: it is finished; `sunstone reconstruct` makes Mueller matrices of it")]
+    #[error("{path}: already finished; compute Mueller matrices with `sunstone reconstruct`")]
     Finished { path: String },
 }
 
@@ -270,7 +270,7 @@ pub fn finish(path: &Path, steps: &Steps) -> Result<(), DiskError> {
     .map_err(|e| failed(e.to_string()))?;
     if u64::from(next) != steps.plan.frames() {
         return Err(failed(format!(
-            "{next} of {} frames are noted; resume",
+            "only {next} of {} frames are recorded; resume",
             steps.plan.frames()
         )));
     }

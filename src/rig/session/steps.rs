@@ -89,7 +89,7 @@ impl Steps {
                 MaskPlan::Stripes { name, count, inside } => {
                     let geometry = epipolar.ok_or_else(|| {
                         let what = format!(
-                            "mask `{name}` needs the epipolar geometry; give the rig file [geometry] or a calibration"
+                            "mask `{name}` needs the epipolar geometry; add [geometry] or a calibration to the rig file"
                         );
                         Failure::new(Fault::Refused, projector.name(), what)
                     })?;
@@ -113,7 +113,7 @@ impl Steps {
         }
         if self.patterns.len() > show.patterns {
             let what = format!(
-                "{} patterns are more than its {}",
+                "{} patterns exceed the limit of {}",
                 self.patterns.len(),
                 show.patterns
             );
@@ -143,7 +143,7 @@ impl Steps {
             .any(|(a, most)| a.abs() > most)
         {
             let what = format!(
-                "the scan's corner at {corner:?}° is beyond ±{:?}°",
+                "the scan's corner at {corner:?}° is outside ±{:?}°",
                 limits.range_deg
             );
             return Err(Failure::new(Fault::Limit, galvo.name(), what));
@@ -151,14 +151,14 @@ impl Steps {
         let limits = counter.limits();
         if work.bins as usize > limits.bins || work.bin_ps < limits.finest_ps || work.dwell > limits.longest {
             let what = format!(
-                "{} bins of {} ps for {:?} are beyond {limits:?}",
+                "{} bins of {} ps for {:?} exceed the limits {limits:?}",
                 work.bins, work.bin_ps, work.dwell
             );
             return Err(Failure::new(Fault::Limit, counter.name(), what));
         }
         let [least, most] = laser.limits().rate_hz;
         if work.rate_hz < least || work.rate_hz > most {
-            let what = format!("{} Hz is not within {least} to {most}", work.rate_hz);
+            let what = format!("{} Hz is outside {least} to {most} Hz", work.rate_hz);
             return Err(Failure::new(Fault::Limit, laser.name(), what));
         }
         Ok(())
@@ -290,18 +290,19 @@ fn goals(scheme: &Scheme, rig: &Rig) -> Result<BTreeMap<String, Vec<f64>>, Failu
             let limits = stage.device.limits();
             for angle in &angles {
                 if *angle < limits.range_deg[0] || *angle > limits.range_deg[1] {
-                    let what = format!("{angle}° is not within {:?}°", limits.range_deg);
+                    let what = format!("{angle}° is outside {:?}°", limits.range_deg);
                     return Err(Failure::new(Fault::Limit, &element.name, what));
                 }
             }
             goals.insert(element.name.clone(), angles);
         } else if turns {
-            let what = "the scheme turns it, and the rig has no stage of this name; add it to the rig file";
+            let what = "the scheme rotates this element, but the rig has no stage with this name; add it to the rig file";
             return Err(Failure::new(Fault::Refused, &element.name, what));
         }
         let first = element.set_at(0).retardance;
         if (0..scheme.captures()).any(|k| element.set_at(k).retardance != first) {
-            let what = "the scheme changes its retardance, and no driver of liquid crystals is built";
+            let what =
+                "the scheme changes the retardance of this element, but liquid crystals are not supported";
             return Err(Failure::new(Fault::Refused, &element.name, what));
         }
     }

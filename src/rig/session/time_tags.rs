@@ -47,9 +47,11 @@ impl Tags {
                     photons.push(time << 21 | u64::from(dtime) << 6 | u64::from(channel & 63));
                 }
                 Event::Photon { time, .. } => {
-                    return Err(format!("a photon came at pulse {time} of {pulses}"));
+                    return Err(format!("got a photon at pulse {time} of {pulses}"));
                 }
-                Event::Unknown { record } => return Err(format!("record {record:#010x} means nothing")),
+                Event::Unknown { record } => {
+                    return Err(format!("record {record:#010x} has an unknown type"));
+                }
                 Event::Overflow { .. } | Event::Marker { .. } | Event::Sync { .. } => {}
             }
         }
@@ -58,7 +60,7 @@ impl Tags {
             .zip(photons.iter().skip(1))
             .any(|(a, b)| a >> 21 > b >> 21)
         {
-            return Err("time tags are out of their order".into());
+            return Err("time tags are out of order".into());
         }
         Ok(Self { pulses, photons })
     }
@@ -362,7 +364,7 @@ mod tests {
         let told = |words: &[u32], pulses| Tags::new(words, RECORD, pulses).expect_err("a fault");
         assert!(told(&[photon(5, 1)], 5).contains("pulse 5 of 5"));
         assert!(told(&[photon(5, 1), photon(4, 1)], 9).contains("order"));
-        assert!(told(&[0xC000_0000], 9).contains("means nothing"));
+        assert!(told(&[0xC000_0000], 9).contains("unknown type"));
         let good = Tags::new(&[photon(5, 1), photon(5, 2)], RECORD, 6).expect("tags");
         assert_ne!(
             good.checksum(),

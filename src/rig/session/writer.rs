@@ -28,7 +28,7 @@ enum Item {
 
 /// An error that ended the writer.
 #[derive(Debug, thiserror::Error)]
-#[error("{path}: {cause}; make room and resume: all frames that were noted are safe")]
+#[error("{path}: {cause}; free disk space and resume: all recorded frames are saved")]
 pub struct DiskError {
     pub path: PathBuf,
     pub cause: String,
@@ -295,7 +295,7 @@ impl Writer {
             Some(Ok(result)) => result,
             Some(Err(_)) => Err(DiskError {
                 path: PathBuf::new(),
-                cause: "the writer ended before its time".into(),
+                cause: "the writer thread ended unexpectedly".into(),
             }),
             None => Ok(()),
         }

@@ -101,7 +101,7 @@ impl SimulatedCard {
             .running
             .is_some_and(|(begun, _)| self.end(begun) > self.world.clock().now())
         {
-            return Err(self.failure(Fault::Refused, "a buffer is being put out; stop it first"));
+            return Err(self.failure(Fault::Refused, "a buffer is being output; stop it first"));
         }
         self.running = None;
         Ok(())
@@ -151,7 +151,7 @@ impl AnalogOutput for SimulatedCard {
     fn write(&mut self, volts: &[Vec<f64>]) -> Result<(), Failure> {
         self.free()?;
         let Some(settings) = &self.settings else {
-            return Err(self.failure(Fault::Refused, "it is not configured"));
+            return Err(self.failure(Fault::Refused, "the card is not configured"));
         };
         self.limits
             .check_buffer(volts, settings.channels.len())
@@ -163,7 +163,7 @@ impl AnalogOutput for SimulatedCard {
     fn start(&mut self) -> Result<(), Failure> {
         self.free()?;
         if self.buffer.is_empty() {
-            return Err(self.failure(Fault::Refused, "nothing was written"));
+            return Err(self.failure(Fault::Refused, "no buffer was written"));
         }
         self.running = Some((self.world.clock().now(), 0));
         self.catch_up();
@@ -173,13 +173,13 @@ impl AnalogOutput for SimulatedCard {
     fn wait(&mut self, within: Duration) -> Result<(), Failure> {
         self.world.alive(&self.name)?;
         let Some((begun, _)) = self.running else {
-            return Err(self.failure(Fault::Refused, "nothing was started"));
+            return Err(self.failure(Fault::Refused, "no output was started"));
         };
         let mishap = self.world.use_of(&self.name, within);
         if mishap.as_ref().is_ok_and(|m| *m == Some(Mishap::Stall)) {
             self.catch_up();
             self.running = None;
-            return Err(self.failure(Fault::Stalled, "the clock of its samples stopped on the way"));
+            return Err(self.failure(Fault::Stalled, "the sample clock stopped during output"));
         }
         if let Err(failure) = mishap {
             self.catch_up();
@@ -190,7 +190,7 @@ impl AnalogOutput for SimulatedCard {
         if end > clock.now() + within {
             clock.sleep(within);
             self.catch_up();
-            return Err(self.failure(Fault::Timeout, "the buffer is being put out still"));
+            return Err(self.failure(Fault::Timeout, "the buffer is still being output"));
         }
         clock.sleep_until(end);
         self.catch_up();

@@ -104,10 +104,10 @@ impl AreaCamera for SimulatedCamera {
 
     fn expose(&mut self) -> Result<(), Failure> {
         let Some(settings) = self.settings else {
-            return Err(self.failure(Fault::Refused, "it is not configured".into()));
+            return Err(self.failure(Fault::Refused, "the camera is not configured".into()));
         };
         if self.pending.is_some() {
-            return Err(self.failure(Fault::Refused, "an exposure is under way".into()));
+            return Err(self.failure(Fault::Refused, "an exposure is already in progress".into()));
         }
         let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
         let clock = self.world.clock();
@@ -141,17 +141,17 @@ impl AreaCamera for SimulatedCamera {
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
         self.world.alive(&self.name)?;
         let Some((ready, frame)) = self.pending.take() else {
-            return Err(self.failure(Fault::Refused, "no exposure was begun".into()));
+            return Err(self.failure(Fault::Refused, "no exposure was started".into()));
         };
         let clock = self.world.clock();
         if ready > clock.now() + within {
             self.pending = Some((ready, frame));
             clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "the exposure lasts longer".into()));
+            return Err(self.failure(Fault::Timeout, "the exposure is longer than the deadline".into()));
         }
         let Some(frame) = frame else {
             clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "the frame never came".into()));
+            return Err(self.failure(Fault::Timeout, "no frame arrived".into()));
         };
         clock.sleep_until(ready);
         self.last = Some(frame.clone());

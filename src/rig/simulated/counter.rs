@@ -74,7 +74,7 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
     let begin_ps = match &w.scenery {
         Scenery::Scan(scan) if (scan.bin_ps - settings.bin_ps).abs() > 1e-6 * scan.bin_ps => {
             return Err(format!(
-                "the counter's bins are of {} ps, the tensor's of {} ps; make them the same",
+                "the counter's bins are {} ps wide, but the tensor's are {} ps; use equal widths",
                 settings.bin_ps, scan.bin_ps
             ));
         }
@@ -85,7 +85,7 @@ fn radiance(w: &mut World, settings: &CounterSettings) -> Result<(Vec<f64>, u32)
         Scenery::Scan(scan) => scan.point(x, y)?,
         Scenery::Sample { mueller, .. } => &mueller[..],
         Scenery::Tensor(_) => {
-            return Err("the tensor has no time bins; play a coaxial slice with time".into());
+            return Err("the tensor has no time bins; use a coaxial slice with time bins".into());
         }
     };
     let seen = w.bench.histogram(histogram, &sets, &ray);
@@ -103,7 +103,7 @@ fn tagged(counts: &[u64], pulses: u64, alone: bool, random: &mut Stream) -> std:
     let seen = &counts[..counts.len().min(TAGS.dtimes() as usize)];
     if seen.iter().sum::<u64>() > MOST_TAGS {
         return Err(std::io::Error::other(
-            "more photons came than its memory holds; count for a shorter time",
+            "the photons exceed the counter's memory; reduce the dwell time",
         ));
     }
     let mut records = Records::new(TAGS);
@@ -145,13 +145,13 @@ impl PhotonCounter for SimulatedCounter {
         if settings.tags && self.limits.tags.is_none() {
             return Err(self.failure(
                 Fault::Limit,
-                "it gives no time tags; leave `time_tags` out of the plan".into(),
+                "time tags are not supported; remove `time_tags` from the plan".into(),
             ));
         }
         if !fits {
             return Err(self.failure(
                 Fault::Limit,
-                format!("{settings:?} is not within {:?}; correct the plan", self.limits),
+                format!("{settings:?} exceed {:?}; correct the plan", self.limits),
             ));
         }
         self.settings = Some(*settings);
@@ -161,10 +161,10 @@ impl PhotonCounter for SimulatedCounter {
 
     fn begin(&mut self) -> Result<(), Failure> {
         let Some(settings) = self.settings else {
-            return Err(self.failure(Fault::Refused, "it is not configured".into()));
+            return Err(self.failure(Fault::Refused, "the counter is not configured".into()));
         };
         if self.pending.is_some() {
-            return Err(self.failure(Fault::Refused, "an acquisition is under way".into()));
+            return Err(self.failure(Fault::Refused, "an acquisition is already in progress".into()));
         }
         let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
         let clock = self.world.clock();
@@ -217,21 +217,21 @@ impl PhotonCounter for SimulatedCounter {
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
         self.world.alive(&self.name)?;
         let Some((ready, histogram)) = self.pending.take() else {
-            return Err(self.failure(Fault::Refused, "no acquisition was begun".into()));
+            return Err(self.failure(Fault::Refused, "no acquisition was started".into()));
         };
         let clock = self.world.clock();
         if ready > clock.now() + within {
             self.pending = Some((ready, histogram));
             clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "it counts still".into()));
+            return Err(self.failure(Fault::Timeout, "the acquisition is still in progress".into()));
         }
         let Some(histogram) = histogram else {
             clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "the histogram never came".into()));
+            return Err(self.failure(Fault::Timeout, "no histogram arrived".into()));
         };
         clock.sleep_until(ready);
         if histogram.counts.iter().any(|n| u64::from(*n) >= self.limits.full) {
-            return Err(self.failure(Fault::Saturated, "a bin is full; count for a shorter time".into()));
+            return Err(self.failure(Fault::Saturated, "a bin is full; reduce the dwell time".into()));
         }
         Ok(histogram)
     }

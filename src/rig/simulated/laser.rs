@@ -45,7 +45,7 @@ impl PulsedLaser for SimulatedLaser {
     fn emit(&mut self, on: bool, rate_hz: f64, within: Duration) -> Result<(), Failure> {
         let [least, most] = self.limits.rate_hz;
         if on && !(rate_hz >= least && rate_hz <= most) {
-            let what = format!("{rate_hz} Hz is not within {least} to {most}; correct the plan");
+            let what = format!("{rate_hz} Hz is outside {least} to {most} Hz; correct the plan");
             return Err(Failure::new(Fault::Limit, &self.name, what));
         }
         self.world.use_of(&self.name, within)?;

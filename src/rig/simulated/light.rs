@@ -90,17 +90,19 @@ impl Scenery {
         let layout = slice.layout();
         let len = |kind| layout.find(kind).map(|i| layout.axes[i].len() as usize);
         let (Some(height), Some(width)) = (len(AxisKind::Y), len(AxisKind::X)) else {
-            return Err(format!("{place}: it has no rows and columns of the camera"));
+            return Err(format!(
+                "{place}: the slice has no rows and columns of the camera"
+            ));
         };
         if len(AxisKind::StokesOut) != Some(4) || len(AxisKind::StokesIn) != Some(4) {
             return Err(format!(
-                "{place}: it has no Mueller matrices; keep it with polarization = \"mueller\""
+                "{place}: the slice has no Mueller matrices; render it with polarization = \"mueller\""
             ));
         }
         let parts = [AxisKind::Bounces, AxisKind::Component, AxisKind::Label];
         if parts.into_iter().any(|kind| len(kind).is_some()) {
             return Err(format!(
-                "{place}: it keeps light in parts; a sensor sees their sum"
+                "{place}: the slice is split into parts, but a sensor measures their sum; use a slice without parts"
             ));
         }
         let axis = layout.find(AxisKind::Wavelength).map(|i| &layout.axes[i]);
@@ -110,7 +112,7 @@ impl Scenery {
                 let lane = axis.nearest(nm);
                 if (axis.coords[lane] - nm).abs() > 1.0 {
                     return Err(format!(
-                        "{place}: the bench's light is of {nm} nm, and it has {:?}",
+                        "{place}: the bench's light is {nm} nm, but the slice has {:?} nm",
                         axis.coords
                     ));
                 }
@@ -121,7 +123,7 @@ impl Scenery {
         if let Some(bins) = len(AxisKind::T) {
             if len(AxisKind::V).is_some() {
                 return Err(format!(
-                    "{place}: a scan's slice has projector = \"coaxial\" and time bins"
+                    "{place}: a scan needs a slice with projector = \"coaxial\" and time bins"
                 ));
             }
             let (start_ps, bin_ps) = layout.time.unwrap_or((0.0, 1.0));
@@ -145,7 +147,7 @@ impl Scenery {
         let bytes = layout.shape().iter().product::<u64>().saturating_mul(4);
         if bytes > MOST_BYTES {
             return Err(format!(
-                "{place}: {:.1} GB do not fit in memory; bin camera or projector",
+                "{place}: {:.1} GB exceed the memory limit; bin the camera or the projector",
                 bytes as f64 / 1e9
             ));
         }
@@ -203,7 +205,7 @@ impl Scenery {
                 }
                 Ok(Some(Light::Mueller(image)))
             }
-            Self::Scan(_) => Err("what is scanned by a galvo has no patterns".into()),
+            Self::Scan(_) => Err("a scan by a galvo has no patterns".into()),
             Self::Tensor(tensor) => tensor.light(pattern, bench, generator).map(Some),
         }
     }
@@ -214,7 +216,7 @@ impl PlayedTensor {
         let boxes = self.projector[0] * self.projector[1];
         if pattern.len() != boxes {
             return Err(format!(
-                "the pattern has {} pixels, the tensor {} x {} of s'",
+                "the pattern has {} pixels, but the tensor has {} x {} projector pixels",
                 pattern.len(),
                 self.projector[0],
                 self.projector[1]
@@ -281,7 +283,7 @@ impl PlayedScan {
         let [width, height] = self.camera;
         if x >= width || y >= height {
             return Err(format!(
-                "the beam points to {x}, {y}, beyond {width} x {height} points"
+                "the beam points to {x}, {y}, outside {width} x {height} points"
             ));
         }
         let first = y / self.together * self.together;

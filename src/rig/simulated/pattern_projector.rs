@@ -60,7 +60,7 @@ impl PatternProjector for SimulatedProjector {
         let [width, height] = self.limits.size;
         if patterns.len() > self.limits.patterns {
             return Err(self.limit(format!(
-                "{} patterns are more than its {}",
+                "{} patterns exceed the limit of {}",
                 patterns.len(),
                 self.limits.patterns
             )));
@@ -69,13 +69,13 @@ impl PatternProjector for SimulatedProjector {
             let whole = p.pixels.len() == width as usize * height as usize;
             if [p.width, p.height] != self.limits.size || !whole {
                 return Err(self.limit(format!(
-                    "pattern {i} is of {} x {} pixels, it has {width} x {height}",
+                    "pattern {i} has {} x {} pixels, expected {width} x {height}",
                     p.width, p.height
                 )));
             }
             if self.limits.bits == 1 && p.pixels.iter().any(|v| *v != 0 && *v != 255) {
                 return Err(self.limit(format!(
-                    "pattern {i} has grey pixels; it knows on (255) and off (0)"
+                    "pattern {i} has grey pixels; only 255 (on) and 0 (off) are supported"
                 )));
             }
         }
@@ -87,7 +87,7 @@ impl PatternProjector for SimulatedProjector {
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
         let Some(drive) = self.loaded.get(pattern).cloned() else {
             return Err(self.limit(format!(
-                "there is no pattern {pattern}; {} are loaded",
+                "pattern {pattern} does not exist; {} patterns are loaded",
                 self.loaded.len()
             )));
         };

@@ -44,7 +44,7 @@ impl GalvoScanner for SimulatedScanner {
         let inside = angles_deg.iter().zip(self.limits.range_deg);
         if !inside.clone().all(|(a, most)| a.is_finite() && a.abs() <= most) {
             let what = format!(
-                "{angles_deg:?}° is beyond ±{:?}°; correct the plan",
+                "{angles_deg:?}° is outside ±{:?}°; correct the plan",
                 self.limits.range_deg
             );
             return Err(Failure::new(Fault::Limit, &self.name, what));
@@ -52,7 +52,11 @@ impl GalvoScanner for SimulatedScanner {
         self.world.use_of(&self.name, within)?;
         if self.limits.settle > within {
             self.world.clock().sleep(within);
-            return Err(Failure::new(Fault::Timeout, &self.name, "the mirrors move still"));
+            return Err(Failure::new(
+                Fault::Timeout,
+                &self.name,
+                "the mirrors are still moving",
+            ));
         }
         self.world.clock().sleep(self.limits.settle);
         let step = self.limits.resolution_deg;

@@ -96,7 +96,10 @@ impl RotationStage for SimulatedStage {
             self.world.clock().sleep(within);
             return Err(self.failure(
                 Fault::Timeout,
-                format!("homing takes {:.1} s", time.as_secs_f64()),
+                format!(
+                    "homing takes {:.1} s, longer than the deadline",
+                    time.as_secs_f64()
+                ),
             ));
         }
         self.world.clock().sleep(time);
@@ -119,13 +122,16 @@ impl RotationStage for SimulatedStage {
         if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
             return Err(self.failure(
                 Fault::Limit,
-                format!("{angle_deg}° is not within {least}° to {most}°; correct the plan"),
+                format!("{angle_deg}° is outside {least}° to {most}°; correct the plan"),
             ));
         }
         let mishap = self.world.use_of(&self.name, Duration::ZERO)?;
         let state = self.state();
         if !state.homed {
-            return Err(self.failure(Fault::Refused, "its zero is not known; home it".into()));
+            return Err(self.failure(
+                Fault::Refused,
+                "zero position unknown; home the stage first".into(),
+            ));
         }
         self.stalled = mishap == Some(Mishap::Stall);
         let clock = self.world.clock();
@@ -147,13 +153,16 @@ impl RotationStage for SimulatedStage {
         let clock = self.world.clock();
         if then > clock.now() + within {
             clock.sleep(within);
-            return Err(self.failure(Fault::Timeout, "it moves still; give it more time".into()));
+            return Err(self.failure(
+                Fault::Timeout,
+                "the move is still in progress; allow more time".into(),
+            ));
         }
         clock.sleep_until(then);
         self.put(goal);
         self.goal = None;
         if self.stalled {
-            return Err(self.failure(Fault::Stalled, format!("it stopped at {goal:.3}°")));
+            return Err(self.failure(Fault::Stalled, format!("stopped at {goal:.3}°")));
         }
         self.read(within)
     }

@@ -105,7 +105,7 @@ impl Shared {
             Err(Failure::new(
                 Fault::Disconnected,
                 instrument,
-                "no answer: the line is dead",
+                "no reply: connection lost",
             ))
         };
         match mishap {
@@ -140,13 +140,13 @@ impl Shared {
                 Err(Failure::new(
                     Fault::Timeout,
                     instrument,
-                    "no answer before the deadline",
+                    "no reply before the deadline",
                 ))
             }
             Some(Mishap::Interlock) => Err(Failure::new(
                 Fault::Refused,
                 instrument,
-                "its interlock is open; close it and resume",
+                "interlock open; close it and resume",
             )),
             Some(Mishap::ClockBack) => {
                 self.clock().jump(-3600.0);
@@ -175,7 +175,7 @@ impl Shared {
             return Err(Failure::new(
                 Fault::Disconnected,
                 instrument,
-                "no answer: the line is dead",
+                "no reply: connection lost",
             ));
         }
         Ok(())
@@ -191,7 +191,7 @@ impl Shared {
             return Err(Failure::new(
                 Fault::Disconnected,
                 instrument,
-                "it cannot be found; plug it in and resume",
+                "the instrument cannot be found; plug it in and resume",
             ));
         }
         self.clock().sleep(Duration::from_millis(500).min(within));

@@ -7,24 +7,24 @@ use std::path::PathBuf;
 
 #[derive(Debug, thiserror::Error)]
 pub enum MergeError {
-    #[error("nothing to merge: name at least two stores")]
+    #[error("nothing to merge: pass at least two stores")]
     TooFew,
     /// A store lacks an attribute that merging requires.
-    #[error("{path} has no usable attribute `{key}`, so it cannot be merged: render it with this program")]
+    #[error("cannot merge {path}: its attribute `{key}` is missing or invalid; render it with this program")]
     Attribute { path: PathBuf, key: &'static str },
     #[error(
-        "{first} and {second} are of different scenes (`scene_sha256` differs): merge renders of one scene"
+        "{first} and {second} are renders of different scenes (`scene_sha256` differs): merge renders of one scene"
     )]
     Scenes { first: PathBuf, second: PathBuf },
     /// The stores were rendered with different integrators, so some may lack light that others contain.
     #[error(
-        "{first} and {second} were rendered with different `integrator`s: merge renders by one (`sunstone render --integrator`)"
+        "{first} and {second} were rendered with different `integrator`s: merge renders with one (`sunstone render --integrator`)"
     )]
     Integrators { first: PathBuf, second: PathBuf },
     /// The coordinates of a camera axis do not identify its pixels.
     #[error(
-        "{path}: coordinate {coordinate} of axis `{axis}` is not that of whole pixels, so its samples cannot be told: \
-         render it again, or restore it from a copy"
+        "{path}: coordinate {coordinate} of axis `{axis}` is not the centre of whole pixels, so its sample count is unknown: render it \
+         again, or restore it from a backup"
     )]
     Pixels {
         path: PathBuf,
@@ -32,14 +32,14 @@ pub enum MergeError {
         coordinate: f64,
     },
     #[error(
-        "seed {seed} of {path} occurs twice, its samples would count double: render with another `--seed`"
+        "seed {seed} of {path} occurs twice, so its samples would be counted twice: render with another `--seed`"
     )]
     Seed { path: PathBuf, seed: i128 },
     /// The output is also an input.
-    #[error("{path} is to be merged and written at once: choose another `-o`")]
+    #[error("{path} is both an input and the output: choose another `-o`")]
     Itself { path: PathBuf },
     /// The stores have different slices.
-    #[error("{first} and {second} differ in slice `{slice}`: merge renders that keep the same slices")]
+    #[error("{first} and {second} differ in slice `{slice}`: merge renders with the same slices")]
     Layout {
         first: PathBuf,
         second: PathBuf,

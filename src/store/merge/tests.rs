@@ -240,7 +240,7 @@ fn rows_that_do_not_rise_are_refused() {
     let error = merge(&[at("a"), at("b")], &at("out"), Options::default())
         .unwrap_err()
         .to_string();
-    assert!(error.contains("s/y") && error.contains("rise"), "{error}");
+    assert!(error.contains("s/y") && error.contains("increase"), "{error}");
     assert!(!at("out").exists());
 }
 

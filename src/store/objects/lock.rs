@@ -139,8 +139,8 @@ impl ObjectLock {
         if let Put::Done(_) = objects.put_new(FILE, owner.text())? {
             let _ = objects.delete(vec![FILE.into()]);
             return Err(NoLock::Refused(Refusal::new(
-                "the server does not heed conditions of a put (If-None-Match), so that two could write one store",
-                "write to a folder and copy the store, or use a server that does",
+                "the server ignores the condition of a put (If-None-Match), so two processes could write one store",
+                "write to a local folder and copy the store, or use a server that supports conditional puts",
             )));
         }
         let (stop, stopped) = mpsc::channel();
@@ -206,7 +206,7 @@ fn acquire(objects: &Objects, owner: &Owner) -> Result<(Version, Instant), NoLoc
         let holder = told["owner"].as_str().unwrap_or("another process").to_owned();
         let lease = told["lease_s"].as_f64().map_or(LEASE, believed);
         tracing::warn!(
-            "the store is locked by {holder}: watching for {} s whether it renews its lock",
+            "the store is locked by {holder}: waiting {} s to see whether the lock is renewed",
             lease.as_secs_f64()
         );
         let begun = Instant::now();

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum ProbeError {
     /// The slice lacks a selected axis.
-    #[error("slice `{slice}` has no axis `{axis}`; it has: {available}")]
+    #[error("slice `{slice}` has no axis `{axis}`; available: {available}")]
     NoAxis {
         slice: String,
         axis: &'static str,
@@ -28,7 +28,7 @@ pub enum ProbeError {
     },
     /// A Stokes state is given, but the slice was stored for unpolarized light only.
     #[error(
-        "slice `{slice}` keeps intensity alone: give the Stokes state 1,0,0,0 or render polarization `mueller`"
+        "slice `{slice}` contains only intensity: use the Stokes state 1,0,0,0, or render with polarization `mueller`"
     )]
     Stokes { slice: String },
     #[error("pulse for slice `{slice}`: {reason}")]
@@ -37,13 +37,13 @@ pub enum ProbeError {
         /// The fault and the fix.
         reason: String,
     },
-    #[error("the result would hold {elements} elements: select less, or sum over an axis")]
+    #[error("the result would have {elements} elements: select less, or sum over an axis")]
     TooLarge { elements: u128 },
     #[error(transparent)]
     Access(#[from] AccessError),
     #[error(transparent)]
     Create(#[from] CreateError),
-    #[error("cannot write {path}: {cause}; check that the directory is writable and the disk has room")]
+    #[error("cannot write {path}: {cause}; check that the directory is writable and the disk is not full")]
     Write { path: PathBuf, cause: String },
 }
 

@@ -27,7 +27,7 @@ fn axis(text: &str, name: &str) -> Result<AxisKind, ParseError> {
         || {
             fault(
                 text,
-                format!("there is no axis `{}`; axes are {}", name.trim(), known()),
+                format!("unknown axis `{}`; expected one of {}", name.trim(), known()),
             )
         },
         Ok,
@@ -52,7 +52,7 @@ fn coordinate(text: &str, axis: AxisKind, word: &str) -> Result<f64, ParseError>
     }
     match word.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => fault(text, format!("`{word}` is not a number in {}", axis.units())),
+        _ => fault(text, format!("`{word}`: expected a number in {}", axis.units())),
     }
 }
 
@@ -63,10 +63,7 @@ impl FromStr for Selection {
     /// axis.
     fn from_str(text: &str) -> Result<Self, ParseError> {
         let Some((name, value)) = text.split_once('=') else {
-            return fault(
-                text,
-                "a selection is AXIS=VALUE or AXIS=FROM:TO, such as `t=1000:2000`",
-            );
+            return fault(text, "expected AXIS=VALUE or AXIS=FROM:TO, such as `t=1000:2000`");
         };
         let axis = axis(text, name)?;
         let range = if let Some((from, to)) = value.split_once(':') {
@@ -79,7 +76,7 @@ impl FromStr for Selection {
             };
             let (from, to) = (end(from, f64::NEG_INFINITY)?, end(to, f64::INFINITY)?);
             if from > to {
-                return fault(text, "the range runs backwards: write the smaller value first");
+                return fault(text, "the range is reversed: write the smaller value first");
             }
             CoordRange::Between(from, to)
         } else {
@@ -94,17 +91,17 @@ impl FromStr for Pulse {
 
     /// Parses `gaussian:FWHM` in picoseconds or `samples:A,B,C` at the bin spacing.
     fn from_str(text: &str) -> Result<Self, ParseError> {
-        let expected = "a pulse is `gaussian:FWHM_PS` or `samples:A,B,C`";
+        let expected = "expected `gaussian:FWHM_PS` or `samples:A,B,C`";
         match text.split_once(':') {
             Some(("gaussian", width)) => match width.trim().parse::<f64>() {
                 Ok(fwhm_ps) if fwhm_ps.is_finite() && fwhm_ps >= 0.0 => Ok(Self::Gaussian { fwhm_ps }),
-                _ => fault(text, "the width is a number of picoseconds, not negative"),
+                _ => fault(text, "the width must be a number of picoseconds, 0 or more"),
             },
             Some(("samples", list)) => {
                 let samples: Result<Vec<f64>, _> = list.split(',').map(|w| w.trim().parse::<f64>()).collect();
                 match samples {
                     Ok(samples) if samples.iter().all(|s| s.is_finite()) => Ok(Self::Samples(samples)),
-                    _ => fault(text, "samples are numbers separated by commas"),
+                    _ => fault(text, "the samples must be numbers separated by commas"),
                 }
             }
             _ => fault(text, expected),
@@ -147,7 +144,7 @@ pub fn parse_stokes(text: &str) -> Result<[f32; 4], ParseError> {
         Ok(stokes) if text.split(',').count() == 4 => physical(text, stokes),
         _ => fault(
             text,
-            "a Stokes vector is four numbers `s0,s1,s2,s3` or a name such as `horizontal`",
+            "expected four numbers `s0,s1,s2,s3`, or a name such as `horizontal`",
         ),
     }
 }
@@ -162,7 +159,7 @@ fn physical(text: &str, stokes: [f32; 4]) -> Result<[f32; 4], ParseError> {
     }
     fault(
         text,
-        "no light has it: s0 is above 0, and s1² + s2² + s3² not above s0²",
+        "not a physical Stokes vector: s0 must be above 0, and s1² + s2² + s3² at most s0²",
     )
 }
 

@@ -54,8 +54,7 @@ pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec
         None if whole && consecutive => true,
         None if whole => {
             return Err(
-                "it is not known whether its projector pixels are binned or listed; \
-                        its attribute `projector_bin` is missing"
+                "the attribute `projector_bin` is missing, so it is unknown whether projector pixels are binned; render the slice again"
                     .into(),
             );
         }
@@ -72,13 +71,13 @@ pub(super) fn pixels(coords: &[f64], bin: Option<u32>, total: u32) -> Result<Vec
     };
     if let Some((_, last)) = all.iter().find(|(_, last)| *last >= total) {
         return Err(format!(
-            "the slice reaches projector pixel {last}: use the projector's resolution"
+            "the slice contains projector pixel {last}: use a pattern of the projector's resolution"
         ));
     }
     let next = all.last().map_or(0, |(_, last)| last + 1);
     if !single && next < total {
         return Err(format!(
-            "the slice's bins end at projector pixel {next}: use the projector's resolution"
+            "the slice's bins end at projector pixel {next}: use a pattern of the projector's resolution"
         ));
     }
     Ok(all)

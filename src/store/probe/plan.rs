@@ -82,7 +82,7 @@ impl Plan {
                     reduced(axis.kind, 0, weights.into_iter().map(|w| vec![(0, w)]).collect())
                 }
                 Step::Weights(weights) => {
-                    let reason = format!("it has {n} entries instead of {}", weights.len());
+                    let reason = format!("it has {n} entries, expected {}", weights.len());
                     return Err(ProbeError::Selection {
                         axis: axis.kind.name(),
                         reason,
@@ -182,14 +182,14 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
         })
     };
     let Some((_, bin_ps)) = layout.time.filter(|(_, bin)| *bin > 0.0) else {
-        return fault("it does not resolve time: render it with time bins");
+        return fault("the slice is not time-resolved: render it with time bins");
     };
     let weights: Vec<(i64, f64)> = match pulse {
         Pulse::Gaussian { fwhm_ps } => {
             let sigma = fwhm_ps / (8.0 * std::f64::consts::LN_2).sqrt() / bin_ps;
             let reach = (6.0 * sigma).ceil();
             if !(0.0..=MAX_KERNEL).contains(&reach) {
-                return fault("its width is not a sensible number of bins");
+                return fault("its width must be a finite number of bins within the limit");
             }
             let gauss = |k: i64| {
                 if k == 0 {
@@ -204,7 +204,7 @@ fn kernel(pulse: &Pulse, layout: &SliceLayout) -> Result<Vec<(i64, f64)>, ProbeE
     };
     let sum: f64 = weights.iter().map(|(_, w)| w).sum();
     if weights.len() as f64 > 2.0 * MAX_KERNEL + 1.0 || !(sum.is_finite() && sum > 0.0) {
-        return fault("its samples have no positive, finite sum");
+        return fault("its samples must have a positive, finite sum, and not be too many");
     }
     Ok(weights
         .into_iter()
@@ -220,13 +220,13 @@ fn check_axes(probe: &Probe, layout: &SliceLayout) -> Result<(), ProbeError> {
             reason: reason.into(),
         };
         if probe.select[..i].iter().any(|s| s.axis == *axis) {
-            return Err(fault("it is selected twice: give one selection an axis"));
+            return Err(fault("it is selected twice: use one selection per axis"));
         }
         let by_pattern = matches!(axis, AxisKind::V | AxisKind::U) && probe.pattern.is_some();
         let by_stokes = *axis == AxisKind::StokesIn && probe.stokes.is_some();
         if by_pattern || by_stokes {
             return Err(fault(
-                "it is contracted, so nothing of it is left to select: drop one of the two",
+                "the axis is already contracted by a pattern or Stokes state: remove one of the two",
             ));
         }
         // Intensity slices contain M00, so selecting element 0 has no effect.
@@ -291,7 +291,7 @@ fn range(probe: &Probe, axis: &Axis) -> Result<Step, ProbeError> {
             "not a number".to_owned()
         } else {
             let (a, b) = (axis.coords[0], axis.coords[n - 1]);
-            format!("it lies outside {a} to {b} {}", axis.kind.units())
+            format!("outside the range {a} to {b} {}", axis.kind.units())
         };
         ProbeError::Selection {
             axis: axis.kind.name(),
@@ -350,13 +350,16 @@ fn joint_weights(
         reason,
     };
     if pattern.values.len() as u64 != u64::from(pattern.width) * u64::from(pattern.height) {
-        return Err(fault(format!("it has {} values", pattern.values.len())));
+        return Err(fault(format!(
+            "it has {} values; expected width × height",
+            pattern.values.len()
+        )));
     }
     let (Some(v), Some(u)) = (layout.find(AxisKind::V), layout.find(AxisKind::U)) else {
         return if pattern.is_full_on() {
             Ok(None)
         } else {
-            let reason = "its projector pixels are summed already: render it with `projector = \"all\"`";
+            let reason = "projector pixels are already summed: render the slice with `projector = \"all\"`";
             Err(fault(reason.into()))
         };
     };
@@ -394,7 +397,7 @@ fn joint_weights(
         .count();
     if lost > 0 {
         notes.push(format!(
-            "the pattern drives {lost} projector pixels that slice `{}` does not keep: their light is missing",
+            "the pattern drives {lost} projector pixels that slice `{}` does not contain: their light is missing",
             layout.name
         ));
     }

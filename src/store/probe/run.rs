@@ -75,7 +75,8 @@ fn in_doubt(plan: &plan::Plan, slice: &StoredSlice) -> Result<Option<String>, Pr
     let doubt = doubt::within(slice, pixels(plan))?.filter(|d| d.doubtful > 0);
     Ok(doubt.map(|d| {
         format!(
-            "errors of {} of {} lit pixels of `{}` cannot be trusted yet: neighbours have met light that these have not",
+            "unreliable error estimates (too few samples) in {} of {} lit pixels of `{}`: neighbouring pixels found light that these \
+             missed",
             d.doubtful,
             d.lit,
             slice.name()

@@ -368,7 +368,7 @@ fn selections_take_nearest_entries() {
             pattern: Some(pattern()),
             ..Probe::default()
         })
-        .contains("summed already")
+        .contains("already summed")
     );
     assert!(
         Probe {

@@ -43,7 +43,7 @@ impl ProbeResult {
             Some("npy") => self.write_npy(path),
             Some("csv") => self.write_csv(path),
             Some("zarr") => self.write_zarr(path, &Map::new(), attributes, replace),
-            _ => Err(failed(path, "its extension is not .npy, .csv or .zarr")),
+            _ => Err(failed(path, "its extension must be .npy, .csv or .zarr")),
         }
     }
 

@@ -67,30 +67,33 @@ impl Array {
     pub(super) fn of(node: &str, data_type: &str, json: &Value) -> Result<Self, String> {
         let lengths =
             |json: &Value| -> Option<Vec<u64>> { json.as_array()?.iter().map(Value::as_u64).collect() };
-        let keys = json.as_object().ok_or("it is no JSON object")?;
+        let keys = json.as_object().ok_or("it is not a JSON object")?;
         for (key, value) in keys {
             if !KEYS.contains(&key.as_str()) && value["must_understand"] != false {
-                return Err(format!("its key `{key}` is not known"));
+                return Err(format!("unknown key `{key}`"));
             }
         }
         if json["zarr_format"] != 3 || json["node_type"] != "array" {
             return Err("it does not describe an array of Zarr format 3".into());
         }
         if name(&json["data_type"]) != Some(data_type) {
-            return Err(format!("its data type is {}, not {data_type}", json["data_type"]));
+            return Err(format!(
+                "data type is {}, expected {data_type}",
+                json["data_type"]
+            ));
         }
         if !is_zero(&json["fill_value"]) {
-            return Err(format!("what it does not store is {}, not 0", json["fill_value"]));
+            return Err(format!("fill value is {}, expected 0", json["fill_value"]));
         }
         let transformers = json.get("storage_transformers").and_then(Value::as_array);
         if transformers.is_some_and(|list| !list.is_empty()) {
-            return Err("it has storage transformers".into());
+            return Err("storage transformers are not supported".into());
         }
         let shape = lengths(&json["shape"]).ok_or("it has no shape")?;
         let grid = Some(&json["chunk_grid"]).filter(|grid| name(grid) == Some("regular"));
         let stored = grid.and_then(|grid| lengths(&grid["configuration"]["chunk_shape"]));
         let stored = stored.filter(|stored| stored.len() == shape.len());
-        let stored = stored.ok_or("its chunk grid is not a regular one of its dimensions")?;
+        let stored = stored.ok_or("chunk grid must be regular and match the dimensions")?;
         let (coding, inner) = coding::of(&json["codecs"])?;
         let names = match json.get("dimension_names").and_then(Value::as_array) {
             None => vec![String::new(); shape.len()],
@@ -106,13 +109,13 @@ impl Array {
         let (beginning, usual) = match name(keys) {
             Some("default") => ("c", '/'),
             Some("v2") => ("", '.'),
-            _ => return Err("its chunk keys are neither those of `default` nor of `v2`".into()),
+            _ => return Err("chunk key encoding must be `default` or `v2`".into()),
         };
         let separator = match keys["configuration"]["separator"].as_str() {
             None => usual,
             Some("/") => '/',
             Some(".") => '.',
-            Some(other) => return Err(format!("the separator of its chunk keys is {other:?}")),
+            Some(other) => return Err(format!("unknown separator of chunk keys: {other:?}")),
         };
         let node = node.trim_start_matches('/');
         Ok(Self {
@@ -224,10 +227,10 @@ mod tests {
             ("zarr_format", json!(2), "format 3"),
             ("node_type", json!("group"), "an array"),
             ("data_type", json!("float64"), "data type"),
-            ("fill_value", json!(-0.0), "not 0"),
-            ("fill_value", json!(1), "not 0"),
-            ("fill_value", json!("NaN"), "not 0"),
-            ("fill_value", json!("0x80000000"), "not 0"),
+            ("fill_value", json!(-0.0), "expected 0"),
+            ("fill_value", json!(1), "expected 0"),
+            ("fill_value", json!("NaN"), "expected 0"),
+            ("fill_value", json!("0x80000000"), "expected 0"),
             ("storage_transformers", json!([{"name": "a"}]), "transformers"),
             ("shape", json!([4, -6]), "shape"),
             (

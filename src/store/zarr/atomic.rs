@@ -298,9 +298,9 @@ impl AtomicDirectory {
         let reason = match (manifest.0.get(path), found) {
             (None, None) => return Ok(()),
             (Some(entry), Some(found)) if *entry == found => return Ok(()),
-            (Some(_), Some(_)) => "it is not what was written when the store was finished",
-            (Some(_), None) => "it is lost: its file is missing",
-            (None, Some(_)) => "it was not there when the store was finished",
+            (Some(_), Some(_)) => "the file differs from the one written when the store was finished",
+            (Some(_), None) => "the file is missing",
+            (None, Some(_)) => "the file was not in the store when it was finished",
         };
         Err(io::Error::other(reason))
     }

@@ -16,11 +16,11 @@ const MAX_SAMPLE_CHUNKS: u64 = 1 << 24;
 pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     let coords = &axis.coords;
     if let Some(bad) = coords.iter().find(|c| !c.is_finite()) {
-        return Some(format!("its coordinate {bad} is no number"));
+        return Some(format!("its coordinate {bad} is not a number"));
     }
     let falls = |pair: &[f64]| matches!(pair, [a, b] if a >= b);
     if let Some([a, b]) = coords.windows(2).find(|pair| falls(pair)) {
-        return Some(format!("its coordinates do not rise: {b} follows {a}"));
+        return Some(format!("its coordinates do not increase: {b} follows {a}"));
     }
     let (least, most) = match axis.kind {
         AxisKind::Y | AxisKind::X | AxisKind::V | AxisKind::U | AxisKind::Bounces => {
@@ -37,7 +37,7 @@ pub(super) fn coordinates_fault(axis: &Axis) -> Option<String> {
     let mut outside = ends.filter(|c| !(least..=most).contains(*c));
     outside
         .next()
-        .map(|bad| format!("its coordinate {bad} lies outside {least} to {most}"))
+        .map(|bad| format!("its coordinate {bad} is outside {least} to {most}"))
 }
 
 /// Returns the fault of a layout's time bins, if any: width, and centres of the axis t.
@@ -46,11 +46,11 @@ pub(super) fn time_fault(layout: &SliceLayout) -> Option<String> {
     let (axis, (start, bin)) = match (axis, layout.time) {
         (None, None) => return None,
         (Some(axis), Some(time)) => (axis, time),
-        _ => return Some("attributes `time_start_ps`, `time_bin_ps` and the axis `t` do not agree".into()),
+        _ => return Some("attributes `time_start_ps` and `time_bin_ps` do not match the axis `t`".into()),
     };
     if !(start.is_finite() && bin.is_finite() && bin > 0.0) {
         return Some(format!(
-            "its time bins of {bin} ps from {start} ps are no bins: `time_bin_ps` must be positive"
+            "its time bins of {bin} ps from {start} ps are invalid: `time_bin_ps` must be positive"
         ));
     }
     // The start of the bins of a part of a slice is a sum with rounding error.
@@ -68,7 +68,7 @@ pub(super) fn samples_fault(shape: &[u64], chunk: &[u64]) -> Option<String> {
     let chunks: u64 = shape.iter().zip(chunk).map(|(n, c)| n.div_ceil(*c)).product();
     if [rows, columns].into_iter().any(|n| !(1..=MAX_CAMERA).contains(n)) || chunks > MAX_SAMPLE_CHUNKS {
         return Some(format!(
-            "shape {shape:?} in chunks of {chunk:?} is not that of a camera"
+            "shape {shape:?} in chunks of {chunk:?} is not valid for a camera"
         ));
     }
     None
@@ -81,7 +81,7 @@ pub(super) fn camera_fault(layout: &SliceLayout, samples: [u64; 2]) -> Option<St
         let last = axis.coords.last().filter(|c| **c > limit as f64 - 1.0)?;
         let name = kind.name();
         Some(format!(
-            "its axis `{name}` reaches pixel {last}, the sample counts have {limit}"
+            "its axis `{name}` reaches pixel {last}, but the sample counts have only {limit}"
         ))
     };
     beyond(AxisKind::Y, samples[0]).or_else(|| beyond(AxisKind::X, samples[1]))
@@ -120,11 +120,11 @@ impl Form {
     fn words(self) -> &'static str {
         match self {
             Self::Text => "a text",
-            Self::Count => "a whole number",
-            Self::Positive => "a whole number above 0",
+            Self::Count => "a non-negative integer",
+            Self::Positive => "a positive integer",
             Self::Duration => "a number of seconds",
-            Self::Seeds => "a list of whole numbers",
-            Self::Pair => "two whole numbers above 0",
+            Self::Seeds => "a list of integers",
+            Self::Pair => "two positive integers",
         }
     }
 }
@@ -154,7 +154,7 @@ pub(super) fn root_fault(attributes: &Map<String, Value>) -> Option<String> {
     let part = attributes.get(part::ATTRIBUTE);
     if part.is_some_and(|value| Part::from_json(value).is_none()) {
         return Some(format!(
-            "its attribute `{}` names no part of a render",
+            "its attribute `{}` is not a valid part of a render",
             part::ATTRIBUTE
         ));
     }
@@ -173,6 +173,9 @@ fn attributes_fault(attributes: &Map<String, Value>, forms: &[(&str, Form)]) -> 
         if shown.chars().count() > 60 {
             shown = shown.chars().take(60).chain(['…']).collect();
         }
-        Some(format!("its attribute `{key}` is {shown}, not {}", form.words()))
+        Some(format!(
+            "its attribute `{key}` is {shown}, expected {}",
+            form.words()
+        ))
     })
 }

@@ -29,12 +29,12 @@ impl<T: Number> ChunkedArray<T> {
         };
         let read = from.storage.read(&key);
         let bytes = read.map_err(|e| AccessError::of_chunk(&from.path, &index, &e))?;
-        let bytes = bytes.ok_or_else(|| lost("it is lost: its file is missing".into()))?;
+        let bytes = bytes.ok_or_else(|| lost("the file is missing".into()))?;
         let sound = bytes
             .split_last_chunk::<SEAL>()
             .is_some_and(|(frame, seal)| crc32c::crc32c(frame) == u32::from_le_bytes(*seal));
         if !sound {
-            return Err(lost("its checksum is not that of its bytes".into()));
+            return Err(lost("checksum mismatch".into()));
         }
         let stored = self.storage.write(&key, bytes);
         stored.map_err(|e| AccessError::of_write(&self.path, &e))

@@ -123,7 +123,7 @@ impl<T: Number> ChunkedArray<T> {
             .read(&description_key(node))
             .map_err(|e| damaged(e.to_string()))?;
         let json = serde_json::from_slice(&bytes.unwrap_or_default());
-        let json = json.map_err(|e| damaged(format!("no valid JSON: {e}")))?;
+        let json = json.map_err(|e| damaged(format!("invalid JSON: {e}")))?;
         Self::of(storage, node, &json).map_err(damaged)
     }
 
@@ -131,10 +131,7 @@ impl<T: Number> ChunkedArray<T> {
     fn of(storage: &Arc<AtomicDirectory>, node: &str, json: &Value) -> Result<Self, String> {
         let array = Array::of(node, T::NAME, json)?;
         if region::volume(&array.shape).is_none_or(|n| n.checked_mul(size_of::<T>()).is_none()) {
-            return Err(format!(
-                "its shape {:?} has more elements than can be counted",
-                array.shape
-            ));
+            return Err(format!("its shape {:?} has too many elements", array.shape));
         }
         let stored = array.stored.clone();
         let (chunk, sharded) = match &array.inner {
@@ -154,7 +151,7 @@ impl<T: Number> ChunkedArray<T> {
             && chunk.iter().zip(&array.shape).all(|(c, n)| (1..=*n).contains(c))
             && region::volume(&chunk).is_some_and(|n| n <= MAX_CHUNK);
         if !inside {
-            return Err("its chunk grid is not a regular one of chunks within its shape".into());
+            return Err("its chunk grid must be regular, with chunks within its shape".into());
         }
         Ok(Self {
             storage: storage.clone(),

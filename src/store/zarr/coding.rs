@@ -76,14 +76,14 @@ pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), S
     };
     if declared != Some(out.len() as u64) {
         let found = declared.map_or("no complete Zstandard frame".into(), |n| format!("{n} bytes"));
-        return Err(format!("it holds {found} instead of {} bytes", out.len()));
+        return Err(format!("found {found}, expected {} bytes", out.len()));
     }
     if frame == Frame::Plain {
         out.copy_from_slice(content);
         return Ok(());
     }
     if frame == Frame::Sealed && seal != crc32c::crc32c(content).to_le_bytes() {
-        return Err("its checksum is not that of its bytes".into());
+        return Err("checksum mismatch".into());
     }
     let length = DECOMPRESSOR.with_borrow_mut(|slot| {
         let decompressor = match slot {
@@ -94,7 +94,7 @@ pub(super) fn decode(bytes: &[u8], frame: Frame, out: &mut [u8]) -> Result<(), S
     });
     match length {
         Ok(n) if n == out.len() => Ok(()),
-        Ok(n) => Err(format!("it holds {n} bytes instead of {}", out.len())),
+        Ok(n) => Err(format!("found {n} bytes, expected {}", out.len())),
         Err(e) => Err(format!("its Zstandard frame is damaged ({e})")),
     }
 }
@@ -133,7 +133,7 @@ fn is_swapped(codecs: &Value) -> Result<bool, String> {
     };
     match codecs[0]["configuration"]["endian"].as_str() {
         Some(endian @ ("little" | "big")) => Ok(endian != ours),
-        _ => Err("its codec `bytes` has no `endian`, \"little\" or \"big\"".into()),
+        _ => Err("its codec `bytes` needs `endian`, \"little\" or \"big\"".into()),
     }
 }
 
@@ -152,7 +152,10 @@ pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
                 && names(&how["index_codecs"]) == ["bytes", "crc32c"]
                 && how.get("index_location").is_none_or(|at| at == "end")
                 && how["index_codecs"][0]["configuration"]["endian"] != "big";
-            let chunk = chunk.filter(|_| ours).ok_or("its shards are not of `bytes`, `zstd` and `crc32c` with an index of `bytes` and `crc32c` at the end")?;
+            let chunk = chunk.filter(|_| ours).ok_or(
+                "its shards must use the codecs `bytes`, `zstd` and `crc32c`, with an index of \
+                `bytes` and `crc32c` at the end",
+            )?;
             let swapped = is_swapped(&how["codecs"])?;
             return Ok((
                 Coding {
@@ -164,7 +167,7 @@ pub(super) fn of(codecs: &Value) -> Result<(Coding, Option<Vec<u64>>), String> {
         }
         _ => {
             return Err(format!(
-                "its codecs {found:?} are not `bytes`, `zstd` and `crc32c`"
+                "its codecs are {found:?}, expected `bytes`, `zstd` and `crc32c`"
             ));
         }
     };

@@ -34,11 +34,11 @@ const MAX_AXIS: u64 = 1 << 24;
 pub(super) fn name_fault(name: &str) -> Option<&'static str> {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
     if name.is_empty() || !name.chars().all(plain) {
-        Some("a name is made of letters, digits, `_`, `-` and `.`")
+        Some("a name may contain only letters, digits, `_`, `-` and `.`")
     } else if name.starts_with('.') || name.starts_with("__") {
-        Some("a name does not begin with `.` or `__`")
+        Some("a name must not begin with `.` or `__`")
     } else if ["samples", "zarr.json", "c"].contains(&name) {
-        Some("this name is taken by the store itself")
+        Some("this name is reserved by the store")
     } else {
         None
     }
@@ -198,7 +198,7 @@ fn read_axis(
     let length = |shape: &[u64]| match shape {
         [n] if *n == expected && (1..=MAX_AXIS).contains(n) => Ok(*n),
         _ => Err(damaged(format!(
-            "it is of shape {shape:?}, the axis has {expected} entries"
+            "its shape is {shape:?}, but the axis has {expected} entries"
         ))),
     };
     let coords: Vec<f64> = if is_index(kind) {
@@ -245,13 +245,10 @@ pub(super) fn read_layout(
     fetched.map_err(|e| OpenError::of_read(mean.path(), &e))?;
     let mut axes: Vec<Axis> = Vec::new();
     for (i, name) in names.iter().enumerate() {
-        let kind =
-            AxisKind::from_name(name).ok_or_else(|| damaged(format!("dimension `{name}` is not known")))?;
+        let kind = AxisKind::from_name(name).ok_or_else(|| damaged(format!("unknown dimension `{name}`")))?;
         let order = |k: AxisKind| AxisKind::ALL.iter().position(|a| *a == k);
         if axes.last().is_some_and(|last| order(last.kind) >= order(kind)) {
-            return Err(damaged(format!(
-                "dimensions {names:?} are not in the order of storage"
-            )));
+            return Err(damaged(format!("dimensions {names:?} are not in storage order")));
         }
         axes.push(read_axis(
             storage,
@@ -262,10 +259,11 @@ pub(super) fn read_layout(
     }
     let number = |key: &str| match attributes.get(key) {
         None => Ok(None),
-        Some(value) => value
-            .as_f64()
-            .map(Some)
-            .ok_or_else(|| damaged(format!("attribute `{key}` of its slice is {value}, not a number"))),
+        Some(value) => value.as_f64().map(Some).ok_or_else(|| {
+            damaged(format!(
+                "attribute `{key}` of its slice is {value}, expected a number"
+            ))
+        }),
     };
     let (start, bin) = (number("time_start_ps")?, number("time_bin_ps")?);
     let layout = SliceLayout {

@@ -35,7 +35,7 @@ pub(super) fn parse_json(path: &Path, bytes: &[u8]) -> Result<Value, OpenError> 
     match serde_json::from_slice(bytes) {
         // Callers access the metadata by key.
         Ok(object @ Value::Object(_)) => Ok(object),
-        Ok(_) => Err(damaged("it is no JSON object".into())),
-        Err(e) => Err(damaged(format!("no valid JSON: {e}"))),
+        Ok(_) => Err(damaged("it is not a JSON object".into())),
+        Err(e) => Err(damaged(format!("invalid JSON: {e}"))),
     }
 }

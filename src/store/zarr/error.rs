@@ -8,14 +8,14 @@ use tensor::part::Part;
 #[derive(Debug, thiserror::Error)]
 pub enum CreateError {
     #[error(
-        "{path} already exists: continue it with `--resume`, overwrite it with `--force`, or choose another `-o`"
+        "{path} already exists: resume it with `--resume`, replace it with `--force`, or choose another `-o`"
     )]
     Exists { path: PathBuf },
     /// The path exists and is not a store; it is never deleted.
     #[error("{path} exists and is not a Sunstone store, so it is not overwritten: choose another `-o`")]
     NotAStore { path: PathBuf },
     /// The path is inside a store, which must not change in part.
-    #[error("{path} lies in a store ({store}): choose another `-o`")]
+    #[error("{path} is inside a store ({store}): choose another `-o`")]
     Within {
         path: PathBuf,
         /// The enclosing store.
@@ -29,7 +29,7 @@ pub enum CreateError {
         reason: String,
     },
     /// Another process is writing to the path.
-    #[error("{path} is being written by {holder}: wait for it to end, or choose another `-o`")]
+    #[error("{path} is being written by {holder}: wait until that process ends, or choose another `-o`")]
     Locked {
         path: PathBuf,
         /// Process that holds the lock.
@@ -39,7 +39,7 @@ pub enum CreateError {
     #[error("cannot create {path}: {refusal}")]
     Remote { path: PathBuf, refusal: Refusal },
     /// The file system or the Zarr library failed.
-    #[error("cannot create {path}: {cause}; check that the directory is writable and the disk has room")]
+    #[error("cannot create {path}: {cause}; check that the directory is writable and the disk is not full")]
     Write {
         /// File or directory that could not be written.
         path: PathBuf,
@@ -126,16 +126,16 @@ impl OpenError {
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The path does not exist.
-    #[error("{path} does not exist: give the path of a store made by `sunstone render`")]
+    #[error("{path} does not exist: pass the path of a store made by `sunstone render`")]
     Missing { path: PathBuf },
     /// The path is not a Sunstone store.
-    #[error("{path} is not a Sunstone store ({reason}): give the path of a store made by `sunstone render`")]
+    #[error("{path} is not a Sunstone store ({reason}): pass the path of a store made by `sunstone render`")]
     NotAStore {
         path: PathBuf,
         /// The missing item.
         reason: String,
     },
-    #[error("{path} has no slice `{name}`; it has: {available}")]
+    #[error("{path} has no slice `{name}`; available: {available}")]
     NoSlice {
         path: PathBuf,
         /// The requested slice.
@@ -144,20 +144,20 @@ pub enum OpenError {
         available: String,
     },
     /// An array or its metadata is damaged.
-    #[error("{path} is damaged: {reason}; render it again, or restore it from a copy")]
+    #[error("{path} is damaged: {reason}; render it again, or restore it from a backup")]
     Damaged {
         /// The damaged array, group or file.
         path: PathBuf,
         reason: String,
     },
     /// Another process is writing the store.
-    #[error("{path} is being written by {holder}: wait for it to end")]
+    #[error("{path} is being written by {holder}: wait until that process ends")]
     Locked {
         path: PathBuf,
         /// Process that holds the lock.
         holder: String,
     },
-    #[error("{path} is not finished: go on with `sunstone render --resume`, or render it again")]
+    #[error("{path} is not finished: resume it with `sunstone render --resume`, or render it again")]
     Unfinished { path: PathBuf },
     /// The object store refused, or could not be reached.
     #[error("cannot open {path}: {refusal}")]
@@ -169,22 +169,22 @@ pub enum OpenError {
 
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
-    #[error("slice {path} has no field `{field}`: overflow is kept only where time is resolved")]
+    #[error("slice {path} has no field `{field}`: overflow is stored only for time-resolved slices")]
     NoField { path: PathBuf, field: &'static str },
-    #[error("{path} keeps no sample counts per pixel: create it with a sample grid")]
+    #[error("{path} has no sample counts per pixel: create it with a sample grid")]
     NoSamples { path: PathBuf },
     #[error(
-        "{path} is of an unfinished render, so that some of its values are missing: go on with `render --resume`, or \
-         take what there is with `--partial` (NaN where nothing is rendered)"
+        "{path} belongs to an unfinished render, so some values are missing: resume with `render --resume`, or read the existing values \
+         with `--partial` (NaN where nothing is rendered)"
     )]
     Unfinished { path: PathBuf },
     #[error(
-        "{path} is of {part} of a render, so that most of its values are elsewhere: join all parts with \
-         `sunstone merge PART.. -o WHOLE`, or take what there is with `--partial` (NaN where nothing is rendered)"
+        "{path} is {part} of a render, so most values are in other parts: join all parts with `sunstone merge PART.. -o WHOLE`, or read \
+         the existing values with `--partial` (NaN where nothing is rendered)"
     )]
     Part { path: PathBuf, part: Part },
     /// The region is not inside the array.
-    #[error("region {start:?} + {shape:?} does not lie inside {path} of shape {array:?}: shrink the region")]
+    #[error("region {start:?} + {shape:?} is not inside {path} of shape {array:?}: shrink the region")]
     Region {
         path: PathBuf,
         /// First requested index.
@@ -201,7 +201,9 @@ pub enum AccessError {
         elements: usize,
     },
     /// The number of values does not match the region.
-    #[error("{found} values for a region of {expected} in {path}: pass one value per element, row-major")]
+    #[error(
+        "expected {expected} values for the region of {path}, got {found}: pass one value per element, row-major"
+    )]
     Length {
         path: PathBuf,
         /// Number of elements of the region.
@@ -210,7 +212,7 @@ pub enum AccessError {
         found: usize,
     },
     /// A chunk is truncated, corrupt or unreadable.
-    #[error("chunk {chunk:?} of {path} cannot be read: {cause}; render it again, or restore it from a copy")]
+    #[error("cannot read chunk {chunk:?} of {path}: {cause}; render it again, or restore it from a backup")]
     Chunk {
         path: PathBuf,
         /// Index of the chunk in the chunk grid.
@@ -219,7 +221,7 @@ pub enum AccessError {
     },
     /// A shard is truncated, corrupt, exchanged or unreadable.
     #[error(
-        "shard {shard:?} of {path} cannot be read: {cause}; restore it from a copy, or make it again (`sunstone shard`)"
+        "cannot read shard {shard:?} of {path}: {cause}; restore it from a backup, or shard it again (`sunstone shard`)"
     )]
     Shard {
         path: PathBuf,
@@ -228,10 +230,10 @@ pub enum AccessError {
         cause: String,
     },
     /// The array is sharded, and shards cannot be modified.
-    #[error("{path} is in shards, which are not changed: write another store, and shard it")]
+    #[error("{path} is sharded, and shards cannot be changed: write another store, then shard it")]
     Sharded { path: PathBuf },
     /// The object store refused to return a chunk, or could not be reached.
-    #[error("chunk {chunk:?} of {path} cannot be read: {refusal}")]
+    #[error("cannot read chunk {chunk:?} of {path}: {refusal}")]
     Remote {
         path: PathBuf,
         /// Index of the chunk in the chunk grid.
@@ -239,9 +241,9 @@ pub enum AccessError {
         refusal: Box<Refusal>,
     },
     /// The object store refused a file.
-    #[error("cannot write {path}: {refusal}, then continue with `--resume`")]
+    #[error("cannot write {path}: {refusal}, then resume with `--resume`")]
     Put { path: PathBuf, refusal: Box<Refusal> },
-    #[error("cannot write {path}: {cause}; check that the disk has room, then continue with `--resume`")]
+    #[error("cannot write {path}: {cause}; check that the disk is not full, then resume with `--resume`")]
     Write { path: PathBuf, cause: String },
 }
 

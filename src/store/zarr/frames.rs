@@ -263,7 +263,7 @@ impl FrameStore {
         };
         let run_axes = group["attributes"]["run_axes"].as_u64().unwrap_or(u64::MAX) as usize;
         if run_axes > shape.len() {
-            return Err(damaged("its `run_axes` are more than its axes"));
+            return Err(damaged("`run_axes` exceeds the number of axes"));
         }
         let mut axes = vec![];
         for (name, n) in names.iter().zip(shape) {
@@ -272,7 +272,9 @@ impl FrameStore {
             }
             let array = ChunkedArray::<f64>::open(&storage, &format!("/{GROUP}/{name}"))?;
             if array.shape() != [*n] {
-                return Err(damaged("an axis has other coordinates than entries"));
+                return Err(damaged(
+                    "an axis has a different number of coordinates than entries",
+                ));
             }
             let json = description::read_json(&array.path().join("zarr.json"))?;
             axes.push(FrameAxis {
@@ -428,7 +430,7 @@ impl FrameStore {
             reason,
         };
         if region::volume(&shape) != Some(expected) {
-            return Err(damaged(format!("it has not {expected} numbers")));
+            return Err(damaged(format!("it does not contain {expected} numbers")));
         }
         let read = array.read(&vec![0; shape.len()], &shape);
         read.map(Some).map_err(|e| damaged(e.to_string()))

@@ -238,7 +238,7 @@ fn of_bytes(bytes: &[u8], path: &Path) -> Result<Manifest, OpenError> {
 }
 
 fn damaged(path: PathBuf) -> OpenError {
-    let reason = "its lines are not those that were written".to_owned();
+    let reason = "its lines differ from those written".to_owned();
     OpenError::Damaged { path, reason }
 }
 

@@ -173,12 +173,12 @@ impl Remote {
         match &*self.writing() {
             Some(writing) if writing.hold.is_sure() => Ok(()),
             Some(_) => Err(Refusal::new(
-                "the lock of the store was lost (taken away, or not renewed in time), and another process may be writing it",
-                "see that none is",
+                "the lock of the store was lost (removed, or not renewed in time); another process may be writing the store",
+                "check that no other process writes it",
             )),
             None => Err(Refusal::new(
-                "the store is open to be read",
-                "open it to write it",
+                "the store is open for reading only",
+                "open it for writing",
             )),
         }
     }

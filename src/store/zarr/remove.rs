@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum RemoveError {
     /// The path is not a store.
-    #[error("{path} is not a Sunstone store, so it is not removed")]
+    #[error("{path} is not a Sunstone store, so it was not removed")]
     NotAStore { path: PathBuf },
     /// Another process writes there, or the lock cannot be checked.
     #[error(transparent)]

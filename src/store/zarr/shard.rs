@@ -39,9 +39,9 @@ impl Piece {
     pub(super) fn fault(self, bytes: &[u8]) -> Option<&'static str> {
         match bytes.split_last_chunk::<SEAL>() {
             Some((frame, seal)) if u32::from_le_bytes(*seal) == self.seal => {
-                (crc32c::crc32c(frame) != self.seal).then_some("its checksum is not that of its bytes")
+                (crc32c::crc32c(frame) != self.seal).then_some("checksum mismatch")
             }
-            _ => Some("it is not what was written when its shard was"),
+            _ => Some("it differs from the chunk written to the shard"),
         }
     }
 }
@@ -114,7 +114,7 @@ pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<
     let (seals, index) = tail.split_at(frames * SEAL);
     let (index, seal) = index.split_at(frames * PLACE);
     if seal != crc32c::crc32c(index).to_le_bytes() {
-        return Err("the checksum of its index is not that of its bytes");
+        return Err("checksum mismatch of its index");
     }
     let number = |bytes: &[u8]| bytes.try_into().map_or(NOWHERE, u64::from_le_bytes);
     let piece = |(seal, place): (&[u8], &[u8])| {
@@ -129,7 +129,7 @@ pub(super) fn parse(tail: &[u8], size: u64, frames: usize) -> Result<Vec<Option<
                 size,
                 seal: seal.try_into().map_or(0, u32::from_le_bytes),
             })),
-            _ => Err("its index names bytes that it does not have"),
+            _ => Err("its index refers to bytes outside the file"),
         }
     };
     seals
@@ -159,7 +159,7 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
     for (number, piece) in there {
         if piece.offset != end {
             return Some(format!(
-                "its chunk {number} begins at byte {} instead of {end}",
+                "its chunk {number} begins at byte {}, expected {end}",
                 piece.offset
             ));
         }
@@ -168,7 +168,7 @@ pub(super) fn fault(bytes: &[u8], frames: usize) -> Option<String> {
             return Some(format!("its chunk {number}: {reason}"));
         }
     }
-    (end != data).then(|| format!("its chunks end at byte {end} instead of {data}"))
+    (end != data).then(|| format!("its chunks end at byte {end}, expected {data}"))
 }
 
 /// The files of a store that are shards, with their numbers of frames, from the arrays' metadata.

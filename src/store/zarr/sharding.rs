@@ -193,7 +193,7 @@ fn frames<T: Number>(
     };
     if cfg!(target_endian = "big") {
         return Err(failed(
-            "shards are made by machines alone that write the lowest byte first".into(),
+            "shards can be written only on little-endian machines".into(),
         ));
     }
     let zeros = vec![0; start.len()];

@@ -52,7 +52,7 @@ impl StoredSlice {
             reason,
         };
         let attributes = describe::attributes_of(&storage.json(&format!("{name}/zarr.json"))?)
-            .ok_or_else(|| damaged("its attributes are no table".into()))?;
+            .ok_or_else(|| damaged("its attributes are not an object".into()))?;
         let mean = ChunkedArray::<f32>::open(storage, &format!("/{name}/mean"))?;
         let layout = describe::read_layout(storage, name, &mean, &attributes)?;
         let fault = check::slice_fault(&attributes)
@@ -69,7 +69,7 @@ impl StoredSlice {
             let names: Vec<&str> = expected.axes.iter().map(|a| a.kind.name()).collect();
             if array.shape() != expected.shape() || array.names() != names {
                 let reason = format!(
-                    "dimensions {:?} of shape {:?} instead of {names:?} of {:?}",
+                    "dimensions {:?} of shape {:?}, expected {names:?} of {:?}",
                     array.names(),
                     array.shape(),
                     expected.shape()

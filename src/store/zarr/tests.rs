@@ -517,13 +517,10 @@ fn finished_stores_are_what_was_written() {
     type Harm<'a> = (&'a str, Box<dyn Fn() + 'a>);
     let harms: [Harm; 4] = [
         ("is missing", Box::new(|| std::fs::remove_file(&a).unwrap())),
-        (
-            "what was written",
-            Box::new(|| std::fs::write(&a, &flipped).unwrap()),
-        ),
+        ("was changed", Box::new(|| std::fs::write(&a, &flipped).unwrap())),
         ("", Box::new(|| std::fs::write(&a, &other).unwrap())),
         (
-            "no part of the store",
+            "was not in the store",
             Box::new(|| std::fs::write(&foreign, &other).unwrap()),
         ),
     ];
@@ -531,7 +528,7 @@ fn finished_stores_are_what_was_written() {
         harm();
         let faults = verify(&path).unwrap().faults;
         assert!(faults.len() == 1 && faults[0].contains(says), "{faults:?}");
-        if says != "no part of the store" {
+        if says != "was not in the store" {
             let read = TensorStore::open(&path)
                 .unwrap()
                 .slice("timed")

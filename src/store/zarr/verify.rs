@@ -168,7 +168,7 @@ fn batches<'a>(names: &'a [String], entries: &HashMap<String, Entry>) -> Vec<&'a
 
 fn verified(entries: &HashMap<String, Entry>, mut faults: BTreeSet<String>, found: &[String]) -> Verified {
     let foreign = found.iter().filter(|name| !entries.contains_key(*name));
-    faults.extend(foreign.map(|name| format!("{name}: no part of the store when it was finished")));
+    faults.extend(foreign.map(|name| format!("{name}: was not in the store when it was finished")));
     Verified {
         files: entries.len(),
         bytes: entries.values().map(|e| e.size).sum(),
@@ -184,10 +184,10 @@ fn fault(name: &str, bytes: Option<&[u8]>, entry: Entry, shards: &Shards) -> Opt
     };
     let found = Entry::of_any(name, bytes, shards);
     if found.size != entry.size {
-        return Some(format!("has {} bytes instead of {}", found.size, entry.size));
+        return Some(format!("has {} bytes, expected {}", found.size, entry.size));
     }
     if let Some(frames) = shards.frames(name) {
-        let other = || (found != entry).then(|| "is not what was written".into());
+        let other = || (found != entry).then(|| "was changed after it was written".into());
         return shard::fault(bytes, frames).or_else(other);
     }
     // A chunk ends with the checksum of the bytes before it.
@@ -195,5 +195,5 @@ fn fault(name: &str, bytes: Option<&[u8]>, entry: Entry, shards: &Shards) -> Opt
         || bytes
             .split_last_chunk()
             .is_none_or(|(frame, seal)| crc32c::crc32c(frame) == u32::from_le_bytes(*seal));
-    (found != entry || !sealed).then(|| "is not what was written".into())
+    (found != entry || !sealed).then(|| "was changed after it was written".into())
 }

@@ -32,7 +32,7 @@ pub enum ChainFailure {
     #[error("variant {variant}: {cause}")]
     Slice { variant: u64, cause: ChainError },
     /// The elements cannot be calibrated.
-    #[error("calibration: {0}; give `samples` air, mirror and polarizer")]
+    #[error("calibration: {0}; set `samples` to air, mirror and polarizer")]
     Calibration(#[from] CalibrationError),
     /// The detector refuses the light of a sample.
     #[error("calibration: {0}")]

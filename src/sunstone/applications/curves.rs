@@ -132,7 +132,7 @@ pub fn verdicts(metric: Metric, report: &Report, links: &Links) -> Vec<Verdict> 
 #[must_use]
 pub fn sentences(metric: Metric, links: &Links, verdicts: &[Verdict]) -> Vec<String> {
     let beats = match links {
-        Links::Few(..) => "least captures that beat",
+        Links::Few(..) => "fewest captures that beat",
         _ => "beats",
     };
     let of_series = verdicts.chunk_by(|a, b| a.series == b.series);
@@ -352,7 +352,7 @@ pub fn chart(title: &str, metric: Metric, x: ChartAxis, points: &[(String, Point
         },
         series,
         notes: left_out
-            .then(|| "parts without a fault, at infinity, are in the table alone".into())
+            .then(|| "errors of 0 have infinite parts and appear only in the table".into())
             .into_iter()
             .collect(),
     }

@@ -25,7 +25,7 @@ pub enum LinksError {
     /// The methods refuse the slices from one link.
     #[error("captured, {label}: {cause}")]
     Captured { label: String, cause: ApplyError },
-    #[error("stopped; run the same command again to go on")]
+    #[error("stopped; run the same command again to resume")]
     Interrupted,
 }
 
@@ -98,29 +98,32 @@ impl Part {
             .map_or((text, None), |(name, values)| (name, Some(values)));
         let part = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
             let known = Self::ALL.map(Self::name).join(", ");
-            format!("nothing of a chain is called `{name}`; give {known}")
+            format!("unknown part `{name}`; use {known}")
         })?;
         let Some(values) = values else {
             return Ok((part, part.values().to_vec()));
         };
         if part == Self::Calibration {
-            return Err(format!("`{name}` takes no values; give it alone"));
+            return Err(format!("`{name}` takes no values; use it without values"));
         }
         let value = |v: &str| {
             let found = v.trim().parse::<f64>().ok();
-            found
-                .filter(|x| part.takes(*x))
-                .ok_or_else(|| format!("`{v}` is no value of `{name}`; as in {name}={}", part.values()[1]))
+            found.filter(|x| part.takes(*x)).ok_or_else(|| {
+                format!(
+                    "`{v}` is not a value of `{name}`; write for example {name}={}",
+                    part.values()[1]
+                )
+            })
         };
         let values = values.split(',').map(value).collect::<Result<Vec<f64>, _>>()?;
         if values.len() > MOST_VALUES {
             return Err(format!(
-                "{} values of `{name}`; give at most {MOST_VALUES}",
+                "{} values for `{name}`; use at most {MOST_VALUES}",
                 values.len()
             ));
         }
         if let Some((_, v)) = values.iter().enumerate().find(|(i, v)| values[..*i].contains(v)) {
-            return Err(format!("`{name}` is {v} twice; give each value once"));
+            return Err(format!("`{name}` lists {v} twice; list each value once"));
         }
         Ok((part, values))
     }
@@ -190,7 +193,9 @@ pub fn captures(text: &str) -> Result<RangeInclusive<usize>, String> {
     let pair = a.trim().parse().ok().zip(b.trim().parse().ok());
     pair.filter(|(a, b)| 1 <= *a && a <= b && *b <= MOST_CAPTURES)
         .map(|(a, b)| a..=b)
-        .ok_or_else(|| format!("give a range of numbers of captures within 1-{MOST_CAPTURES}, as 1-16"))
+        .ok_or_else(|| {
+            format!("expected a range of numbers of captures within 1-{MOST_CAPTURES}, such as 1-16")
+        })
 }
 
 const BELIEFS: [Belief; 3] = [Belief::Nominal, Belief::Calibrated, Belief::Exact];
@@ -385,7 +390,7 @@ fn few(
 ) -> Result<Vec<Running>, LinksError> {
     let task = application.task(train)?.ok_or_else(|| {
         ApplyError::Empty(format!(
-            "what `{}` makes of Mueller matrices is not linear, so no captures can be chosen for it; metamerism and scattering are",
+            "the result of `{}` is not linear in the Mueller matrices, so captures cannot be chosen for it; use metamerism or scattering",
             application.name()
         ))
     })?;

@@ -94,23 +94,21 @@ impl<'a> Applications<'a> {
         names.extend(application.drawn());
         if !view.method.starts_with(TRUTH) && !names.contains(&view.method.as_str()) {
             let message = format!("application `{}` has no method `{}`", view.name, view.method);
-            let help = format!("name one of: {}", names.join("; "));
+            let help = format!("use one of: {}", names.join("; "));
             return Err(source.error(at, message, help).into());
         }
         let plan = application.plan();
         if let Some(v) = view.variant.filter(|v| !plan.test.contains(v)) {
-            let message = format!("application `{}` is not judged on variant {v}", view.name);
-            let help = format!("name one of: {}", list(&plan.test));
+            let message = format!("variant {v} is not a test variant of application `{}`", view.name);
+            let help = format!("use one of: {}", list(&plan.test));
             return Err(source.error(at, message, help).into());
         }
         if let Some([low, high]) = view
             .limits
             .filter(|[low, high]| !matches!(low.partial_cmp(high), Some(Ordering::Less)))
         {
-            let message = format!("limits = [{low}, {high}] are no range");
-            return Err(source
-                .error(at, message, "give the smaller first, then the larger")
-                .into());
+            let message = format!("limits = [{low}, {high}] is not a valid range");
+            return Err(source.error(at, message, "write the smaller limit first").into());
         }
         self.add(at, (&view.name, String::new()), application, Links::None)
     }
@@ -137,8 +135,11 @@ impl<'a> Applications<'a> {
             .or_else(|| find_scenes(&std::env::current_dir().ok()?, plan.scene))
             .filter(|s| s.join(plan.scene).is_file());
         let Some(scenes) = scenes else {
-            let message = format!("there is no scenes/{} above the figure file", plan.scene);
-            let help = "name the folder of the scenes that came with sunstone by --scenes";
+            let message = format!(
+                "scenes/{} not found in the parent folders of the figure file",
+                plan.scene
+            );
+            let help = "set --scenes to the folder of the scenes shipped with Sunstone";
             return Err(source.error(at, message, help).into());
         };
         let entry = source.file.applications.get(key.0);
@@ -190,7 +191,7 @@ impl<'a> Applications<'a> {
             let report = now.report().map_err(|e| match e {
                 // Captures that are impossible need a change of the chain or another view.
                 ApplicationError::Captured(e) if !matches!(e, LinksError::Interrupted) => {
-                    let help = "correct the chain, or leave the view out";
+                    let help = "correct the chain, or remove the view";
                     FigureFileError::Input(source.error(run.at, e.to_string(), help))
                 }
                 e => e.into(),
@@ -254,10 +255,10 @@ impl<'a> Applications<'a> {
             known.dedup();
             return Err(fault(
                 format!(
-                    "application `{}` made no picture `{}` of `{}` for this variant",
+                    "application `{}` has no picture `{}` of `{}` for this variant",
                     view.name, view.picture, view.method
                 ),
-                format!("name one of: {}", known.join("; ")),
+                format!("use one of: {}", known.join("; ")),
             ));
         };
         let tile = drawn(view, picture, &self.shared(view, picture, pictures))
@@ -332,8 +333,8 @@ impl<'a> Applications<'a> {
 fn unknown<T>(source: &Source, at: &Located<T>, name: &str) -> base::locate::InputError {
     let all = catalog::all();
     let known: Vec<&str> = all.iter().map(|a| a.name()).collect();
-    let help = format!("name one of: {}", known.join(", "));
-    source.error(at, format!("there is no application `{name}`"), help)
+    let help = format!("use one of: {}", known.join(", "));
+    source.error(at, format!("unknown application `{name}`"), help)
 }
 
 fn list(numbers: &[u64]) -> String {
@@ -359,13 +360,13 @@ fn drawn(view: &ApplyFile, picture: &Picture, shared: &[&Picture]) -> Result<Til
         (Some(c), _) if c < channels => Shown::One(c),
         (Some(c), _) => {
             return Err(format!(
-                "the picture has {channels} channels, from 0; there is no {c}"
+                "the picture has {channels} channels, counted from 0, and no channel {c}"
             ));
         }
         (None, 1) => Shown::One(0),
         // Wavelengths ascend: blue comes first.
         (None, 3) => Shown::Colour,
-        (None, n) => return Err(format!("the picture has {n} channels; name one by `channel`")),
+        (None, n) => return Err(format!("the picture has {n} channels; choose one with `channel`")),
     };
     let title = named(picture);
     match shown {

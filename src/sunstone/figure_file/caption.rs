@@ -25,7 +25,7 @@ enum Piece {
 fn pieces(caption: &str) -> Result<Vec<Piece>, CaptionError> {
     let fault = |message: &str| CaptionError {
         message: message.to_owned(),
-        help: "write {name} or {name:.2} for a value, {{ and }} for braces".into(),
+        help: "write {name} or {name:.2} for a value, and {{ and }} for braces".into(),
     };
     let (mut out, mut text) = (vec![], String::new());
     let mut chars = caption.chars().peekable();
@@ -35,21 +35,21 @@ fn pieces(caption: &str) -> Result<Vec<Piece>, CaptionError> {
                 chars.next();
                 text.push(c);
             }
-            '}' => return Err(fault("a } without its {")),
+            '}' => return Err(fault("} without {")),
             '{' => {
                 let mut inside = String::new();
                 loop {
                     match chars.next() {
                         Some('}') => break,
                         Some(c) if c != '{' => inside.push(c),
-                        _ => return Err(fault("a { without its }")),
+                        _ => return Err(fault("{ without }")),
                     }
                 }
                 let (name, digits) = match inside.rsplit_once(":.") {
                     None => (inside.as_str(), None),
                     Some((name, digits)) => match digits.parse() {
                         Ok(n) if n <= 12_usize => (name, Some(n)),
-                        _ => return Err(fault("the digits of a value are no number up to 12")),
+                        _ => return Err(fault("the number of digits must be 0 to 12")),
                     },
                 };
                 out.push(Piece::Text(std::mem::take(&mut text)));
@@ -83,8 +83,8 @@ pub fn fill(caption: &str, known: &[(String, Value)]) -> Result<String, CaptionE
                 let Some((_, value)) = known.iter().find(|(n, _)| *n == name) else {
                     let names: Vec<&str> = known.iter().map(|(n, _)| n.as_str()).collect();
                     return Err(CaptionError {
-                        message: format!("the caption names a value `{name}` that this panel does not have"),
-                        help: format!("name one of: {}", names.join(", ")),
+                        message: format!("the caption uses a value `{name}` that this panel does not have"),
+                        help: format!("use one of: {}", names.join(", ")),
                     });
                 };
                 match (value, digits) {

@@ -28,55 +28,55 @@ pub fn links(view: &CurvesFile, chain: &Path, application: &dyn Application) -> 
     let name = application.name();
     let fault = |message: String, help: &str| Err((message, help.to_owned()));
     if application.plan().slices.is_empty() {
-        let message = format!("application `{name}` captures by itself what it judges");
-        return fault(message, "leave the view out");
+        let message = format!("application `{name}` captures its own input");
+        return fault(message, "remove the view");
     }
     metric(view, application)?;
     let known: Vec<&str> = application.methods().iter().map(|m| m.name).collect();
     if let Some(m) = view.methods.iter().find(|m| !known.contains(&m.as_str())) {
         let message = format!("application `{name}` has no method `{m}`");
-        return Err((message, format!("name some of: {}", known.join("; "))));
+        return Err((message, format!("use some of: {}", known.join("; "))));
     }
     if let Some([low, high]) = view.limits
         && !(low < high && (high - low).is_finite())
     {
-        let message = format!("limits = [{low}, {high}] are no range");
-        return fault(message, "give the smaller first, then the larger");
+        let message = format!("limits = [{low}, {high}] is not a valid range");
+        return fault(message, "write the smaller limit first");
     }
     let chain = file::load(chain).map_err(|e| (e.to_string(), "correct the chain file".to_owned()))?;
     let beliefs: Vec<&str> = chain.beliefs.iter().map(|b| b.name()).collect();
     if let Some(belief) = view.belief.as_ref().filter(|b| !beliefs.contains(&b.as_str())) {
         let message = format!("the chain has no belief `{belief}`");
-        return Err((message, format!("name one of: {}", beliefs.join(", "))));
+        return Err((message, format!("use one of: {}", beliefs.join(", "))));
     }
     match (&view.sweep, &view.captures) {
         (Some(text), None) => {
-            let help = "write as for sunstone apply --sweep";
+            let help = "use the syntax of sunstone apply --sweep";
             let (part, values) = Part::parse(text).map_err(|e| (e, help.to_owned()))?;
             if values.iter().any(|v| part.with(&chain, *v).is_none()) {
                 let message = format!(
-                    "optics of the chain are those of a file, so `{}` cannot be swept",
+                    "the optics of the chain come from a file, so `{}` cannot be swept",
                     part.name()
                 );
                 return fault(
                     message,
-                    "give it optics = { axis_error_deg, retardance_error_deg, extinction }",
+                    "set optics = { axis_error_deg, retardance_error_deg, extinction } in the chain",
                 );
             }
             Ok(Links::Sweep(chain, part, values))
         }
         (None, Some(_)) if view.difference => fault(
-            "few captures have no difference on the same captures".into(),
-            "leave `difference` out",
+            "`difference` cannot be combined with `captures`".into(),
+            "remove `difference`",
         ),
         (None, Some(text)) => {
-            let help = "write as for sunstone apply --captures";
+            let help = "use the syntax of sunstone apply --captures";
             let range = links::captures(text).map_err(|e| (e, help.to_owned()))?;
             Ok(Links::Few(chain, range))
         }
         _ => fault(
-            "a view of curves sweeps one thing".into(),
-            "give either sweep = \"photons=30,300,3000\" or captures = \"1-8\"",
+            "a view of curves needs exactly one of `sweep` and `captures`".into(),
+            "set sweep = \"photons=30,300,3000\" or captures = \"1-8\"",
         ),
     }
 }
@@ -92,7 +92,7 @@ fn metric(view: &CurvesFile, application: &dyn Application) -> Result<Metric, Fa
         let known: Vec<&str> = all.iter().map(|m| m.name).collect();
         (
             format!("application `{}` has no metric `{name}`", application.name()),
-            format!("name one of: {}", known.join("; ")),
+            format!("use one of: {}", known.join("; ")),
         )
     })
 }
@@ -153,7 +153,7 @@ pub fn tile(
     chart.series.sort_by_key(|s| s.colour);
     chart.y.range = view.limits.map(|[low, high]| (low, high));
     if view.difference {
-        chart.y.label = format!("{} of {ours}, less others", chart.y.label);
+        chart.y.label = format!("{} of {ours}, minus others", chart.y.label);
         let values = chart.series.iter().flat_map(|s| &s.points).map(|p| p.0);
         let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| {
             [a.min(v), b.max(v)]

@@ -245,7 +245,7 @@ impl Place {
         };
         let shown = self.path.display();
         if foreign {
-            tracing::warn!("{shown} is no fit of this program: fits are not kept; give it another name");
+            tracing::warn!("{shown} is not a fit of this program, so fits are not kept; rename it");
             return;
         }
         let Ok(head) = serde_json::to_string(fit) else {
@@ -256,7 +256,7 @@ impl Place {
         let mut bytes = format!("{BEGIN}{}\n", digest(&rest)).into_bytes();
         bytes.extend(rest);
         if let Err(e) = whole_file::write(&self.path, &bytes) {
-            tracing::warn!("cannot keep {shown}: {e}; methods are fitted anew next time");
+            tracing::warn!("cannot keep {shown}: {e}; methods will be fitted again next time");
         }
     }
 }

@@ -28,7 +28,11 @@ impl Source {
     /// # Errors
     /// [`InputError`] at the location of an error that does not depend on its scenes and applications.
     pub fn read(path: &Path) -> Result<Self, InputError> {
-        let text = document::read(path, "figure file", "name a figure file, or a store of a render")?;
+        let text = document::read(
+            path,
+            "figure file",
+            "pass a figure file, or the store of a render",
+        )?;
         Self::of_text(path, &text)
     }
 
@@ -93,41 +97,41 @@ impl Source {
         if self.width_mm().is_none() {
             return Err(self.error(
                 &file.width,
-                format!("`{}` is no width of a figure", *file.width),
-                "write \"single\" (84 mm), \"double\" (178 mm) or millimetres such as \"120 mm\", 30 to 400",
+                format!("`{}` is not a valid figure width", *file.width),
+                "set \"single\" (84 mm), \"double\" (178 mm), or 30 to 400 mm such as \"120 mm\"",
             ));
         }
         let columns = *file.columns;
         if !(1..=MOST_COLUMNS).contains(&columns) {
-            return Err(self.error(&file.columns, format!("{columns} columns"), "give 1 to 16"));
+            return Err(self.error(&file.columns, format!("{columns} columns"), "set 1 to 16"));
         }
         if file.column_headings.len() > columns {
             return Err(self.error(
                 &file.columns,
                 format!(
-                    "{} column_headings of {columns} columns",
+                    "{} column_headings for {columns} columns",
                     file.column_headings.len()
                 ),
-                "give at most one a column",
+                "set at most one per column",
             ));
         }
         for scene in file.scenes.values() {
             for size in [&scene.preview, &scene.full] {
                 let bad =
-                    |at, message: String, most: u32| self.error(at, message, format!("give 1 to {most}"));
+                    |at, message: String, most: u32| self.error(at, message, format!("set 1 to {most}"));
                 if !(1..=MOST_PIXELS).contains(&*size.pixels) {
-                    let message = format!("a camera of {} pixels", *size.pixels);
+                    let message = format!("camera width of {} pixels", *size.pixels);
                     return Err(bad(&size.pixels, message, MOST_PIXELS));
                 }
                 if !(1..=MOST_SAMPLES).contains(&*size.spp) {
-                    let message = format!("{} samples a pixel", *size.spp);
+                    let message = format!("{} samples per pixel", *size.spp);
                     return Err(bad(&size.spp, message, MOST_SAMPLES));
                 }
             }
         }
         for entry in file.applications.values() {
             if !(1..=1000).contains(&entry.seeds) {
-                return Err(self.error(entry, format!("{} seeds", entry.seeds), "give 1 to 1000"));
+                return Err(self.error(entry, format!("{} seeds", entry.seeds), "set 1 to 1000"));
             }
         }
         let shown = file.panels.iter().filter(|p| p.view.is_some()).count();
@@ -136,8 +140,8 @@ impl Source {
                 file: self.path.clone(),
                 text: Arc::clone(&self.text),
                 span: None,
-                message: format!("{} panels, of which {shown} show something", file.panels.len()),
-                help: Some("give 1 to 200 [[panels]] with a view".into()),
+                message: format!("{} panels, of which {shown} have a view", file.panels.len()),
+                help: Some("add 1 to 200 [[panels]], at least one with a view".into()),
             });
         }
         file.panels.iter().try_for_each(|p| self.check_panel(p))
@@ -148,12 +152,12 @@ impl Source {
         if let Some(span) = panel.span.as_ref().filter(|s| !(1..=columns).contains(&***s)) {
             return Err(self.error(
                 span,
-                format!("a panel {} columns wide in a figure of {columns}", **span),
-                "give 1 to the number of columns",
+                format!("panel width of {} columns in a figure of {columns}", **span),
+                "set 1 to the number of columns",
             ));
         }
         if let Some(aspect) = panel.aspect.as_ref().filter(|a| !(0.05..=20.0).contains(&***a)) {
-            return Err(self.error(aspect, format!("an aspect of {}", **aspect), "give 0.05 to 20"));
+            return Err(self.error(aspect, format!("aspect ratio of {}", **aspect), "set 0.05 to 20"));
         }
         for inset in &panel.insets {
             self.inset(inset)?;
@@ -167,28 +171,28 @@ impl Source {
             if !(bar.length_mm > 0.0 && bar.length_mm.is_finite() && inside) {
                 return Err(self.error(
                     bar,
-                    "this is no length in the picture",
-                    "give length_mm above 0, and of = [x, y] from 0 to 1",
+                    "the scale bar has an invalid length or position",
+                    "set length_mm above 0, and of = [x, y] with 0 to 1",
                 ));
             }
             if view.application().is_some() {
-                let help = "leave it out: only views of a scene have one";
+                let help = "remove it: only views of a scene have a scale bar";
                 return Err(self.error(bar, "a picture of an application has no scale bar", help));
             }
         }
         match (view.application(), &panel.scene) {
             (Some(_), Some(scene)) => {
-                let help = "leave `scene` out: the application has its own";
-                Err(self.error(scene, "an application is shown, and a scene named", help))
+                let help = "remove `scene`: the application has its own scene";
+                Err(self.error(scene, "`scene` is set, but the view shows an application", help))
             }
             (Some(_), None) => Ok(()),
             (None, None) => {
-                let help = format!("add scene = \"…\", one of: {}", self.scenes());
-                Err(self.error(view, "this view is of no scene", help))
+                let help = format!("add scene = \"…\", with one of: {}", self.scenes());
+                Err(self.error(view, "this view needs a scene", help))
             }
             (None, Some(scene)) if !self.file.scenes.contains_key(&**scene) => {
-                let help = format!("name one of: {}", self.scenes());
-                Err(self.error(scene, format!("there is no [scenes.{}]", **scene), help))
+                let help = format!("use one of: {}", self.scenes());
+                Err(self.error(scene, format!("unknown scene [scenes.{}]", **scene), help))
             }
             _ => Ok(()),
         }
@@ -201,8 +205,8 @@ impl Source {
 
     fn ink<T>(&self, at: &Located<T>, name: &str) -> Result<Ink, InputError> {
         Ink::named(name).ok_or_else(|| {
-            let help = format!("name one of: {}", Ink::names().join(", "));
-            self.error(at, format!("there is no colour `{name}`"), help)
+            let help = format!("use one of: {}", Ink::names().join(", "));
+            self.error(at, format!("unknown colour `{name}`"), help)
         })
     }
 
@@ -212,8 +216,8 @@ impl Source {
     /// [`InputError`] at its location.
     pub fn inset(&self, at: &Located<InsetFile>) -> Result<Inset, InputError> {
         let corner = Corner::named(&at.at).ok_or_else(|| {
-            let help = "write upper left, upper right, lower left or lower right";
-            self.error(at, format!("`{}` is no corner", at.at), help)
+            let help = "use upper left, upper right, lower left or lower right";
+            self.error(at, format!("unknown corner `{}`", at.at), help)
         })?;
         let inset = Inset {
             crop: at.crop,
@@ -239,8 +243,12 @@ impl Source {
         };
         let near = |p: [f64; 2]| p.iter().all(|v| (-0.5..=1.5).contains(v));
         if !near(arrow.from) || !near(arrow.to) || arrow.from == arrow.to {
-            let help = "give from and to as [x, y] shares of the picture, 0 to 1, that differ";
-            return Err(self.error(at, "the arrow points nowhere", help));
+            let help = "set different points from and to, as [x, y] fractions of the picture, 0 to 1";
+            return Err(self.error(
+                at,
+                "the arrow has no length, or a point far outside the picture",
+                help,
+            ));
         }
         Ok(arrow)
     }

@@ -47,14 +47,14 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
             return Ok(());
         }
         Err(format!(
-            "slice `{}` has no Stokes axis; draw a slice with `polarization = \"mueller\"`",
+            "slice `{}` has no Stokes axis; use a slice with `polarization = \"mueller\"`",
             slice.name
         ))
     };
     match (&**view, slice) {
         (ViewFile::Element(v), Some(slice)) => {
             if v.time_ps.is_some() && matches!(slice.time, TimeSelect::Sum) {
-                return Err(format!("slice `{}` has no travel time", slice.name));
+                return Err(format!("slice `{}` has no travel time axis", slice.name));
             }
             if v.element.at == [0, 0] {
                 Ok(())
@@ -74,7 +74,7 @@ pub fn check(panel: &PanelFile, scene: &Scene) -> Result<(), String> {
                 return Ok(());
             }
             Err(format!(
-                "there is no layer `{}`; there are {}",
+                "unknown layer `{}`; available: {}",
                 v.layer,
                 known.join(", ")
             ))
@@ -103,7 +103,7 @@ pub fn tile(
         return layer(view, &stage.scene).map_err(|e| fault(e).into());
     }
     let (Some(store), Some(name)) = (&stage.store, view.slice()) else {
-        return Err(fault("this view is of no slice".into()).into());
+        return Err(fault("this view needs a slice".into()).into());
     };
     let mean = read(store, name, Field::Mean)?;
     let stored = store.slice(name)?;
@@ -123,7 +123,7 @@ pub fn tile(
     match view {
         ViewFile::Element(v) => element::tile(v, &panel).map_err(bad),
         ViewFile::Decomposition(v) => decomposition(v, &mean).map_err(|e| fault(e).into()),
-        _ => Err(fault("this view is of no slice".into()).into()),
+        _ => Err(fault("this view needs a slice".into()).into()),
     }
 }
 
@@ -144,7 +144,7 @@ fn scale(view: &DecompositionFile) -> Result<(Quantity, &'static str, Scale), St
     if low < high && (high - low).is_finite() {
         Ok((quantity, name, Scale::Linear { low, high }))
     } else {
-        Err("the second of `limits` is not above the first".into())
+        Err("`limits` must be [low, high] with low below high".into())
     }
 }
 
@@ -153,7 +153,7 @@ fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String
     let nm = mean.find(AxisKind::Wavelength).map(|i| &mean.axes[i].coords);
     let lane = match (nm, view.wavelength_nm) {
         (Some(all), Some(nm)) => base::spectral_table::nearest_within(all, nm)
-            .ok_or_else(|| format!("wavelength_nm = {nm} is not within the slice's wavelengths"))?,
+            .ok_or_else(|| format!("wavelength_nm = {nm} is outside the slice's wavelengths"))?,
         (Some(all), None) => all.len() / 2,
         (None, _) => 0,
     };
@@ -165,7 +165,7 @@ fn decomposition(view: &DecompositionFile, mean: &Tensor) -> Result<Tile, String
     }
     let axes: Vec<AxisKind> = image.axes.iter().map(|a| a.kind).collect();
     if axes != kept || image.extent(AxisKind::StokesOut) != 4 || image.extent(AxisKind::StokesIn) != 4 {
-        return Err("the slice holds no image of whole Mueller matrices".into());
+        return Err("the slice does not contain an image of complete Mueller matrices".into());
     }
     let (mut all, _) = maps::maps(&image.data, &[quantity]);
     let mut values = all.pop().unwrap_or_default();
@@ -190,7 +190,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
     let set = layers::layers(scene, options);
     let layer = set
         .get(&view.layer)
-        .ok_or_else(|| format!("there is no layer `{}`", view.layer))?;
+        .ok_or_else(|| format!("unknown layer `{}`", view.layer))?;
     let width = set.size[0] as usize;
     let name = match layer.units {
         "1" | "" => view.layer.replace('_', " "),
@@ -225,7 +225,7 @@ fn layer(view: &LayerFile, scene: &Scene) -> Result<Tile, String> {
         }
         _ => {
             return Err(format!(
-                "layer `{}` has several numbers a pixel that are no colour; choose another",
+                "layer `{}` has several values per pixel that are not a colour; choose another layer",
                 view.layer
             ));
         }
@@ -240,8 +240,8 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
     let at = DVec2::new(bar.of[0] * w, bar.of[1] * h);
     let sight = Viewer::new(scene).look(at, true).ok_or_else(|| {
         (
-            "the scale bar has no depth: nothing is seen there".to_owned(),
-            "give another place by of = [x, y], shares of the picture".to_owned(),
+            "the scale bar has no depth: no surface is visible there".to_owned(),
+            "choose another position with of = [x, y], fractions of the picture".to_owned(),
         )
     })?;
     let depth = (sight.at - camera.origin.as_dvec3()).dot(camera.axes.z_axis.as_dvec3());
@@ -249,11 +249,11 @@ pub fn scale_bar(bar: &Located<ScaleBarFile>, scene: &Scene) -> Result<ScaleBar,
     if !(0.001..=0.9).contains(&share) {
         return Err((
             format!(
-                "{} mm at this depth are {share:.3e} of the picture's width",
+                "{} mm at this depth correspond to {share:.3e} of the picture's width",
                 bar.length_mm
             ),
             format!(
-                "give a {} length_mm",
+                "use a {} length_mm",
                 if share > 0.9 { "shorter" } else { "longer" }
             ),
         ));

@@ -69,7 +69,7 @@ impl Prepared {
         let plan = plan::load(path)?;
         let named = rig.or(plan.rig.as_ref()).cloned().ok_or_else(|| {
             wrong(format!(
-                "{}: the plan names no rig; add rig = \"rig.toml\", or give --rig",
+                "{}: the plan has no rig; add rig = \"rig.toml\", or pass --rig",
                 path.display()
             ))
         })?;
@@ -86,11 +86,8 @@ impl Prepared {
     /// # Errors
     /// [`PrepareError::Wrong`]: there is no such sample.
     pub fn put_sample(&mut self, sample: &str) -> Result<(), PrepareError> {
-        let mueller = sample_of(sample).ok_or_else(|| {
-            wrong(format!(
-                "no sample is called `{sample}`; give air, mirror or polarizer"
-            ))
-        })?;
+        let mueller = sample_of(sample)
+            .ok_or_else(|| wrong(format!("unknown sample `{sample}`; use air, mirror or polarizer")))?;
         if let Some(bench) = &mut self.rig.bench {
             bench.scene = Scene::Sample(mueller);
             // Another sample has other noise.
@@ -123,7 +120,7 @@ impl Prepared {
         let Some(bench) = &self.rig.bench else {
             if let Some(name) = assemble::simulated(&rest) {
                 return Err(wrong(format!(
-                    "{}: `{name}` is simulated, and there is no [bench]; add one, with the tensor, scene or sample that it plays",
+                    "{}: `{name}` is simulated, but there is no [bench]; add one, with the tensor, scene or sample to play",
                     self.inputs[1].display()
                 )));
             }
@@ -177,7 +174,7 @@ impl Prepared {
         self.spare_inputs(output)?;
         if output.exists() && existing == Existing::Refuse {
             return Err(wrong(format!(
-                "{} already exists: go on with it (resume), replace it (force), or choose another name",
+                "{} already exists: resume it, replace it (force), or choose another name",
                 output.display()
             )));
         }
@@ -204,7 +201,7 @@ impl Prepared {
             let above = output.exists() && real(input).starts_with(real(output));
             if is_same(input, output) || above {
                 return Err(wrong(format!(
-                    "{}: it is, or holds, what is read ({}); give the output another name",
+                    "{}: is, or contains, an input ({}); choose another output",
                     output.display(),
                     input.display()
                 )));

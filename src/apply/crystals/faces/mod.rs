@@ -89,7 +89,7 @@ impl Application for CrystalFaces {
     }
 
     fn shows(&self) -> &'static str {
-        "the profile of a crystal's rough faces in -(3,3) of epipolar light, against true normals and labels (Fig. 7)"
+        "the profile of a crystal's rough faces in -(3,3) of epipolar light, compared with true normals and labels (Fig. 7)"
     }
 
     fn plan(&self) -> Plan {
@@ -222,7 +222,7 @@ impl Seen {
         let faces = of_one_face(size, &is_face, &normal);
         if faces.is_empty() {
             return Err(ApplyError::Empty(format!(
-                "variant {} shows no pixel of one face of the crystal alone; render it larger",
+                "variant {} has no pixel that shows a single face of the crystal; render it at a higher resolution",
                 o.variant
             )));
         }

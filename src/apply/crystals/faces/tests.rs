@@ -166,7 +166,10 @@ fn what_is_missing_is_said() {
             .contains("position")
     );
     let bare = failed(&|o| o.truth.get_mut("crystal").expect("it").data.fill(0.0));
-    assert!(bare.to_string().contains("no pixel of one face"), "{bare}");
+    assert!(
+        bare.to_string().contains("no pixel that shows a single face"),
+        "{bare}"
+    );
     let small = failed(&|o| o.truth.get_mut("normal").expect("it").width -= 1);
     assert!(matches!(small, ApplyError::Sizes { .. }), "{small}");
 }

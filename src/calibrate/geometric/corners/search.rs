@@ -23,12 +23,12 @@ pub struct Found {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NotFound {
     #[error(
-        "no chessboard is seen: all of it must be in the image, sharp, with squares of 10 pixels or more"
+        "no chessboard found: the complete board must be in the image, in focus, with squares of at least 10 pixels"
     )]
     Nothing,
     #[error(
-        "a chessboard of {0} × {1} inner corners is seen, not of {2} × {3}: give --columns and --rows of inner corners, \
-         which are one less than squares, and leave nothing of the board outside or covered"
+        "found a chessboard of {0} × {1} inner corners, expected {2} × {3}: set --columns and --rows to the number of inner corners \
+         (squares minus one), and keep the complete board visible"
     )]
     Size(usize, usize, usize, usize),
 }

@@ -47,7 +47,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     let patterns = sequence.patterns();
     if images.len() != patterns.len() {
         return Err(format!(
-            "there are {} images, where the sequence for {} × {} pixels with {} shifts has {} patterns",
+            "got {} images, but the sequence for {} × {} pixels with {} shifts has {} patterns",
             images.len(),
             sequence.size[0],
             sequence.size[1],
@@ -58,7 +58,7 @@ pub fn decode(sequence: &Sequence, images: &[Image]) -> Result<Decoded, String> 
     let (width, height) = (images[0].width, images[0].height);
     if let Some(i) = images.iter().position(|i| i.width != width || i.height != height) {
         return Err(format!(
-            "image {} is of {} × {} pixels, the first of {width} × {height}",
+            "image {} has {} × {} pixels, but the first has {width} × {height}",
             i + 1,
             images[i].width,
             images[i].height

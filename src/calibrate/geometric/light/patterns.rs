@@ -51,15 +51,18 @@ impl Sequence {
     /// A message if the size, the number of shifts or the period (4 to 1024) is out of range.
     pub fn with_waves(size: [u32; 2], shifts: u32, period: u32) -> Result<Self, String> {
         if !size.iter().all(|n| (1..=32768).contains(n)) {
-            return Err(format!("a projector of {} × {} pixels is none", size[0], size[1]));
+            return Err(format!(
+                "invalid projector size, {} × {} pixels; expected 1 to 32768 in each direction",
+                size[0], size[1]
+            ));
         }
         if shifts != 0 && !(3..=64).contains(&shifts) {
             return Err(format!(
-                "{shifts} shifts do not tell a phase: give 3 to 64, or 0 for none"
+                "{shifts} shifts do not determine a phase: use 3 to 64, or 0 to disable them"
             ));
         }
         if !(4..=1024).contains(&period) {
-            return Err(format!("a wave of {period} pixels: give 4 to 1024"));
+            return Err(format!("a wave of {period} pixels: expected 4 to 1024"));
         }
         Ok(Self { size, shifts, period })
     }

@@ -107,11 +107,11 @@ impl Cmos {
             "bracket",
             0.0,
             !self.bracket.is_empty(),
-            "at least one factor of the exposure",
+            "at least one exposure factor",
         )?;
         self.bracket
             .iter()
-            .try_for_each(|f| number("bracket", *f, "positive factors of the exposure"))?;
+            .try_for_each(|f| number("bracket", *f, "positive exposure factors"))?;
         efficiency("quantum_efficiency", &self.quantum_efficiency)?;
         number(
             "photons_per_unit",

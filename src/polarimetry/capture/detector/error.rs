@@ -4,7 +4,7 @@ use crate::capture::spectral_value::SpectralValue;
 
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DetectorError {
-    #[error("`{field}` is {value}; give {need}")]
+    #[error("`{field}` is {value}; expected {need}")]
     Field {
         /// Name of the field in the configuration.
         field: &'static str,
@@ -12,14 +12,14 @@ pub enum DetectorError {
         /// Description of valid values.
         need: &'static str,
     },
-    #[error("{found} values were given for {what}; give {expected}")]
+    #[error("expected {expected} values for {what}, got {found}")]
     Count {
         /// Contents of the list.
         what: &'static str,
         expected: usize,
         found: usize,
     },
-    #[error("radiance {index} is {value}; radiance must be finite")]
+    #[error("radiance {index} is {value}; expected a finite value")]
     Radiance {
         /// Index in the list, from 0.
         index: usize,
@@ -27,8 +27,8 @@ pub enum DetectorError {
     },
     /// A simulation would take too many single detections.
     #[error(
-        "some {expected:.0e} detections would be simulated one by one, at most {most:.0e} are; give fewer `pulses`, less \
-         `photons_per_unit` or `dark_counts_per_s`, or a longer `dead_time_ps`"
+        "the simulation would need about {expected:.0e} single detections, but the limit is {most:.0e}; reduce `pulses`, \
+         `photons_per_unit` or `dark_counts_per_s`, or increase `dead_time_ps`"
     )]
     Detections {
         /// Expected number of detections, at most.
@@ -40,7 +40,7 @@ pub enum DetectorError {
 
 /// Checks an efficiency, the value of configuration field `field`.
 pub(super) fn efficiency(field: &'static str, value: &SpectralValue) -> Result<(), DetectorError> {
-    let need = "0 to 1: a number, or rows [nm, value] in rising order of nm";
+    let need = "0 to 1: a number, or rows [nm, value] with increasing nm";
     demand(field, value.at(550.0), value.check(0.0, 1.0).is_ok(), need)
 }
 

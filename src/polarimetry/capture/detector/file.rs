@@ -102,7 +102,7 @@ struct Calibrated {
 /// # Errors
 /// [`InputError`] with file, location and fix.
 pub fn load(path: &Path, timed: bool) -> Result<Detector, InputError> {
-    let fix = "write a file with the line [cmos] or [spad]; all settings have defaults";
+    let fix = "write a file with a table [cmos] or [spad]; all settings have defaults";
     let text = document::read(path, "detector", fix)?;
     from_toml(path, &text, timed)
 }
@@ -121,7 +121,7 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
         help: Some(help.to_owned()),
     };
     let file: DetectorFile = document::parse(path, text, |_| {
-        "a detector is a table [cmos] or [spad], and above it `demosaic` for a polarizer array".to_owned()
+        "expected a table [cmos] or [spad], with `demosaic` above it for a polarizer array".to_owned()
     })?;
     let checked = |section: Range<usize>, result: Result<(), DetectorError>| {
         result.map_err(|e| {
@@ -129,7 +129,7 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
             error(
                 Some(span),
                 e.to_string(),
-                "fix it, or leave it out for the default",
+                "correct the value, or remove it to use the default",
             )
         })
     };
@@ -141,8 +141,8 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
     if both == [true, true] {
         return Err(error(
             None,
-            "there is a detector above [detector], and one in it".to_owned(),
-            "keep one of them",
+            "a detector is defined both above [detector] and in it".to_owned(),
+            "remove one of them",
         ));
     }
     let pair = match found {
@@ -158,7 +158,7 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
             let both = demosaic.is_some() && camera.binning > 1;
             if let (true, Some(at)) = (both, &file.demosaic) {
                 let message = "`binning` would average pixels behind different polarizers before `demosaic`";
-                let help = "take one of them out; demosaic = \"superpixel\" halves the size as well";
+                let help = "remove one of them; demosaic = \"superpixel\" also halves the resolution";
                 return Err(error(Some(at.span()), message.to_owned(), help));
             }
             Ok(Detector::Cmos {
@@ -168,10 +168,10 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
         }
         (None, Some(diode)) => {
             if let Some(at) = file.demosaic {
-                let help = "take it out: each channel of a polarizer array has a diode of its own";
+                let help = "remove it: each channel of a polarizer array has its own diode";
                 return Err(error(
                     Some(at.span()),
-                    "`demosaic` is for [cmos]".to_owned(),
+                    "`demosaic` applies only to [cmos]".to_owned(),
                     help,
                 ));
             }
@@ -180,13 +180,13 @@ pub fn from_toml(path: &Path, text: &str, timed: bool) -> Result<Detector, Input
         }
         (None, None) => Err(error(
             None,
-            "there is neither [cmos] nor [spad]".to_owned(),
+            "[cmos] and [spad] are both missing".to_owned(),
             "add the line [cmos] for a camera; all its settings have defaults",
         )),
         (Some(_), Some(second)) => Err(error(
             Some(second.span()),
-            "there are both [cmos] and [spad]".to_owned(),
-            "keep the one that detects",
+            "[cmos] and [spad] are both present".to_owned(),
+            "remove one of them",
         )),
     }
 }
@@ -236,14 +236,14 @@ pub fn with_bins(diode: &Spad, bins: usize, bin_ps: f64) -> Result<Spad, Detecto
         "bin_ps",
         diode.bin_ps,
         agrees,
-        "the width of the slice's time bins, or leave it out",
+        "the width of the slice's time bins (or remove the setting)",
     )?;
     let agrees = diode.bins == standard.bins || diode.bins == bins;
     demand(
         "bins",
         diode.bins as f64,
         agrees,
-        "the number of the slice's time bins, or leave it out",
+        "the number of the slice's time bins (or remove the setting)",
     )?;
     out.bin_ps = bin_ps;
     out.bins = bins;
@@ -301,9 +301,9 @@ mod tests {
         let alone = from_toml(Path::new("c.toml"), "[detector.cmos]\ngain_e_per_dn = 2\n", true);
         assert!(matches!(alone, Ok(Detector::Cmos { .. })));
         assert!(fault("[detector.cmos]\nread_noise_e = -2").contains("d.toml:2:1: `read_noise_e` is -2"));
-        assert!(fault("[detector.cmos]\n[cmos]").contains("keep one"));
+        assert!(fault("[detector.cmos]\n[cmos]").contains("remove one"));
         assert!(fault("[detector.ccd]").contains("unknown field `ccd`"));
-        assert!(fault("[camera]\nx = 1").contains("neither"));
+        assert!(fault("[camera]\nx = 1").contains("both missing"));
     }
 
     #[test]
@@ -315,8 +315,8 @@ mod tests {
         assert!(fault("[spad]\nbins = 0").contains("d.toml:2:1: `bins` is 0"));
         assert!(fault("[spad]\nperiod_ps = -1").contains("d.toml:2:1: `period_ps` is -1"));
         assert!(fault("[spad]\nperiod_ps = 100\nbin_ps = 30").contains("d.toml:2:1: `period_ps` is 100"));
-        assert!(fault("").contains("neither"));
-        assert!(fault("[cmos]\n[spad]").contains("both"));
+        assert!(fault("").contains("both missing"));
+        assert!(fault("[cmos]\n[spad]").contains("both present"));
         assert!(fault("demosaic = \"bilinear\"\n[spad]").contains("d.toml:1:12"));
         assert!(fault("demosaic = \"bilinear\"\n[cmos]\nbinning = 2").contains("superpixel"));
         assert!(fault("demosaic = \"best\"\n[cmos]").contains("d.toml:1:12"));

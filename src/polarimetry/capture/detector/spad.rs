@@ -117,7 +117,7 @@ impl Spad {
             "period_ps",
             self.period_ps,
             whole,
-            "a whole number of bins (`bin_ps`), at most 1048576",
+            "a multiple of `bin_ps`, at most 1048576 bins",
         )?;
         let inside = (1..=self.period_bins()).contains(&self.bins);
         demand("bins", self.bins as f64, inside, "1 to the bins of `period_ps`")?;

@@ -146,7 +146,7 @@ impl Text<'_> {
             self.error(
                 Some(value.span()),
                 format!("`{name}` {must}"),
-                "give a number, or rows of [nm, value]",
+                "expected a number, or rows of [nm, value]",
             )
         })?;
         Ok((**value).clone())
@@ -162,8 +162,8 @@ impl Text<'_> {
             // Beyond this, an angle has no precision left; all other numbers are smaller.
             Some(v) if !(-LARGEST..=LARGEST).contains(&**v) => Err(self.error(
                 Some(v.span()),
-                format!("`{name}` is not a finite number of moderate size"),
-                "give one within -1e6..1e6",
+                format!("`{name}` is not a number from -1e6 to 1e6"),
+                "set a number from -1e6 to 1e6",
             )),
             Some(v) => Ok(**v),
             None => Ok(default),
@@ -180,7 +180,7 @@ impl Text<'_> {
             Some(v) => Err(self.error(
                 Some(value.span()),
                 format!("`{name}` has {v}"),
-                "give degrees within -1e6..1e6",
+                "set degrees from -1e6 to 1e6",
             )),
             None => Ok(()),
         }
@@ -196,8 +196,8 @@ impl Text<'_> {
         let stray = |span: std::ops::Range<usize>, name: &str, of: &str| {
             self.error(
                 Some(span),
-                format!("`{name}` belongs to {of}"),
-                "take it out, or change `kind`",
+                format!("`{name}` applies only to {of}"),
+                "remove it, or change `kind`",
             )
         };
         if is_retarder {
@@ -226,8 +226,8 @@ impl Text<'_> {
             if let Some(at) = e.index.as_ref().filter(|_| !(1.0..=10.0).contains(&index)) {
                 return Err(self.error(
                     Some(at.span()),
-                    format!("`index` is {index}, which does not lie from 1 to 10"),
-                    "give the plate's mean index",
+                    format!("`index` is {index}; expected 1 to 10"),
+                    "set the plate's mean refractive index",
                 ));
             }
             let error = e.retardance_error_deg.as_ref();
@@ -270,7 +270,7 @@ impl Text<'_> {
                     Some(span) => Err(self.error(
                         Some(span),
                         "a sensor of kind \"intensity\" has no polarizers".to_owned(),
-                        "take it out, or write kind = \"polarizer_array\"",
+                        "remove it, or set kind = \"polarizer_array\"",
                     )),
                     None => Ok(Sensor::Intensity),
                 }
@@ -280,8 +280,8 @@ impl Text<'_> {
                 if let Some(v) = offsets.filter(|v| !v.iter().all(|v| v.abs() <= LARGEST)) {
                     return Err(self.error(
                         Some(v.span()),
-                        "an offset is not a finite number of moderate size".to_owned(),
-                        "give four, for 0°, 45°, 90° and 135°",
+                        "an offset is not a number from -1e6 to 1e6".to_owned(),
+                        "set four offsets, for 0°, 45°, 90° and 135°",
                     ));
                 }
                 Ok(Sensor::PolarizerArray {

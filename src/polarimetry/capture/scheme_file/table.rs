@@ -24,7 +24,7 @@ pub fn from_csv(path: &Path, text: &str) -> Result<Scheme, InputError> {
         path,
         text: text.into(),
     };
-    let help = "columns: polarizer_1,retarder_2,retarder_3,polarizer_4 in degrees (retardance_2, retardance_3 where not 90)";
+    let help = "use the columns polarizer_1,retarder_2,retarder_3,polarizer_4 in degrees (and retardance_2, retardance_3 where not 90)";
     let wrong = |e: csv::Error| {
         let at = e.position().map(|p| p.byte() as usize);
         place.error(at.map(|b| b..b), e.to_string(), help)
@@ -38,10 +38,10 @@ pub fn from_csv(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let mut order = vec![];
     for name in &headers {
         let Some(i) = COLUMNS.iter().position(|c| *c == name) else {
-            return Err(place.error(Some(0..0), format!("there is no column `{name}`"), help));
+            return Err(place.error(Some(0..0), format!("unknown column `{name}`"), help));
         };
         if columns[i].replace(vec![]).is_some() {
-            return Err(place.error(Some(0..0), format!("column `{name}` is there twice"), help));
+            return Err(place.error(Some(0..0), format!("duplicate column `{name}`"), help));
         }
         order.push(i);
     }
@@ -65,7 +65,7 @@ pub fn from_csv(path: &Path, text: &str) -> Result<Scheme, InputError> {
     let (Some(p1), Some(r2), Some(r3)) = (p1, r2, r3) else {
         return Err(place.error(
             Some(0..0),
-            "polarizer_1, retarder_2 or retarder_3 is missing".to_owned(),
+            "a column is missing: polarizer_1, retarder_2 and retarder_3 are required".to_owned(),
             help,
         ));
     };

@@ -75,12 +75,17 @@ fn faults_have_places_and_fixes() {
     assert!(with("kind = \"polariser\"\nangle_deg = 0").contains("s.toml:3:8"));
     assert!(with("kind = \"polarizer\"\nangle_deg = 0\nretardance_deg = 90").contains("s.toml:5:18"));
     assert!(with("kind = \"polarizer\"\nangle_deg = 0\nextinction = 2").contains("from 0 to 1"));
-    assert!(with("kind = \"retarder\"\nangle_deg = 0\nextinction = 0.1").contains("belongs to polarizers"));
+    assert!(
+        with("kind = \"retarder\"\nangle_deg = 0\nextinction = 0.1").contains("applies only to polarizers")
+    );
     assert!(with("kind = \"retarder\"\nangle_deg = 0\nindex = 0.5").contains("`index` is 0.5"));
     assert!(with("kind = \"polarizer\"\nangle_deg = [nan]").contains("capture 1"));
-    assert!(with("kind = \"polarizer\"\nangle_deg = []").contains("at least one capture"));
+    assert!(with("kind = \"polarizer\"\nangle_deg = []").contains("no captures"));
     assert!(fault("sensor = { kind = \"intensity\", extinction = 0.1 }").contains("has no polarizers"));
-    assert!(fault("source = [1, 1, 1, 0]\nsensor = { kind = \"intensity\" }").contains("no Stokes vector"));
+    assert!(
+        fault("source = [1, 1, 1, 0]\nsensor = { kind = \"intensity\" }")
+            .contains("not a physical Stokes vector")
+    );
     assert!(
         load(Path::new("/nowhere/s.toml"))
             .expect_err("no file")
@@ -122,8 +127,8 @@ fn tables_of_angles() {
         ("polarizer_1,retarder_2\n0,0\n", "is missing"),
         ("polarizer_1,retarder_2,retarder_3\n0,x,0\n", "a.csv:2:1: `x`"),
         ("polarizer_1,retarder_2,retarder_3\n0,1\n", "found record with 2"),
-        ("polarizer_1,polarizer_1\n", "twice"),
-        ("angle\n", "no column `angle`"),
+        ("polarizer_1,polarizer_1\n", "duplicate column"),
+        ("angle\n", "unknown column `angle`"),
         ("polarizer_1,retarder_2,retarder_3\n", "at least one"),
     ] {
         let message = csv(text).expect_err("a fault").to_string();

@@ -82,13 +82,15 @@ impl Weight {
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// A material has no valid bin.
-    #[error("{name}: no bin is valid (finite, M00 > 0, other elements no larger); leave this material out")]
+    #[error("{name}: no bin is valid (finite, M00 > 0, no element larger than M00); exclude this material")]
     NoBins { name: String },
     /// c of arctan(c T) is invalid.
-    #[error("arctan(c T) has c = {0}; c must be a positive number, in the paper 8")]
+    #[error("expected a positive number c of arctan(c T), got {0}; the paper uses 8")]
     Factor(f64),
     /// One side of a split would be empty.
-    #[error("{materials} materials cannot be split into {folds} folds; two or more of each are needed")]
+    #[error(
+        "cannot split {materials} materials into {folds} folds; expected at least 2 folds and 2 materials"
+    )]
     Folds { folds: usize, materials: usize },
 }
 
@@ -144,7 +146,7 @@ pub fn gather(
     }
     let tally = all.tally;
     tracing::info!(
-        "{name}: {} bins are valid; {} are holes, {} dark, {} have elements beyond M00",
+        "{name}: {} bins are valid; {} are without values, {} are dark, {} have elements larger than M00",
         tally.valid,
         tally.holes,
         tally.dark,

@@ -198,9 +198,10 @@ impl RotationStage for AptStage {
                         return Ok(());
                     }
                     if status.bits & bits::MOTION_ERROR != 0 {
-                        return Err(
-                            self.failure(Fault::Stalled, "it cannot find its zero; look what holds it")
-                        );
+                        return Err(self.failure(
+                            Fault::Stalled,
+                            "cannot find its zero position; check for an obstruction",
+                        ));
                     }
                 }
                 Err(e) if e.fault == Fault::Timeout && Instant::now() < until => {}
@@ -208,9 +209,9 @@ impl RotationStage for AptStage {
             }
             if Instant::now() >= until {
                 let what = if begun {
-                    "it looks for its zero still"
+                    "homing is still in progress; allow more time"
                 } else {
-                    "it did not find its zero"
+                    "homing did not start"
                 };
                 return Err(self.failure(Fault::Timeout, what));
             }
@@ -225,11 +226,11 @@ impl RotationStage for AptStage {
         if !angle_deg.is_finite() || angle_deg < least || angle_deg > most {
             return Err(self.failure(
                 Fault::Limit,
-                format!("{angle_deg}° is not within {least}° to {most}°; correct the plan"),
+                format!("{angle_deg}° is outside {least}° to {most}°; correct the plan"),
             ));
         }
         if !self.homed {
-            return Err(self.failure(Fault::Refused, "its zero is not known; home it"));
+            return Err(self.failure(Fault::Refused, "zero position unknown; home the stage first"));
         }
         let counts = self.model.counts(angle_deg);
         self.send(&Message::MoveAbsolute(counts))?;
@@ -255,7 +256,7 @@ impl RotationStage for AptStage {
             if status.bits & (bits::MOTION_ERROR | bits::LIMITS) != 0 {
                 self.goal = None;
                 let what = format!(
-                    "it stopped at {:.3}°: its motor cannot follow, or a switch was met",
+                    "stopped at {:.3}°: motor stall or limit switch; check for an obstruction",
                     reading.angle_deg
                 );
                 return Err(self.failure(Fault::Stalled, what));
@@ -268,12 +269,15 @@ impl RotationStage for AptStage {
             last = Some(status.position);
             if stands >= STANDS {
                 self.goal = None;
-                let what = format!("it stands at {:.3}°, short of its goal", reading.angle_deg);
+                let what = format!(
+                    "stopped at {:.3}°, before its goal; check for an obstruction",
+                    reading.angle_deg
+                );
                 return Err(self.failure(Fault::Stalled, what));
             }
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                return Err(self.failure(Fault::Timeout, "it moves still; give it more time"));
+                return Err(self.failure(Fault::Timeout, "the move is still in progress; allow more time"));
             }
             std::thread::sleep(left.min(ASK / 5));
         }
@@ -294,7 +298,7 @@ impl RotationStage for AptStage {
                 return Ok(());
             }
             if Instant::now() >= until {
-                return Err(self.failure(Fault::Timeout, "it does not stop"));
+                return Err(self.failure(Fault::Timeout, "did not stop before the deadline"));
             }
             std::thread::sleep(ASK / 10);
         }

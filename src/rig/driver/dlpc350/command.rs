@@ -247,10 +247,10 @@ impl Question {
 pub fn complaints(bits: u8) -> Vec<&'static str> {
     let all = [
         "exposure or period is out of range",
-        "the pattern's number does not fit its bits",
-        "the trigger's output overlaps black",
-        "no black before a pattern that is triggered from outside",
-        "period and exposure are less than 230 µs apart",
+        "the pattern number exceeds its bit depth",
+        "the trigger output overlaps the black period",
+        "an externally triggered pattern needs a black period before it",
+        "period and exposure differ by less than 230 µs",
     ];
     let said = |(i, text): (usize, &'static str)| (bits >> i & 1 == 1).then_some(text);
     all.into_iter().enumerate().filter_map(said).collect()

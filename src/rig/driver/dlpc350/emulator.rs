@@ -207,7 +207,7 @@ impl HidLine for Emulator {
     fn write(&mut self, report: &[u8; REPORT]) -> Result<(), LineError> {
         let state = &mut *self.state();
         if state.trouble == Trouble::Out {
-            return Err(LineError::Gone("the cable is out".into()));
+            return Err(LineError::Gone("cable disconnected".into()));
         }
         let Some(message) = state.parser.feed(report) else {
             return Ok(());
@@ -243,7 +243,7 @@ impl HidLine for Emulator {
         let answer = {
             let mut state = self.state();
             if state.trouble == Trouble::Out {
-                return Err(LineError::Gone("the cable is out".into()));
+                return Err(LineError::Gone("cable disconnected".into()));
             }
             state.answers.pop_front()
         };
@@ -256,7 +256,7 @@ impl HidLine for Emulator {
     fn reopen(&mut self) -> Result<(), LineError> {
         let mut state = self.state();
         if state.trouble == Trouble::Out {
-            return Err(LineError::Gone("the cable is out".into()));
+            return Err(LineError::Gone("cable disconnected".into()));
         }
         state.answers.clear();
         state.parser.clear();

@@ -44,14 +44,14 @@ pub fn load<P: AsRef<Path>>(files: &[P]) -> Result<Flash, String> {
 
 fn rgb(path: &Path) -> Result<Vec<u8>, String> {
     let file: File = base::input::open(path).map_err(|e| e.to_string())?;
-    let bad = |e: png::DecodingError| format!("it is no PNG that can be read: {e}");
+    let bad = |e: png::DecodingError| format!("cannot read it as PNG: {e}");
     let mut reader = png::Decoder::new(BufReader::new(file)).read_info().map_err(bad)?;
     let info = reader.info();
     let known = (info.color_type, info.bit_depth) == (png::ColorType::Rgb, png::BitDepth::Eight);
     let [w, h] = SIZE;
     if !known || (info.width, info.height) != (w, h) {
         return Err(format!(
-            "it is no image of {w} x {h} pixels with 8 bits of red, green and blue; `sunstone rig flash` writes such"
+            "expected an RGB image of {w} x {h} pixels with 8 bits per channel; create it with `sunstone rig flash`"
         ));
     }
     let mut bytes = vec![0; 3 * w as usize * h as usize];
@@ -147,6 +147,6 @@ mod tests {
         let path = folder.path().join("a.png");
         assert!(load(&[&path]).expect_err("none").contains("a.png"));
         std::fs::write(&path, b"no image").expect("writes");
-        assert!(load(&[&path]).expect_err("none").contains("no PNG"));
+        assert!(load(&[&path]).expect_err("none").contains("as PNG"));
     }
 }

@@ -52,7 +52,7 @@ pub fn find(class: &Path, [maker, product]: [u16; 2]) -> Vec<PathBuf> {
 impl HidLine for HidRaw {
     fn write(&mut self, report: &[u8; REPORT]) -> Result<(), LineError> {
         let Some((file, _)) = &mut self.open else {
-            return Err(LineError::Gone("it is not open".into()));
+            return Err(LineError::Gone("the device is not open".into()));
         };
         // The kernel expects the report number first: 0 if the device does not number its reports.
         let mut bytes = [0; REPORT + 1];
@@ -66,14 +66,14 @@ impl HidLine for HidRaw {
 
     fn read(&mut self, within: Duration) -> Result<[u8; REPORT], LineError> {
         let Some((_, reports)) = &self.open else {
-            return Err(LineError::Gone("it is not open".into()));
+            return Err(LineError::Gone("the device is not open".into()));
         };
         match reports.recv_timeout(within) {
             Ok(report) => Ok(report),
             Err(RecvTimeoutError::Timeout) => Err(LineError::Timeout),
             Err(RecvTimeoutError::Disconnected) => {
                 self.open = None;
-                Err(LineError::Gone("it was unplugged".into()))
+                Err(LineError::Gone("the device was unplugged".into()))
             }
         }
     }
@@ -85,10 +85,15 @@ impl HidLine for HidRaw {
             .into_iter()
             .next()
             .ok_or_else(|| {
-                LineError::Gone(format!("no HID device {maker:04x}:{product:04x} is plugged in"))
+                LineError::Gone(format!(
+                    "HID device {maker:04x}:{product:04x} not found; check the cable"
+                ))
             })?;
         let gone = |e: std::io::Error| {
-            LineError::Gone(format!("{}: {e}; is it yours to read and write?", path.display()))
+            LineError::Gone(format!(
+                "{}: {e}; check read and write permissions",
+                path.display()
+            ))
         };
         let file = OpenOptions::new()
             .read(true)

@@ -58,21 +58,25 @@ impl Dlpc350 {
     ) -> Result<Self, Failure> {
         let limit = |what: String| Err(Failure::new(Fault::Limit, name, what));
         if flash.0.len() > IMAGES || flash.0.iter().any(|i| i.len() > PLANES) {
-            return limit(format!("flash holds {IMAGES} images of {PLANES} planes at most"));
+            return limit(format!(
+                "the flash holds at most {IMAGES} images of {PLANES} planes"
+            ));
         }
         if flash.0.iter().flatten().any(|p| !fits(p)) {
             let [w, h] = SIZE;
-            return limit(format!("patterns in flash have {w} x {h} pixels of 0 or 255"));
+            return limit(format!(
+                "patterns in flash must have {w} x {h} pixels with values 0 or 255"
+            ));
         }
         if leds == 0 || leds > 7 {
             return limit(format!(
-                "{leds} are no diodes; add up 1 for red, 2 for green, 4 for blue"
+                "invalid LED selection {leds}; add 1 for red, 2 for green, 4 for blue"
             ));
         }
         let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
         if !(SHORTEST_US..=1_000_000).contains(&period_us) {
             return limit(format!(
-                "a period of {period:?} is not within {SHORTEST_US} µs to 1 s"
+                "the period {period:?} is outside {SHORTEST_US} µs to 1 s"
             ));
         }
         Ok(Self {
@@ -97,7 +101,7 @@ impl Dlpc350 {
         triggers.commands().map_err(|e| self.failure(Fault::Limit, e))?;
         if triggers.input.is_some() && self.period_us < SHORTEST_US + BLACK_US {
             let what = format!(
-                "a period of {} µs has no {BLACK_US} µs of black, which patterns that are triggered from outside need",
+                "a period of {} µs is too short: externally triggered patterns need {BLACK_US} µs of black; increase the period",
                 self.period_us
             );
             return Err(self.failure(Fault::Limit, what));
@@ -134,7 +138,10 @@ impl Dlpc350 {
             match self.parser.feed(&report) {
                 Some(m) if m.number == self.number && m.read == read => {
                     if m.refused {
-                        return Err(self.failure(Fault::Refused, format!("it refuses command {code:04X}")));
+                        return Err(self.failure(
+                            Fault::Refused,
+                            format!("the projector refused command {code:04X}"),
+                        ));
                     }
                     return Ok(m.payload);
                 }
@@ -153,7 +160,7 @@ impl Dlpc350 {
         let answer = self.exchange(true, question.code(), &[], until)?;
         if answer.len() < least {
             let what = format!(
-                "it answers {} bytes to {question:?} instead of {least}",
+                "got {} bytes in reply to {question:?}, expected {least}",
                 answer.len()
             );
             return Err(self.failure(Fault::Disconnected, what));
@@ -245,7 +252,10 @@ impl Dlpc350 {
             std::thread::sleep(Duration::from_millis(1));
         };
         if bits & 3 != 0 {
-            let what = format!("it finds its sequence wrong: {}", complaints(bits).join(", "));
+            let what = format!(
+                "the projector rejected the sequence: {}",
+                complaints(bits).join(", ")
+            );
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell(&Command::Run(Run::Start), until)
@@ -256,7 +266,7 @@ impl Dlpc350 {
         loop {
             let main = self.ask(Question::Main, 1, until)?[0];
             if main & 1 != 0 {
-                return Err(self.failure(Fault::Refused, "its mirrors are parked; switch it on"));
+                return Err(self.failure(Fault::Refused, "mirrors are parked; switch the projector on"));
             }
             let period = Duration::from_micros(u64::from(self.period_us));
             if main & 2 != 0 {
@@ -268,7 +278,7 @@ impl Dlpc350 {
             if hardware & 0xC0 != 0 {
                 return Err(self.failure(
                     Fault::Refused,
-                    format!("its sequence was aborted (hardware status {hardware:02X})"),
+                    format!("the sequence was aborted (hardware status {hardware:02X})"),
                 ));
             }
             std::thread::sleep(Duration::from_millis(1));
@@ -298,7 +308,7 @@ impl Instrument for Dlpc350 {
         Ok(Identity {
             maker: "Texas Instruments".into(),
             model: "DLPC350".into(),
-            serial: if tag.is_empty() { "not told".into() } else { tag },
+            serial: if tag.is_empty() { "unknown".into() } else { tag },
             firmware: format!("{}.{}.{}", v[3], v[2], u16::from_le_bytes([v[0], v[1]])),
         })
     }
@@ -327,7 +337,7 @@ impl PatternProjector for Dlpc350 {
         let limit = |what: String| Err(self.failure(Fault::Limit, what));
         if patterns.len() > IMAGES * PLANES {
             return limit(format!(
-                "{} patterns are more than its {}",
+                "{} patterns exceed the limit of {}",
                 patterns.len(),
                 IMAGES * PLANES
             ));
@@ -336,13 +346,15 @@ impl PatternProjector for Dlpc350 {
         for (i, pattern) in patterns.iter().enumerate() {
             if !fits(pattern) {
                 let [w, h] = SIZE;
-                return limit(format!("pattern {i} is not of {w} x {h} pixels of 0 or 255"));
+                return limit(format!(
+                    "pattern {i} must have {w} x {h} pixels with values 0 or 255"
+                ));
             }
             match self.find(pattern) {
                 Some(place) => places.push(place),
                 None => {
                     return limit(format!(
-                        "pattern {i} is not in its flash; write it there with its firmware, and name it in the list of what is"
+                        "pattern {i} is not in flash; write it to flash with the firmware, and list its image in `flash`"
                     ));
                 }
             }
@@ -356,7 +368,7 @@ impl PatternProjector for Dlpc350 {
             .unwrap_or(0);
         if needed > images {
             let what = format!(
-                "its flash has {images} images, and patterns are looked for in {needed}; the list is another firmware's"
+                "the flash has {images} images, but the patterns need {needed}; the `flash` list does not match the firmware"
             );
             return Err(self.failure(Fault::Limit, what));
         }
@@ -367,7 +379,10 @@ impl PatternProjector for Dlpc350 {
     fn show(&mut self, pattern: usize, within: Duration) -> Result<(), Failure> {
         let until = Instant::now() + within;
         let Some(place) = self.loaded.get(pattern).copied() else {
-            let what = format!("there is no pattern {pattern}; {} are loaded", self.loaded.len());
+            let what = format!(
+                "pattern {pattern} does not exist; {} patterns are loaded",
+                self.loaded.len()
+            );
             return Err(self.failure(Fault::Limit, what));
         };
         self.run(place, until)?;

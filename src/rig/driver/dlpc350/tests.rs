@@ -240,7 +240,7 @@ fn triggers_are_the_guides() {
             output_2,
             ..Triggers::default()
         },
-        "no falling edge",
+        "no adjustable falling edge",
     );
     for delay_us in [-1.0, 56_300.0, f64::NAN] {
         let input = Some(Input {

@@ -67,7 +67,7 @@ fn edge(us: f64, what: &str) -> Result<u8, String> {
     if (0.0..=LATEST).contains(&steps) {
         return Ok(steps as u8);
     }
-    Err(format!("{what} is {us} µs; give {EARLIEST_US} to 2.787 µs"))
+    Err(format!("{what} is {us} µs; expected {EARLIEST_US} to 2.787 µs"))
 }
 
 impl Triggers {
@@ -96,7 +96,7 @@ impl Triggers {
         }
         if let Some(o) = &self.output_2 {
             if o.fall_us != 0.0 {
-                return Err("output_2 has no falling edge to set; leave fall_us out".into());
+                return Err("output_2 has no adjustable falling edge; remove fall_us".into());
             }
             all.push(Command::TriggerOut2 {
                 inverted: o.active_low,
@@ -106,7 +106,10 @@ impl Triggers {
         if let Some(i) = &self.input {
             let steps = (i.delay_us / STEP_US).round();
             if !(0.0..=LONGEST).contains(&steps) {
-                return Err(format!("input.delay_us is {}; give 0 to 56203 µs", i.delay_us));
+                return Err(format!(
+                    "input.delay_us is {}; expected 0 to 56203 µs",
+                    i.delay_us
+                ));
             }
             all.push(Command::TriggerIn1(steps as u32));
         }

@@ -105,7 +105,7 @@ impl GalvoScanner for AnalogGalvo {
     fn point(&mut self, angles_deg: [f64; 2], within: Duration) -> Result<[f64; 2], Failure> {
         let range = self.wiring.range_deg;
         if !(0..2).all(|i| angles_deg[i].abs() <= range[i]) {
-            let what = format!("{angles_deg:?}° is beyond ±{range:?}°; correct the plan");
+            let what = format!("{angles_deg:?}° is outside ±{range:?}°; correct the plan");
             return Err(Failure::new(Fault::Limit, self.name(), what));
         }
         let until = self.clock.now().saturating_add(within);
@@ -117,7 +117,7 @@ impl GalvoScanner for AnalogGalvo {
             return Err(Failure::new(
                 Fault::Timeout,
                 self.name(),
-                "the mirrors move still; allow more time",
+                "the mirrors are still moving; allow more time",
             ));
         }
         self.clock.sleep(settle);

@@ -212,42 +212,42 @@ fn wiring_that_cannot_be_is_told() {
                 volts_per_degree: [1.2, 0.5],
                 ..WIRING
             },
-            "lessen the range",
+            "reduce the range",
         ),
         (
             Wiring {
                 volts_per_degree: [0.0, 0.5],
                 ..WIRING
             },
-            "drive no mirrors",
+            "invalid volts_per_degree",
         ),
         (
             Wiring {
                 channels: [3, 0],
                 ..WIRING
             },
-            "not different channels",
+            "must be different numbers",
         ),
         (
             Wiring {
                 channels: [1, 1],
                 ..WIRING
             },
-            "not different channels",
+            "must be different numbers",
         ),
         (
             Wiring {
                 rate_hz: 2e6,
                 ..WIRING
             },
-            "samples a second",
+            "samples per second",
         ),
         (
             Wiring {
                 travel: Travel::Smooth(-1.0),
                 ..WIRING
             },
-            "no speed",
+            "invalid speed",
         ),
         (
             Wiring {

@@ -120,7 +120,7 @@ impl Wiring {
             .all(|v| (1e-3..=1e3).contains(&v.abs()))
         {
             return Err(format!(
-                "{:?} V per degree drive no mirrors; give what their maker states, as 0.8",
+                "invalid volts_per_degree {:?}; expected 0.001 to 1000 V per degree, such as 0.8",
                 self.volts_per_degree
             ));
         }
@@ -128,7 +128,7 @@ impl Wiring {
             && !(speed > 0.0 && speed.is_finite())
         {
             return Err(format!(
-                "{speed} degrees a second is no speed of a beam; give a positive number, or none for steps"
+                "invalid speed {speed}; expected a positive number of degrees per second, or none for steps"
             ));
         }
         card.check(&self.settings())?;
@@ -137,7 +137,7 @@ impl Wiring {
         for volts in corner.iter().flat_map(|v| [*v, -v]) {
             if !(volts >= least && volts <= most) {
                 return Err(format!(
-                    "±{:?}° of the beam are {volts} V, and the card gives {least} to {most} V; lessen the range",
+                    "±{:?}° needs {volts} V, but the card outputs {least} to {most} V; reduce the range",
                     self.range_deg
                 ));
             }
@@ -145,7 +145,7 @@ impl Wiring {
         let samples = self.samples(corner.map(|v| -v), corner);
         if samples > card.samples {
             return Err(format!(
-                "the longest move has {samples} samples, and the card holds {}; lower the rate of samples, or raise the speed",
+                "the longest move has {samples} samples, but the card holds {}; reduce the sample rate, or increase the speed",
                 card.samples
             ));
         }

@@ -102,7 +102,7 @@ impl GenICamCamera {
         self.limits.formats = known.collect();
         if self.limits.formats.is_empty() || self.limits.size.contains(&0) {
             let what = format!(
-                "it has {:?} pixels of {}; Mono8, Mono10p, Mono12p or Mono16 is needed",
+                "unsupported sensor: size {:?}, formats {}; needs at least one pixel and Mono8, Mono10p, Mono12p or Mono16",
                 self.limits.size,
                 entries.join(", ")
             );
@@ -169,7 +169,7 @@ impl GenICamCamera {
         let found = n.number("ExposureTime")?;
         let off = (found / micros - 1.0).abs();
         if off.is_nan() || off > EXPOSURE_OFF {
-            let what = format!("it exposes for {found} us instead of {micros}; correct the plan");
+            let what = format!("the exposure is {found} us, expected {micros} us; correct the plan");
             return Err(n.failure(Fault::Limit, what));
         }
         n.set_number("Gain", settings.gain_db)?;
@@ -187,7 +187,7 @@ impl GenICamCamera {
     fn raw(&self, block: Block, settings: &CameraSettings) -> Result<RawFrame, Failure> {
         if block.region != settings.region || block.format != Some(settings.format) {
             let what = format!(
-                "a frame of {:?} and {:?} came, and {:?} and {} are set",
+                "got a frame of {:?} and {:?}, expected {:?} and {}",
                 block.region,
                 block.format,
                 settings.region,
@@ -272,10 +272,12 @@ impl AreaCamera for GenICamCamera {
 
     fn expose(&mut self) -> Result<(), Failure> {
         let Some(settings) = self.settings else {
-            return Err(self.nodes.failure(Fault::Refused, "it is not configured"));
+            return Err(self.nodes.failure(Fault::Refused, "the camera is not configured"));
         };
         if self.pending {
-            return Err(self.nodes.failure(Fault::Refused, "an exposure is under way"));
+            return Err(self
+                .nodes
+                .failure(Fault::Refused, "an exposure is already in progress"));
         }
         if settings.trigger == Trigger::Software {
             self.nodes.command("TriggerSoftware")?;
@@ -286,7 +288,7 @@ impl AreaCamera for GenICamCamera {
 
     fn frame(&mut self, within: Duration) -> Result<RawFrame, Failure> {
         let (Some(settings), true) = (self.settings, self.pending) else {
-            return Err(self.nodes.failure(Fault::Refused, "no exposure was begun"));
+            return Err(self.nodes.failure(Fault::Refused, "no exposure was started"));
         };
         match self.frames.next(within) {
             Ok(Some(block)) => {
@@ -295,7 +297,7 @@ impl AreaCamera for GenICamCamera {
             }
             Ok(None) => Err(self
                 .nodes
-                .failure(Fault::Timeout, "no frame came before the deadline")),
+                .failure(Fault::Timeout, "no frame arrived before the deadline")),
             Err(e) => {
                 self.pending = false;
                 Err(self.of_stream(&e))

@@ -49,7 +49,7 @@ impl Nodes {
         }
         let xml = control.genapi().map_err(told)?;
         let context = NoCacheGenApiCtxt::from_xml(&xml).map_err(|e| {
-            let what = format!("its description of itself cannot be read: {e}");
+            let what = format!("cannot parse the device description: {e}");
             Failure::new(Fault::Refused, name, what)
         })?;
         Ok(Self {
@@ -109,10 +109,13 @@ impl Nodes {
     ) -> Result<T, Failure> {
         let mut params = self.params();
         let Some(node) = params.node(feature) else {
-            return Err(self.failure(Fault::Refused, format!("it has no feature {feature}")));
+            return Err(self.failure(Fault::Refused, format!("no feature {feature}")));
         };
         match f(node, &mut params) {
-            None => Err(self.failure(Fault::Refused, format!("its {feature} is of another kind"))),
+            None => Err(self.failure(
+                Fault::Refused,
+                format!("feature {feature} has an unexpected type"),
+            )),
             Some(Err(e)) => Err(self.failure(of_feature(&e), format!("{feature}: {e}"))),
             Some(Ok(value)) => Ok(value),
         }
@@ -211,7 +214,7 @@ impl Nodes {
         let entries = self.entries(feature)?;
         if !entries.iter().any(|e| e == entry) {
             let what = format!(
-                "its {feature} cannot be {entry}: it is one of {}",
+                "feature {feature} does not support {entry}; available: {}",
                 entries.join(", ")
             );
             return Err(self.failure(Fault::Limit, what));

@@ -22,10 +22,10 @@ pub fn open(name: &str, serial: Option<&str>, row_time: Duration) -> Result<GenI
         there.push(format!("{} {}", info.model_name, info.serial_number));
     }
     let what = if there.is_empty() {
-        "no USB3 Vision camera is there; plug it in, and allow its use to this user (udev)".to_owned()
+        "no USB3 Vision camera found; plug it in, and give this user access (udev)".to_owned()
     } else {
         format!(
-            "no camera has the serial number {}; there are {}",
+            "no camera with serial number {}; found {}",
             serial.unwrap_or_default(),
             there.join(", ")
         )

@@ -85,20 +85,20 @@ impl PulsedLaser for ScpiLaser {
             if self.emitting(until)? {
                 return Err(self.talk.failure(
                     Fault::Refused,
-                    "it was told to go off and shines; switch it off by its key",
+                    "still emitting after the command to turn off; turn it off with the key switch",
                 ));
             }
             return Ok(());
         }
         let [least, most] = self.table.rate_hz;
         if !(rate_hz >= least && rate_hz <= most) {
-            let what = format!("{rate_hz} Hz is not within {least} to {most}; correct the plan");
+            let what = format!("{rate_hz} Hz is outside {least} to {most} Hz; correct the plan");
             return Err(self.talk.failure(Fault::Limit, what));
         }
         if let Some(question) = self.table.ask_interlock.clone() {
             let answer = self.talk.ask(&question, left(until))?;
             if !["1", "+1", "ON"].contains(&answer.to_ascii_uppercase().as_str()) {
-                let what = format!("its interlock is open (`{question}` was answered `{answer}`); close it");
+                let what = format!("interlock open (`{question}` returned `{answer}`); close the interlock");
                 return Err(self.talk.failure(Fault::Refused, what));
             }
         }
@@ -111,7 +111,7 @@ impl PulsedLaser for ScpiLaser {
         if !self.emitting(until)? {
             return Err(self.talk.failure(
                 Fault::Refused,
-                "it was told to shine and does not; look at its key and interlock",
+                "not emitting after the command to turn on; check the key switch and the interlock",
             ));
         }
         Ok(())

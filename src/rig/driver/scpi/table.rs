@@ -108,35 +108,35 @@ impl LaserTable {
         let [least, most] = self.rate_hz;
         if !(least > 0.0 && most >= least && most.is_finite()) {
             return Err(format!(
-                "`rate_hz` is [{least}, {most}]; give the least and the greatest rate, both above 0"
+                "`rate_hz` is [{least}, {most}]; expected the lowest and the highest rate, both above 0"
             ));
         }
         if !(self.nm > 0.0 && self.nm.is_finite()) {
-            return Err(format!("`nm` is {}; give a wavelength above 0", self.nm));
+            return Err(format!("`nm` is {}; expected a wavelength above 0", self.nm));
         }
         match &self.set_rate {
             None if most > least => {
-                return Err("`rate_hz` is a range, and there is no `set_rate`; give one".into());
+                return Err("`rate_hz` is a range, but `set_rate` is missing; add it".into());
             }
             Some(c) if c.matches("{hz}").count() != 1 => {
                 return Err(format!(
-                    "`set_rate` is `{c}`; write {{hz}} once, where the rate stands"
+                    "`set_rate` is `{c}`; it must contain {{hz}} exactly once"
                 ));
             }
             _ => {}
         }
         if self.set_rate.is_some() && self.ask_rate.is_none() {
-            return Err("there is `set_rate` and no `ask_rate`; give both".into());
+            return Err("`set_rate` is set, but `ask_rate` is missing; set both".into());
         }
         if self.on_answers.is_empty() {
-            return Err("`on_answers` is empty; give what `ask_on` answers if light is on".into());
+            return Err("`on_answers` is empty; list the replies to `ask_on` when light is on".into());
         }
         match (&self.ask_power, self.nominal_power) {
             (None, None) => {}
             (Some(_), Some(p)) if p > 0.0 && p.is_finite() => {}
             _ => {
                 return Err(
-                    "`ask_power` and `nominal_power` (above 0) go together; give both or none".into(),
+                    "`ask_power` and `nominal_power` (above 0) belong together; set both or none".into(),
                 );
             }
         }
@@ -149,7 +149,7 @@ impl LaserTable {
         let commands = [&self.on, &self.off, &self.ask_on, &self.errors].into_iter();
         for command in commands.chain(optional.into_iter().flatten()) {
             if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
-                return Err(format!("{command:?} is no command; write one line"));
+                return Err(format!("{command:?} is not a command; write a single line"));
             }
         }
         Ok(())

@@ -64,7 +64,7 @@ impl Talk {
         if command.trim().is_empty() || command.contains(['\n', '\r', '\0']) {
             return Err(self.failure(
                 Fault::Refused,
-                format!("{command:?} is no command: it is not one line"),
+                format!("{command:?} is not a command: it must be a single line"),
             ));
         }
         if self.out_of_step {
@@ -93,14 +93,14 @@ impl Talk {
             }
             looked = self.held.len();
             if looked > LONGEST {
-                return Err(self.nonsense(question, "an answer without an end"));
+                return Err(self.nonsense(question, "a reply that is too long"));
             }
             self.more(question, until)?;
         };
         let bytes: Vec<u8> = self.held.drain(..=end).collect();
         match std::str::from_utf8(&bytes) {
             Ok(text) if !text.trim().chars().any(char::is_control) => Ok(text.trim().to_owned()),
-            _ => Err(self.nonsense(question, "an answer that is no text")),
+            _ => Err(self.nonsense(question, "a reply that is not text")),
         }
     }
 
@@ -114,7 +114,7 @@ impl Talk {
             Ok(n) if n.abs() < 9.9e37 => Ok(n),
             _ => Err(self.failure(
                 Fault::Disconnected,
-                format!("`{question}` was answered `{answer}`, which is no number"),
+                format!("`{question}` returned `{answer}`, which is not a number"),
             )),
         }
     }
@@ -130,14 +130,14 @@ impl Talk {
         let head = self.take(question, 2, until)?;
         let digits = match (head[0], head[1]) {
             (b'#', n @ b'1'..=b'9') => usize::from(n - b'0'),
-            _ => return Err(self.nonsense(question, "no block with a length")),
+            _ => return Err(self.nonsense(question, "data without a block header")),
         };
         let length = self.take(question, digits, until)?;
         let length = length.iter().try_fold(0_usize, |n, d| {
             d.is_ascii_digit().then(|| 10 * n + usize::from(d - b'0'))
         });
         let Some(length) = length.filter(|n| *n <= LARGEST) else {
-            return Err(self.nonsense(question, "a block whose length is none"));
+            return Err(self.nonsense(question, "a block with an invalid length"));
         };
         let bytes = self.take(question, length, until)?;
         let end = self.take(question, 1, until)?;
@@ -147,7 +147,7 @@ impl Talk {
             end
         };
         if end != b"\n" {
-            return Err(self.nonsense(question, "a block longer than it says"));
+            return Err(self.nonsense(question, "a block longer than its header states"));
         }
         Ok(bytes)
     }
@@ -159,7 +159,7 @@ impl Talk {
     pub fn done(&mut self, within: Duration) -> Result<(), Failure> {
         match self.ask("*OPC?", within)?.as_str() {
             "1" | "+1" => Ok(()),
-            other => Err(self.failure(Fault::Disconnected, format!("`*OPC?` was answered `{other}`"))),
+            other => Err(self.failure(Fault::Disconnected, format!("`*OPC?` returned `{other}`"))),
         }
     }
 
@@ -176,10 +176,7 @@ impl Talk {
             let answer = self.ask(question, until.saturating_duration_since(Instant::now()))?;
             let number = answer.split(',').next().unwrap_or_default().trim();
             let Ok(number) = number.parse::<i64>() else {
-                return Err(self.failure(
-                    Fault::Disconnected,
-                    format!("`{question}` was answered `{answer}`"),
-                ));
+                return Err(self.failure(Fault::Disconnected, format!("`{question}` returned `{answer}`")));
             };
             if number == 0 {
                 return first.map_or(Ok(()), Err);
@@ -190,12 +187,12 @@ impl Talk {
                     -499..=-400 => Fault::Disconnected,
                     _ => Fault::Refused,
                 };
-                self.failure(fault, format!("it answers `{answer}` to `{after}`"))
+                self.failure(fault, format!("`{after}` failed with `{answer}`"))
             });
         }
         Err(self.failure(
             Fault::Disconnected,
-            format!("`{question}` finds no end of errors"),
+            format!("`{question}` reports too many errors"),
         ))
     }
 
@@ -215,7 +212,7 @@ impl Talk {
             }),
             _ => Err(self.failure(
                 Fault::Disconnected,
-                format!("it says that it is `{answer}`, which is no identity"),
+                format!("`*IDN?` returned `{answer}`, which is not an identity"),
             )),
         }
     }
@@ -249,17 +246,14 @@ impl Talk {
 
     fn nonsense(&mut self, question: &str, what: &str) -> Failure {
         self.out_of_step = true;
-        self.failure(
-            Fault::Disconnected,
-            format!("`{question}` was answered by {what}"),
-        )
+        self.failure(Fault::Disconnected, format!("`{question}` returned {what}"))
     }
 
     fn lost(&self, e: LineError, about: &str) -> Failure {
         match e {
             LineError::Timeout => self.failure(
                 Fault::Timeout,
-                format!("no answer to `{about}` before the deadline"),
+                format!("no reply to `{about}` before the deadline"),
             ),
             LineError::Gone(why) => self.failure(Fault::Disconnected, why),
         }

@@ -126,7 +126,7 @@ fn tables_are_checked() {
         ("nominal_power = 5e-3\n", "", "nominal_power"),
         ("ask_rate = \"SOUR:FREQ?\"\n", "", "ask_rate"),
         ("nm = 635", "nm = 635\ncolour = 3", "colour"),
-        ("MEAS:POW?", "MEAS\\n:POW?", "one line"),
+        ("MEAS:POW?", "MEAS\\n:POW?", "single line"),
     ] {
         let changed = good.replace(from, to);
         assert_ne!(changed, good, "{from} is in the table");

@@ -49,10 +49,10 @@ pub fn fault(code: i32) -> Fault {
 #[must_use]
 pub fn fix(code: i32) -> &'static str {
     match code {
-        OPEN_FAIL => "; is the board in the machine, and its driver installed?",
+        OPEN_FAIL => "; check that the board and its driver are installed",
         -2 | -11 | -16 => "; close the program that uses the board",
-        -9 | -12 | -33 => "; install driver and library of one version",
-        -80 => "; this board cannot do that",
+        -9 | -12 | -33 => "; install matching versions of driver and library",
+        -80 => "; this board does not support it",
         _ => "",
     }
 }

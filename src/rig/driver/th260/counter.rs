@@ -132,13 +132,13 @@ impl Th260Counter {
         let Some((device, serial)) = opened else {
             if !found.is_empty() {
                 let what = format!(
-                    "no board has the serial number {}; there are {}",
+                    "no board with serial number {}; found {}",
                     self.settings.serial.as_deref().unwrap_or_default(),
                     found.join(", ")
                 );
                 return Err(self.failure(Fault::Disconnected, what));
             }
-            return Err(self.told("no board can be opened", worst));
+            return Err(self.told("cannot open a board", worst));
         };
         (self.device, self.serial) = (device, serial);
         self.tell(Order::Initialize(code::MODE_HISTOGRAM))?;
@@ -150,7 +150,7 @@ impl Th260Counter {
         let base = self.library.base_resolution(device);
         let (finest_ps, binnings) = base.map_err(|e| self.told("base resolution", e))?;
         if !(finest_ps > 0.0 && finest_ps < 1e6 && (1..64).contains(&binnings)) {
-            let what = format!("a base resolution of {finest_ps} ps in {binnings} binnings is none");
+            let what = format!("invalid base resolution: {finest_ps} ps with {binnings} binnings");
             return Err(self.failure(Fault::Disconnected, what));
         }
         (self.limits.finest_ps, self.binnings) = (finest_ps, binnings);
@@ -172,7 +172,10 @@ impl Th260Counter {
         let s = self.settings.clone();
         let inputs = self.ask(Question::Inputs)?;
         if s.channel >= inputs {
-            let what = format!("there is no input {} of {inputs}; fix `channel`", s.channel);
+            let what = format!(
+                "input {} does not exist; the board has {inputs} inputs; correct `channel`",
+                s.channel
+            );
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell(Order::SyncDivider(s.sync_divider))?;
@@ -186,7 +189,7 @@ impl Th260Counter {
                 self.tell(Order::InputEdge(s.channel, s.input_mv, s.input_edge.number()))?;
             }
             other => {
-                let what = format!("its model is `{other}`; TimeHarp 260 P and N are known");
+                let what = format!("unknown model `{other}`; supported: TimeHarp 260 P and N");
                 return Err(self.failure(Fault::Refused, what));
             }
         }
@@ -204,11 +207,11 @@ impl Th260Counter {
         self.tell(Order::Stop)?;
         let flags = self.ask(Question::Flags)?;
         if flags & (FLAG_SYSTEM_ERROR | FLAG_SOFTWARE_ERROR) != 0 {
-            let what = format!("the board reports an error (flags {flags:#06x}); tell PicoQuant");
+            let what = format!("the board reports an error (flags {flags:#06x}); contact PicoQuant");
             return Err(self.failure(Fault::Disconnected, what));
         }
         if flags & FLAG_OVERFLOW != 0 {
-            return Err(self.failure(Fault::Saturated, "a bin is full; count for a shorter time"));
+            return Err(self.failure(Fault::Saturated, "a bin is full; reduce the dwell time"));
         }
         let elapsed = self.library.elapsed_ms(self.device);
         let elapsed = elapsed.map_err(|e| self.told("elapsed time", e))?;
@@ -266,7 +269,7 @@ impl PhotonCounter for Th260Counter {
 
     fn configure(&mut self, settings: &CounterSettings, _within: Duration) -> Result<(), Failure> {
         if settings.tags {
-            let what = "its time-tagged mode is not driven; leave `time_tags` out of the plan";
+            let what = "the time-tagged mode is not supported; remove `time_tags` from the plan";
             return Err(self.failure(Fault::Limit, what));
         }
         let measurement = Measurement::new(settings, self.limits.finest_ps, self.binnings)
@@ -277,7 +280,7 @@ impl PhotonCounter for Th260Counter {
         self.measurement = None;
         let bins = self.ask(Question::Length(measurement.length_code))?;
         if usize::try_from(bins).is_ok_and(|b| b < measurement.bins) {
-            let what = format!("its histogram has {bins} bins, not {}", measurement.bins);
+            let what = format!("the histogram has {bins} bins, expected {}", measurement.bins);
             return Err(self.failure(Fault::Limit, what));
         }
         self.tell(Order::Binning(measurement.binning))?;
@@ -289,14 +292,13 @@ impl PhotonCounter for Th260Counter {
 
     fn begin(&mut self) -> Result<(), Failure> {
         let Some(measurement) = self.measurement else {
-            return Err(self.failure(Fault::Refused, "it is not configured"));
+            return Err(self.failure(Fault::Refused, "the counter is not configured"));
         };
         if self.running.is_some() {
-            return Err(self.failure(Fault::Refused, "an acquisition is under way"));
+            return Err(self.failure(Fault::Refused, "an acquisition is already in progress"));
         }
         if self.sync_rate()? == 0 {
-            let what =
-                "no pulses come at its sync input; is the laser on, its cable in, and `sync_mv` right?";
+            let what = "no pulses at the sync input; check the laser, the cable and `sync_mv`";
             return Err(self.failure(Fault::Refused, what));
         }
         self.tell(Order::Clear)?;
@@ -307,13 +309,13 @@ impl PhotonCounter for Th260Counter {
 
     fn finish(&mut self, within: Duration) -> Result<Histogram, Failure> {
         let (Some(measurement), Some(begun)) = (self.measurement, self.running) else {
-            return Err(self.failure(Fault::Refused, "no acquisition was begun"));
+            return Err(self.failure(Fault::Refused, "no acquisition was started"));
         };
         let until = Instant::now() + within;
         while self.ask(Question::Done)? == 0 {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                return Err(self.failure(Fault::Timeout, "it counts still"));
+                return Err(self.failure(Fault::Timeout, "the acquisition is still in progress"));
             }
             std::thread::sleep(POLL.min(left));
         }

@@ -154,7 +154,7 @@ macro_rules! functions {
                 // copied out of their `Symbol`s and used only while `_library`, stored in the same struct,
                 // keeps the code loaded.
                 unsafe {
-                    $(let $field = *library.get::<$kind>($name).map_err(|_| format!("it has no {}", text($name)))?;)*
+                    $(let $field = *library.get::<$kind>($name).map_err(|_| format!("missing function {}", text($name)))?;)*
                     Ok(Self { $($field,)* _library: library })
                 }
             }
@@ -207,9 +207,8 @@ pub fn load(given: Option<&Path>) -> Result<Loaded, String> {
         }
     }
     Err(format!(
-        "PicoQuant's library for the TimeHarp 260, which counts photons through it, cannot be loaded ({}). It is part of \
-         PicoQuant's TH260Lib package (their site's downloads, free of charge, not shipped here); install that, or name the file \
-         with library = \"…\"",
+        "cannot load PicoQuant's library for the TimeHarp 260 ({}); it is part of PicoQuant's TH260Lib package (a free download from \
+         their site, not shipped with Sunstone); install it, or set library = \"…\"",
         told.join("; ")
     ))
 }
@@ -253,7 +252,7 @@ impl Th260 for Loaded {
         let mut buffer: Buffer = [0; 256];
         // SAFETY: writes at most 40 characters into a buffer of 256.
         let told = good(unsafe { (self.get_error)(chars(&mut buffer), code) });
-        told.map_or_else(|_| "no text".into(), |()| text(&buffer))
+        told.map_or_else(|_| "no description".into(), |()| text(&buffer))
     }
 
     fn open(&mut self, device: i32) -> Result<String, i32> {

@@ -69,16 +69,18 @@ impl Th260Settings {
     pub fn check(&self) -> Result<(), String> {
         let levels = [self.sync_mv, self.input_mv];
         if !levels.iter().all(|l| (-1200..=1200).contains(l)) {
-            return Err("levels are -1200 to 1200 mV (to 0 on a TimeHarp 260 P)".into());
+            return Err(
+                "`sync_mv` and `input_mv` must be -1200 to 1200 mV (at most 0 on a TimeHarp 260 P)".into(),
+            );
         }
         if !(-40..=0).contains(&self.zero_cross_mv) {
-            return Err("`zero_cross_mv` is -40 to 0".into());
+            return Err("`zero_cross_mv` must be -40 to 0".into());
         }
         if ![1, 2, 4, 8].contains(&self.sync_divider) {
-            return Err("`sync_divider` is 1, 2, 4 or 8".into());
+            return Err("`sync_divider` must be 1, 2, 4 or 8".into());
         }
         if !(0..2).contains(&self.channel) {
-            return Err("`channel` is 0 or 1".into());
+            return Err("`channel` must be 0 or 1".into());
         }
         Ok(())
     }
@@ -109,7 +111,7 @@ impl Measurement {
     pub fn new(settings: &CounterSettings, base_ps: f64, binnings: i32) -> Result<Self, String> {
         if settings.bins == 0 || settings.bins > LONGEST_HISTOGRAM {
             return Err(format!(
-                "{} bins are not within 1 to {LONGEST_HISTOGRAM}",
+                "{} bins; expected 1 to {LONGEST_HISTOGRAM}",
                 settings.bins
             ));
         }
@@ -119,7 +121,7 @@ impl Measurement {
         });
         let binning = binning.ok_or_else(|| {
             format!(
-                "bins of {} ps are not {base_ps} ps times a power of two up to 2^{}",
+                "bins of {} ps; expected {base_ps} ps times a power of two up to 2^{}",
                 settings.bin_ps,
                 binnings - 1
             )
@@ -128,7 +130,7 @@ impl Measurement {
         let whole = (ms - ms.round()).abs() < 1e-6;
         if !(whole && ms >= 0.5 && ms <= f64::from(LONGEST_MS)) {
             return Err(format!(
-                "it counts for 1 to {LONGEST_MS} whole milliseconds, not for {ms} ms"
+                "dwell time {ms} ms; expected a whole number of milliseconds from 1 to {LONGEST_MS}"
             ));
         }
         // The board subtracts whole nanoseconds from the time difference; the remainder delays the sync.
@@ -137,7 +139,7 @@ impl Measurement {
         let rest = ps - offset_ns * 1e3;
         if !(rest.abs() <= f64::from(GREATEST_CHANNEL_OFFSET_PS) && (rest - rest.round()).abs() < 1e-6) {
             return Err(format!(
-                "an offset of {ps} ps is not one of whole picoseconds within -{GREATEST_CHANNEL_OFFSET_PS} ps to {GREATEST_OFFSET_NS} ns"
+                "offset {ps} ps; expected a whole number of picoseconds from -{GREATEST_CHANNEL_OFFSET_PS} ps to {GREATEST_OFFSET_NS} ns"
             ));
         }
         Ok(Self {

@@ -251,7 +251,7 @@ fn boards_are_told_apart() {
     let failure = Th260Counter::new("counter", Box::new(fake.clone()), named("7"))
         .err()
         .expect("none");
-    assert!(failure.what.contains("there are 1000001, 1000002"), "{failure}");
+    assert!(failure.what.contains("found 1000001, 1000002"), "{failure}");
     fake.state().serials.clear();
     for failure in [
         board.reconnect(WITHIN).err(),
@@ -264,7 +264,7 @@ fn boards_are_told_apart() {
         .err()
         .expect("none");
     assert!(
-        failure.fault == Fault::Disconnected && failure.what.contains("is the board in the machine"),
+        failure.fault == Fault::Disconnected && failure.what.contains("check that the board"),
         "{failure}"
     );
     for (bad, words) in [

@@ -24,12 +24,12 @@ fn a_plan_is_read() {
 #[test]
 fn faults_name_their_place_and_fix() {
     let cases = [
-        ("\"full\"", "\"ful\"", "no mask is called `ful`"),
+        ("\"full\"", "\"ful\"", "unknown mask `ful`"),
         ("stripes = 8", "stripes = 0", "`stripes` is 0"),
-        ("\"epipolar\"", "\"full\"", "two masks are called `full`"),
+        ("\"epipolar\"", "\"full\"", "duplicate mask `full`"),
         ("[20, 80]", "[20, -1]", "`exposures_ms` has -1"),
         ("[20, 80]", "[]", "`exposures_ms` has 0 entries"),
-        ("\"drr\"", "\"drrr\"", "no scheme is called `drrr`"),
+        ("\"drr\"", "\"drrr\"", "unknown scheme `drrr`"),
         ("captures = 36", "captures = 0", "0 captures"),
         ("[camera]", "[cam]", "unknown field `cam`"),
         ("stripes = 8", "stripes = 8, outsid = true", "did not match"),

@@ -8,16 +8,18 @@ use tensor::part::Part;
 #[derive(Debug, thiserror::Error)]
 pub enum JoinError {
     #[error(
-        "{part} is {of} of a render and {other} is not a part of one: join the parts of each render first, then merge renders"
+        "{part} is {of} of a render, but {other} is a whole render: join the parts of each render first, then merge the renders"
     )]
     Mixed { part: PathBuf, of: Part, other: PathBuf },
     /// Parts can only be joined when all are finished.
-    #[error("{path} is a part of a render, and parts are joined when all are there: leave out `--partial`")]
+    #[error(
+        "{path} is a part of a render, and only complete sets of parts can be joined: remove `--partial`"
+    )]
     Partial { path: PathBuf },
-    #[error("{path}, {part} of a render, is not finished: go on with `sunstone render --resume`")]
+    #[error("{path} ({part} of a render) is not finished: resume it with `sunstone render --resume`")]
     Unfinished { path: PathBuf, part: Part },
     #[error(
-        "{first} and {second} are parts of different renders: `{what}` differs ({theirs} and {ours}); give the parts of one"
+        "{first} and {second} are parts of different renders: `{what}` differs ({theirs} and {ours}); pass the parts of one render"
     )]
     Renders {
         first: PathBuf,
@@ -29,7 +31,7 @@ pub enum JoinError {
         /// Its value in the second.
         ours: String,
     },
-    #[error("{first} ({part}) and {second} ({other}) both have tile {tile}: leave one of them out")]
+    #[error("{first} ({part}) and {second} ({other}) both contain tile {tile}: remove one of them")]
     Overlap {
         first: PathBuf,
         part: Part,
@@ -40,7 +42,7 @@ pub enum JoinError {
     },
     /// Two stores are the same part but have different values.
     #[error(
-        "{first} and {second} are both {part} and differ in {file}: one of them is not what was rendered; render it again"
+        "{first} and {second} are both {part} but differ in {file}: one of them is damaged; render it again"
     )]
     Differ {
         first: PathBuf,
@@ -49,7 +51,7 @@ pub enum JoinError {
         /// The first file that differs.
         file: String,
     },
-    #[error("{missing} missing: render what is missing (`sunstone render {option}`) and join again")]
+    #[error("{missing} missing: render with `sunstone render {option}`, then join again")]
     Missing {
         /// The missing parts or tiles, with a verb.
         missing: String,
@@ -58,7 +60,7 @@ pub enum JoinError {
     },
     /// An element has values in two parts.
     #[error(
-        "{second} has values in `{field}` that another part has too ({}): one of them is not what was rendered; render it again",
+        "{second} has values in `{field}` that another part also has ({}): one of them is damaged; render it again",
         first.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     Twice {
@@ -69,7 +71,7 @@ pub enum JoinError {
         field: &'static str,
     },
     /// A store is not a part of a render.
-    #[error("{path} is not a part of a render: give the parts of one")]
+    #[error("{path} is not a part of a render: pass only parts of one render")]
     NoPart { path: PathBuf },
     /// An input is denoised.
     #[error(transparent)]

@@ -123,9 +123,9 @@ fn damage_is_found() {
     spoilt[middle] ^= 1;
     put(&objects, &key, spoilt);
     assert!(told().contains("chunk [1, 1, 0"), "{}", told());
-    assert_eq!(faults(), [format!("{chunk}: is not what was written")]);
+    assert_eq!(faults(), [format!("{chunk}: was changed after it was written")]);
     remove(&objects, &key);
-    assert!(told().contains("lost"), "{}", told());
+    assert!(told().contains("missing"), "{}", told());
     assert_eq!(faults(), [format!("{chunk}: is missing")]);
     put(&objects, &key, sound.clone());
     assert_eq!(told(), "nothing");
@@ -135,7 +135,7 @@ fn damage_is_found() {
         .expect("JSON")
         .replace("abc", "abd");
     put(&objects, "a/out.zarr/zarr.json", later.into_bytes());
-    assert!(told().contains("not what was written"), "{}", told());
+    assert!(told().contains("differs from the one written"), "{}", told());
     put(&objects, "a/out.zarr/zarr.json", root);
     put(&objects, "a/out.zarr/steady/mean/c.9.9", vec![1]);
     assert_eq!(faults().len(), 1);

@@ -141,7 +141,7 @@ fn damage_is_found_by_ranges() {
         put(&objects, &place(0), bytes);
         let told = read().expect_err(what);
         assert!(
-            told.contains("timed/mean") && told.contains("cannot be read"),
+            told.contains("timed/mean") && told.contains("cannot read"),
             "{what}: {told}"
         );
         let faults = verify(&address).expect("a store").faults;
@@ -151,7 +151,7 @@ fn damage_is_found_by_ranges() {
         );
     }
     remove(&objects, &place(0));
-    assert!(read().expect_err("lost").contains("lost"));
+    assert!(read().expect_err("lost").contains("missing"));
     put(&objects, &place(0), sound);
     same(&plain, &address);
 }

@@ -194,7 +194,7 @@ fn damage_is_found_and_named() {
     let found = |name: &Path, what: &str| {
         let told = read(&sharded).expect_err(what);
         assert!(
-            told.contains("timed/mean") && told.contains("cannot be read"),
+            told.contains("timed/mean") && told.contains("cannot read"),
             "{what}: {told}"
         );
         let faults = verify(&sharded).expect("a store").faults;
@@ -227,7 +227,7 @@ fn damage_is_found_and_named() {
         std::fs::write(&file, [&sound[..], &[0]].concat()).expect("writes");
         found(name, "a longer shard");
         std::fs::remove_file(&file).expect("is there");
-        assert!(found(name, "a lost shard").contains("lost"));
+        assert!(found(name, "a lost shard").contains("missing"));
         std::fs::write(&file, &sound).expect("writes");
     }
     assert_eq!(read(&sharded), expected);
@@ -236,7 +236,7 @@ fn damage_is_found_and_named() {
     let [of_a, of_b] = [&a, &b].map(|path| std::fs::read(path).expect("reads"));
     std::fs::write(&a, &of_b).expect("writes");
     std::fs::write(&b, &of_a).expect("writes");
-    assert!(read(&sharded).expect_err("exchanged").contains("cannot be read"));
+    assert!(read(&sharded).expect_err("exchanged").contains("cannot read"));
     assert_eq!(verify(&sharded).expect("a store").faults.len(), 2);
 }
 
@@ -265,7 +265,7 @@ fn exchanged_frames_are_found() {
     assert_eq!(file(1)[64..], file(2)[64..], "the index and its checksum");
     assert_eq!(
         verify(&path).expect("a store").faults,
-        ["a/c.0: is not what was written"]
+        ["a/c.0: was changed after it was written"]
     );
 }
 
