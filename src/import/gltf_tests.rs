@@ -164,7 +164,7 @@ fn buffers_from_data_uris_and_files() {
     for (uri, word) in [
         ("%ff", "file name"),
         ("/dev/zero", "relative"),
-        (".", "not a file"),
+        (".", "expected a file"),
         ("no", "exists"),
     ] {
         d["buffers"][0]["uri"] = uri.into();

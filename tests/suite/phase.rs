@@ -63,7 +63,7 @@ const CASES: &[Case] = &[
     ("no particles", "phase.mie.kinds = [{ index = \"water\", sizes.gamma = { effective_radius_nm = 900, effective_variance = 0.1 }, amount.per_m3 = 1e9 }]", "phase.mie.kinds = []", "[]", "no particles"),
     ("cream beyond butter", "fat_percent = 0.1", "fat_percent = 80", "80", "fat_percent is 80"),
     ("milk in the infrared", "wavelengths_nm = [450, 550, 660]", "wavelengths_nm = [450, 550, 900]", "[media.drink.milk]", "milk_fat cover 380 to 770 nm"),
-    ("wavelengths out of order", "[450, 550, 660]", "[450, 660, 550]", "[450, 660, 550]", "rise"),
+    ("wavelengths out of order", "[450, 550, 660]", "[450, 660, 550]", "[450, 660, 550]", "increasing"),
 ];
 
 #[test]
@@ -101,7 +101,7 @@ fn bad_arguments_are_refused() {
         ),
         (
             &["m.toml", "--name", "air", "--wavelengths", "5"],
-            "outside 100..100000",
+            "range 100 to 100000 nm",
         ),
         (
             &["m.toml", "--name", "drink", "--wavelengths", "900"],

@@ -131,7 +131,7 @@ fn what_no_mesh_can_give_is_refused() {
         ),
         (
             with("m.diffuse.albedo = { attribute = \"vertex_color\", raw = true }"),
-            "a texture is",
+            "expected a texture",
         ),
     ];
     for (text, what) in cases {
