@@ -19,7 +19,7 @@ pub struct ImportError {
 #[non_exhaustive]
 pub enum ImportProblem {
     /// The file or a file it refers to cannot be read.
-    #[error("{what} cannot be read ({cause}); check that it exists and may be read")]
+    #[error("cannot read {what} ({cause}); check that it exists and is readable")]
     Read {
         /// What was being read.
         what: String,
@@ -27,7 +27,7 @@ pub enum ImportProblem {
         cause: std::io::Error,
     },
     /// The extension is not one of those known.
-    #[error("the extension {0:?} is not a known mesh format; use .obj, .ply, .gltf, .glb or .serialized")]
+    #[error("unknown mesh format {0:?}; expected .obj, .ply, .gltf, .glb or .serialized")]
     Extension(String),
     /// The file has no bytes.
     #[error("the file is empty; export it again")]
@@ -49,7 +49,7 @@ pub enum ImportProblem {
         fix: &'static str,
     },
     /// The file is sound, and nothing in it has an area.
-    #[error("there are no triangles in it{notes}; {fix}")]
+    #[error("the file has no triangles of non-zero area{notes}; {fix}")]
     NoArea {
         /// What was left out, each after a semicolon.
         notes: String,
@@ -113,7 +113,7 @@ impl ImportError {
     }
 }
 
-const FIX: &str = "export the file again, with an exporter that passes the glTF validator";
+const FIX: &str = "export the file again with an exporter whose files pass the glTF validator";
 
 /// Something wrong with a glTF file itself.
 pub(super) fn broken(what: impl Into<String>) -> ImportError {

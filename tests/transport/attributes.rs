@@ -105,7 +105,7 @@ fn what_no_mesh_can_give_is_refused() {
         ),
         (
             with("m.diffuse.albedo = { attribute = \"tint\" }"),
-            "there is no attribute",
+            "invalid attribute name",
         ),
         (
             with(&blend(own, "{ attribute = \"vertex_weight\" }")),

@@ -132,7 +132,7 @@ fn grids_that_are_none_are_refused() {
     let cases = [
         (with(format!("{negative:?}"), ""), "the number -2"),
         (with(format!("{pairs:?}"), ""), "2 numbers at each point"),
-        (with(format!("{short:?}"), ""), "holds 1 numbers"),
+        (with(format!("{short:?}"), ""), "the 1 values"),
         (with("\"none.vol\"".into(), ""), "none.vol"),
         (
             with(format!("{good:?}, box = [[0, 0, 0], [1, 0, 1]]"), ""),

@@ -217,12 +217,12 @@ fn filled_meshes_are_closed_and_look_outward() {
     });
     let error = fog(folder.path(), object).expect_err("an open cube");
     assert!(
-        error.contains("its surface is open: at 3 of its") && error.contains("from [0.5, "),
+        error.contains("the surface is open at 3 of") && error.contains("from [0.5, "),
         "{error}"
     );
     cube(folder.path(), |faces| faces[3].swap(0, 1));
     let error = fog(folder.path(), object).expect_err("a triangle the wrong way");
-    assert!(error.contains("wound both ways"), "{error}");
+    assert!(error.contains("inconsistent winding"), "{error}");
     for open in ["disk = {}", "rectangle = {}", "cylinder = { caps = false }"] {
         let object = format!("[[objects]]\nmaterial = \"edge\"\ninterior = \"fog\"\nshape.{open}\n");
         assert!(

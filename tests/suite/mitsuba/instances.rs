@@ -278,7 +278,7 @@ fn places_are_lists_or_arrays() {
         (TREES.replace("-2", "x").into_bytes(), "line 2: `x` is no number"),
         (
             TREES.replace("-2", "inf").into_bytes(),
-            "line 2: inf is not a number",
+            "line 2: inf is not a finite number",
         ),
         (
             TREES.replace("0,0,0,1 #", "0,0,1,1 #").into_bytes(),
@@ -288,9 +288,9 @@ fn places_are_lists_or_arrays() {
             TREES.replace("0.7", "0").into_bytes(),
             "copy 2 of the group is squashed flat",
         ),
-        (vec![0xff, 0xfe, 0], "neither text nor"),
-        (npy("(2, 12)", false, &rows), "its shape is [2, 12]"),
-        (npy("(2000000000, 3, 4)", false, &rows), "it ends too early"),
+        (vec![0xff, 0xfe, 0], "expected a text file or a .npy file"),
+        (npy("(2, 12)", false, &rows), "got [2, 12]"),
+        (npy("(2000000000, 3, 4)", false, &rows), "the file is truncated"),
         (npy("(3, 3, 4)", false, &rows), "trees.txt: "),
     ] {
         write(&bytes);
