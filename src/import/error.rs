@@ -57,7 +57,7 @@ pub enum ImportProblem {
         fix: &'static str,
     },
     /// A mesh in the file cannot be used.
-    #[error("{} {cause}", if name.is_empty() { "the mesh".into() } else { format!("mesh {name:?}") })]
+    #[error("{}: {cause}", if name.is_empty() { "the mesh".into() } else { format!("mesh {name:?}") })]
     Mesh {
         /// The mesh's name.
         name: String,

@@ -28,7 +28,7 @@ pub enum DataError {
     #[error("{}: {cause}", path.display())]
     Table { path: PathBuf, cause: PbsdfError },
     /// The axes are invalid for tabulating analytic materials.
-    #[error("cannot tabulate the materials: the table {0}")]
+    #[error("cannot tabulate the materials: {0}")]
     Axes(PbsdfError),
     /// No bands are given.
     #[error("expected at least one band, got none; give bands in nanometres")]
@@ -279,6 +279,6 @@ mod tests {
         made(&at.join("dark.pbsdf"), -1.0);
         assert!(read(at, &[550.0], 8.0).contains("dark: no bin is valid"));
         std::fs::write(at.join("dark.pbsdf"), "nothing").unwrap();
-        assert!(read(at, &[550.0], 8.0).contains("dark.pbsdf: is not a tensor file"));
+        assert!(read(at, &[550.0], 8.0).contains("dark.pbsdf: not a tensor file"));
     }
 }

@@ -162,7 +162,7 @@ impl SceneBuilder {
         let name = name.into();
         let place = format!("mesh(\"{name}\")");
         if let Err(e) = mesh.validate() {
-            self.refuse(fault(&place, format!("the mesh {e}"), "fix the mesh"));
+            self.refuse(fault(&place, format!("invalid mesh: {e}"), "correct the mesh"));
             return self;
         }
         if !matches!(ShapeFile::mesh(name.as_str()), ShapeFile::Ply(_)) {

@@ -166,7 +166,7 @@ fn tables_are_made_and_read() {
         0,
     );
     assert_eq!(
-        stderr(&red).matches("660 nm takes the band at 650 nm").count(),
+        stderr(&red).matches("660 nm uses the band at 650 nm").count(),
         1,
         "{}",
         stderr(&red)
@@ -284,7 +284,7 @@ fn wrong_requests_are_refused() {
         ("plot none.pbsdf", "none.pbsdf"),
         ("slice not.pbsdf -o x.npy", "tensor file"),
         ("pca --data none", "cannot list"),
-        ("pca --data .", "not.pbsdf: is not a tensor file"),
+        ("pca --data .", "not.pbsdf: not a tensor file"),
         ("pca --resolution 3x3", "361x91x91"),
         ("pca --data . --resolution 3x3x3", "cannot be used with"),
         ("pca --bands 550,450", "increasing"),

@@ -435,7 +435,7 @@ fn mistakes_are_named() {
             "a.coated_conductor = { metal = \"Al\", films = [{ ior = 2, thickness_nm = -9 }] }",
             "thickness_nm is -9",
         ),
-        ("a.conductor = { metal = \"unobtainium\" }", "known are Au, Ag"),
+        ("a.conductor = { metal = \"unobtainium\" }", "known names: Au, Ag"),
         ("a.dielectric = { ior = \"Au\" }", "not transparent"),
     ] {
         let text = format!("wavelengths_nm = [450, 550, 633, 660]\n[materials]\n{text}\n");

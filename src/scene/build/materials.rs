@@ -315,8 +315,8 @@ impl<'a> Builder<'_, 'a> {
         };
         let refused = |e: PbsdfError| {
             let text = e.to_string();
-            let (fault, fix) = text.split_once("; ").unwrap_or((&text, "give another file"));
-            let message = format!("{} {fault}", path.display());
+            let (fault, fix) = text.split_once("; ").unwrap_or((&text, "choose another file"));
+            let message = format!("{}: {fault}", path.display());
             self.ctx.error(m.file.span(), message, fix)
         };
         let table = Table::open(&path, &options).map_err(refused)?;

@@ -27,10 +27,10 @@ pub struct Mesh {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeshError {
     /// No vertex or no triangle.
-    #[error("has no triangles of non-zero area; export it with faces, or leave it out")]
+    #[error("no triangles of non-zero area; export the mesh with faces, or remove it")]
     Empty,
     /// An attribute table is neither empty nor as long as the positions.
-    #[error("has {found} {what} for {vertices} vertices; give every vertex one, or none at all")]
+    #[error("{found} {what} for {vertices} vertices; give one per vertex, or none")]
     Length {
         /// Name of the attribute.
         what: &'static str,
@@ -40,7 +40,7 @@ pub enum MeshError {
         vertices: usize,
     },
     /// A coordinate is infinite or not a number.
-    #[error("{what} of vertex {vertex} is not finite; repair the mesh where it was made")]
+    #[error("{what} of vertex {vertex} is not finite; correct the mesh and export it again")]
     NonFinite {
         /// Name of the attribute.
         what: &'static str,
@@ -48,13 +48,15 @@ pub enum MeshError {
         vertex: usize,
     },
     /// A shading normal has no direction.
-    #[error("normal of vertex {vertex} has length zero; leave all normals out for flat shading")]
+    #[error("the normal of vertex {vertex} is zero; correct it, or remove all normals for flat shading")]
     ZeroNormal {
         /// Vertex index, from 0.
         vertex: usize,
     },
     /// A triangle refers to a vertex that does not exist.
-    #[error("triangle {triangle} uses vertex {index}, but there are only {vertices} (counted from 0)")]
+    #[error(
+        "triangle {triangle} uses vertex {index} (counted from 0), but the mesh has only {vertices} vertices"
+    )]
     Index {
         /// Triangle index, from 0.
         triangle: usize,
@@ -64,7 +66,7 @@ pub enum MeshError {
         vertices: usize,
     },
     /// More vertices than 32-bit indices can name.
-    #[error("has {0} vertices, more than 32-bit indices can name; split it")]
+    #[error("{0} vertices exceed the range of 32-bit indices; split the mesh")]
     TooLarge(usize),
 }
 

@@ -47,7 +47,7 @@ pub struct OpticalConstants {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstantsError {
     /// The name is neither in the table nor an alias.
-    #[error("there are no optical constants of `{name}`; known are {known}")]
+    #[error("unknown optical constants `{name}`; known names: {known}")]
     Unknown {
         /// What was asked for.
         name: String,
@@ -72,7 +72,7 @@ pub enum ConstantsError {
 #[must_use]
 pub fn all() -> &'static [OpticalConstants] {
     static ALL: OnceLock<Vec<OpticalConstants>> = OnceLock::new();
-    ALL.get_or_init(|| parse(TABLE).expect("the table is part of the program, and a test reads it"))
+    ALL.get_or_init(|| parse(TABLE).expect("the built-in table is valid"))
 }
 
 fn parse(text: &str) -> Result<Vec<OpticalConstants>, csv::Error> {

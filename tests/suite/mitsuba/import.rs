@@ -101,7 +101,7 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         "value=\"Au\"",
         "value=\"Unobtainium\"",
         11,
-        "no optical constants of `Unobtainium`",
+        "unknown optical constants `Unobtainium`",
     ),
     (
         "<ref id=\"gold\"/>",
