@@ -130,8 +130,8 @@ fn grids_that_are_none_are_refused() {
         text("path", 1, &medium, "")
     };
     let cases = [
-        (with(format!("{negative:?}"), ""), "the number -2"),
-        (with(format!("{pairs:?}"), ""), "2 numbers at each point"),
+        (with(format!("{negative:?}"), ""), "the value -2"),
+        (with(format!("{pairs:?}"), ""), "per point, got 2"),
         (with(format!("{short:?}"), ""), "the 1 values"),
         (with("\"none.vol\"".into(), ""), "none.vol"),
         (
@@ -140,7 +140,7 @@ fn grids_that_are_none_are_refused() {
         ),
         (
             with(format!("{good:?}"), &format!(", albedo = {{ file = {good:?} }}")),
-            "the number 2",
+            "the value 2",
         ),
         (
             text("path", 1, "m.heterogeneous = { scattering = 1 }", ""),

@@ -133,7 +133,7 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         12,
         "no shapes with an emitter `directionalarea`",
     ),
-    ("<scale x=\"2\"/>", "<scale x=\"0\"/>", 13, "squashes it flat"),
+    ("<scale x=\"2\"/>", "<scale x=\"0\"/>", 13, "zero extent"),
     ("<scale x=\"2\"/>", "<shear x=\"2\"/>", 14, "cannot hold <shear>"),
     ("400:1", "480:1", 17, "says nothing of 450 nm"),
     ("type=\"point\"", "type=\"sunsky\"", 17, "no emitter `sunsky`"),
