@@ -17,10 +17,10 @@ pub enum Contents {
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// There is something in the folder already.
-    #[error("{0} exists and is not an empty folder; give another one, or --force to write into it")]
+    #[error("{0} exists and is not an empty folder; choose another folder, or pass --force to write into it")]
     Occupied(PathBuf),
     /// The file is there already.
-    #[error("{0} exists; give another name, or --force to replace it")]
+    #[error("{0} exists; choose another name, or pass --force to replace it")]
     Exists(PathBuf),
     /// The file system refused.
     #[error("cannot write {0}: {1}")]

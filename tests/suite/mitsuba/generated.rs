@@ -128,7 +128,7 @@ fn grids_of_distances_become_their_surface() {
     }
     let textured = "<shape type=\"sdfgrid\"><string name=\"filename\" value=\"ball.vol\"/><emitter type=\"area\"/></shape>";
     let e = imported(folder.path(), &text(textured)).unwrap_err();
-    assert!(e.to_string().contains("no emitter"), "{e}");
+    assert!(e.to_string().contains("unsupported emitter"), "{e}");
 }
 
 /// Each message names the scene's place, the file and what is wrong.

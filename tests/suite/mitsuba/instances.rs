@@ -140,19 +140,19 @@ fn what_groups_cannot_be_is_told() {
             "<ref id=\"tree\"/>",
             "<ref id=\"bush\"/>",
             15,
-            "nothing has the id `bush`",
+            "unknown id `bush`",
         ),
         (
             "<shape type=\"shapegroup\" id=\"tree\">",
             "<shape type=\"shapegroup\" id=\"tree\"><shape type=\"instance\"/>",
             9,
-            "`instance` within a shapegroup",
+            "a shapegroup cannot contain `instance`",
         ),
         (
             "<shape type=\"shapegroup\" id=\"tree\">",
             "<shape type=\"shapegroup\" id=\"tree\"><ref id=\"wall\"/>",
             9,
-            "a bsdf does nothing in a shapegroup",
+            "a bsdf in a shapegroup has no effect",
         ),
         ("<scale x=\"-1\"/>", "<scale x=\"0\"/>", 17, "zero extent"),
         (
