@@ -193,52 +193,61 @@ fn every_fault_is_named_with_its_fix() {
     type Fields = Vec<FieldOf>;
     type Case = (&'static str, fn(&mut Fields));
     let by_field: Vec<Case> = vec![
-        ("no field `theta_d`", |f| f.retain(|x| x.0 != "theta_d")),
-        ("no field `M`", |f| f.retain(|x| x.0 != "M")),
-        ("no field `wvls`", |f| f.retain(|x| x.0 != "wvls")),
-        ("field `phi_d` twice", |f| f.push(f[0].clone())),
-        ("`M` as elements of type f64", |f| f[4].1 = 11),
-        ("`wvls` as elements of type f32", |f| f[3].1 = 10),
-        ("`theta_h` as elements of type 200 (unknown)", |f| f[2].1 = 200),
-        ("`M` in shape (4, 3, 3, 2, 16)", |f| f[4].2 = vec![4, 3, 3, 2, 16]),
-        ("`M` in shape (4, 3, 3, 2, 2, 8)", |f| {
+        ("missing field `theta_d`", |f| f.retain(|x| x.0 != "theta_d")),
+        ("missing field `M`", |f| f.retain(|x| x.0 != "M")),
+        ("missing field `wvls`", |f| f.retain(|x| x.0 != "wvls")),
+        ("duplicate field `phi_d`", |f| f.push(f[0].clone())),
+        ("`M` has elements of type f64", |f| f[4].1 = 11),
+        ("`wvls` has elements of type f32", |f| f[3].1 = 10),
+        ("`theta_h` has elements of type 200 (unknown)", |f| f[2].1 = 200),
+        ("`M` has shape (4, 3, 3, 2, 16)", |f| {
+            f[4].2 = vec![4, 3, 3, 2, 16]
+        }),
+        ("`M` has shape (4, 3, 3, 2, 2, 8)", |f| {
             f[4].2 = vec![4, 3, 3, 2, 2, 8];
         }),
-        ("`M` in shape (0, 3, 3, 2, 4, 4)", |f| f[4].2[0] = 0),
-        ("`M` in shape ()", |f| f[4].2 = vec![]),
-        ("`phi_d` in shape (4); it must be (1, 4)", |f| f[0].2 = vec![4]),
-        ("`phi_d` in shape (2, 4)", |f| {
+        ("`M` has shape (0, 3, 3, 2, 4, 4)", |f| f[4].2[0] = 0),
+        ("`M` has shape ()", |f| f[4].2 = vec![]),
+        ("`phi_d` has shape (4); expected shape (1, 4)", |f| {
+            f[0].2 = vec![4]
+        }),
+        ("`phi_d` has shape (2, 4)", |f| {
             f[0].2 = vec![2, 4];
             f[0].3.extend([0; 16]);
         }),
-        ("`theta_d` in shape (1, 4); it must be (1, 3)", |f| {
+        ("`theta_d` has shape (1, 4); expected shape (1, 3)", |f| {
             f[1].2 = vec![1, 4];
             f[1].3.extend([0; 4]);
         }),
-        ("`wvls` in shape (1, 2)", |f| f[3].2 = vec![1, 2]),
-        ("`M` should fill bytes", |f| f[4].2[0] = 400),
-        ("`M` should fill bytes", |f| f[4].2[0] = u64::MAX),
-        ("`theta_h` should fill bytes", |f| f[2].2 = vec![1, u64::MAX / 2]),
-        ("empty axis `theta_d`; set even_axes", |f| {
+        ("`wvls` has shape (1, 2)", |f| f[3].2 = vec![1, 2]),
+        ("`M` occupies bytes", |f| f[4].2[0] = 400),
+        ("`M` occupies bytes", |f| f[4].2[0] = u64::MAX),
+        ("`theta_h` occupies bytes", |f| f[2].2 = vec![1, u64::MAX / 2]),
+        ("axis `theta_d` is empty; set even_axes", |f| {
             f[1].2 = vec![0, 3];
             f[1].3.clear();
         }),
-        ("1 entries on axis `phi_d`", |f| {
+        ("axis `phi_d` has 1 entries", |f| {
             f[0].2 = vec![1, 1];
             f[4].2[0] = 1;
         }),
         ("NaN on axis `theta_h`", |f| {
             f[2].3[4..8].copy_from_slice(&f32::NAN.to_le_bytes());
         }),
-        ("2 on axis `theta_d`; angles are radians in 0.0000..1.5708", |f| {
-            f[1].3[8..12].copy_from_slice(&2.0_f32.to_le_bytes());
-        }),
+        (
+            "2 on axis `theta_d` is out of range; expected radians in 0.0000..1.5708",
+            |f| {
+                f[1].3[8..12].copy_from_slice(&2.0_f32.to_le_bytes());
+            },
+        ),
         ("45 on axis `theta_d`", |f| f[1].3 = bytes(&[0.0, 45.0, 90.0])),
-        ("must rise strictly", |f| f[1].3 = bytes(&[0.0, 0.5, 0.5])),
+        ("must be strictly increasing", |f| {
+            f[1].3 = bytes(&[0.0, 0.5, 0.5])
+        }),
         ("550 followed by 450 on axis `wvls`", |f| {
             f[3].3 = vec![38, 2, 194, 1];
         }),
-        ("phi_d from 0 to 3 alone", |f| {
+        ("phi_d covers only 0 to 3", |f| {
             f[0].3 = bytes(&[0.0, 1.0, 2.0, 3.0]);
         }),
         ("no valid entry", |f| {
@@ -270,8 +279,8 @@ fn every_fault_is_named_with_its_fix() {
     };
     check("not a tensor file", b"");
     check("not a tensor file", &edited(0, b'T'));
-    check("version 1.7", &edited(13, 7));
-    check("ends inside its header", &{
+    check("version 1.0, got 1.7", &edited(13, 7));
+    check("the header is truncated", &{
         let mut fields = fields();
         fields.truncate(5);
         let (mut file, _) = container(&fields);
@@ -279,15 +288,15 @@ fn every_fault_is_named_with_its_fix() {
         file.truncate(220);
         file
     });
-    check("ends inside its header", &whole[..14]);
-    check("ends inside its header", &whole[..60]);
-    check("is too short", &whole[..whole.len() - 1]);
+    check("the header is truncated", &whole[..14]);
+    check("the header is truncated", &whole[..60]);
+    check("the file is truncated", &whole[..whole.len() - 1]);
     let missing = Table::open(&folder.path().join("no.pbsdf"), &Options::default());
     assert!(
         missing
             .expect_err("no file")
             .to_string()
-            .starts_with("cannot be read")
+            .starts_with("cannot read the file")
     );
     assert!(
         Table::open(folder.path(), &Options::default()).is_err(),
@@ -366,7 +375,7 @@ fn scenes_name_the_place_of_the_file() {
     let error = MaterialSet::from_text(&at, text).err().expect("a short file");
     assert_eq!(error.line_column(), Some((3, 23)));
     assert!(
-        error.message.contains("table.pbsdf is too short: `M`"),
+        error.message.contains("table.pbsdf: the file is truncated: `M`"),
         "{}",
         error.message
     );
@@ -374,7 +383,7 @@ fn scenes_name_the_place_of_the_file() {
         error
             .help
             .as_deref()
-            .is_some_and(|h| h.contains("fetch it again")),
+            .is_some_and(|h| h.contains("download the file again")),
         "{:?}",
         error.help
     );

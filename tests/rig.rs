@@ -988,7 +988,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
         .arg(bench.path("rig.toml"));
     let output = command.output().expect("runs");
     assert_eq!(output.status.code(), Some(2));
-    assert!(text_has(&output, &["unknown field `bench`", "another name"]));
+    assert!(text_has(&output, &["unknown field `bench`", "another file name"]));
     assert_eq!(
         std::fs::read_to_string(bench.path("rig.toml")).expect("reads"),
         other

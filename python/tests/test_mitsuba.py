@@ -199,7 +199,7 @@ def test_what_cannot_be_expressed_is_named_by_its_key() -> None:
         (changed(ball={"type": "sphere", "center": object()}), r"ball\.center: a object"),
         (changed(ball={"type": "sphere", 3: 1}), r"ball: its key 3"),
         (mi.load_dict(box()), "give the dict"),
-        ({"type": "sphere"}, "not a scene"),
+        ({"type": "sphere"}, "expected a dictionary of type scene"),
         ("nothing.xml", r"nothing\.xml"),
         ("<scene version='3.0.0'><shape type='cone'/></scene>", "cone"),
     ):

@@ -212,7 +212,7 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
         (lambda: pbrdf.evaluate({"diffuse": {"albedo": 0.5}}, [0.0, 1.0], up), "incoming: the shape"),
         (lambda: pbrdf.evaluate({"diffuse": {"albedo": 0.5}}, up, up, wavelengths_nm=[]), "at least one wavelength"),
         (lambda: pbrdf.evaluate({"diffuse": {"albedo": 0.5}}, up, up, wavelengths_nm=-3.0), "wavelengths_nm"),
-        (lambda: pbrdf.mirror({"diffuse": {"albedo": 0.5}}, up), "does not mirror"),
+        (lambda: pbrdf.mirror({"diffuse": {"albedo": 0.5}}, up), "does not reflect specularly"),
         (lambda: pbrdf.evaluate(scene, up, up), "gold, wall"),
         (lambda: pbrdf.evaluate(scene, up, up, name="tin"), "unknown material `tin`"),
         (lambda: pbrdf.evaluate(scene, up, up, name="gold", wavelengths_nm=600.0), "550"),

@@ -93,7 +93,7 @@ impl std::fmt::Display for PutError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Input(e) => e.fmt(f),
-            Self::Held(who) => write!(f, "{who} is writing to it; wait, then repeat"),
+            Self::Held(who) => write!(f, "locked by {who}; wait until it finishes, then retry"),
             Self::Io(e) => e.fmt(f),
         }
     }
@@ -101,9 +101,9 @@ impl std::fmt::Display for PutError {
 
 impl std::error::Error for PutError {}
 
-const HEAD: &str = "# A calibration: `sunstone calibrate` and `sunstone rig calibrate` put their tables here, each beside those of the others.\n\
-                    # [camera] and [projector] are those of scene files (the world is the camera's frame, metres; opencv_matrix counts pixels\n\
-                    # as OpenCV does, (0, 0) the centre of the first), [detector] is that of rig files, and the rest that of schemes.\n\n";
+const HEAD: &str = "# Calibration written by `sunstone calibrate` and `sunstone rig calibrate`. Each command replaces only its own tables.\n\
+                    # [camera] and [projector] use the keys of scene files (world = camera frame, in metres; opencv_matrix uses OpenCV's pixel\n\
+                    # coordinates: (0, 0) is the centre of the first pixel), [detector] those of rig files, and all other tables those of schemes.\n\n";
 
 /// All keys that a calibration file may contain. Any other key is reported with its location.
 #[derive(Default, Deserialize)]
@@ -149,7 +149,7 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str, fix: &str) -> Result<
 /// # Errors
 /// [`InputError`] if `old` is not a calibration: at an unknown key, or where it is not valid TOML.
 pub fn merged(path: &Path, old: &str, part: Part, text: &str) -> Result<String, InputError> {
-    let fix = "it is no calibration, and is left as it is: give another name, or move it away";
+    let fix = "the existing file is not a calibration and was not changed; choose another file name, or move the file";
     let known: Table = parse(path, old, fix)?;
     let mut out = HEAD.to_owned();
     for of in Part::ALL {
@@ -187,7 +187,7 @@ pub fn put(path: &Path, part: Part, text: &str) -> Result<(), PutError> {
         LockError::Io(e) => PutError::Io(e),
     })?;
     let old = if path.exists() {
-        document::read(path, "calibration", "give another name").map_err(PutError::Input)?
+        document::read(path, "calibration", "choose another file name").map_err(PutError::Input)?
     } else {
         String::new()
     };
@@ -283,7 +283,7 @@ mod tests {
                 .expect_err("a fault")
                 .to_string();
             assert!(
-                told.contains(words) && told.contains("another name"),
+                told.contains(words) && told.contains("another file name"),
                 "{text}: {told}"
             );
             assert_eq!(std::fs::read_to_string(&path).expect("reads"), text);

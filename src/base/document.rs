@@ -68,7 +68,7 @@ fn fault<T>(
     read.map_err(|e| {
         let mut help = fix(e.message());
         if e.message().contains(tables::WANTED) {
-            help = format!("give every value its name, as in {{ name = value }}; {help}");
+            help = format!("use a table of named values, such as {{ name = value }}; {help}");
         }
         InputError {
             file: path.to_owned(),

@@ -25,7 +25,7 @@ pub fn open(path: &Path) -> io::Result<File> {
     if !kind.is_file() {
         return Err(Error::new(
             ErrorKind::InvalidInput,
-            format!("it is {}, not a file", name(kind)),
+            format!("expected a file, got {}", name(kind)),
         ));
     }
     File::open(path)
@@ -64,7 +64,7 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     let length = file.take(MOST_TEXT + 1).read_to_string(&mut text)?;
     if length as u64 > MOST_TEXT {
         let message = format!(
-            "it is larger than {} MiB, which no text of this kind is",
+            "the file is larger than {} MiB, the maximum for text files",
             MOST_TEXT >> 20
         );
         return Err(Error::new(ErrorKind::FileTooLarge, message));
@@ -104,7 +104,7 @@ fn name(kind: FileType) -> &'static str {
     if kind.is_dir() {
         "a folder"
     } else {
-        "something else"
+        "a special file"
     }
 }
 
@@ -120,13 +120,13 @@ mod tests {
         assert_eq!(read(&file).expect("reads"), b"text");
         assert_eq!(read_text(&file).expect("reads"), "text");
         let said = |path: &Path| open(path).expect_err("refused").to_string();
-        assert_eq!(said(Path::new("/dev/zero")), "it is a device, not a file");
-        assert_eq!(said(dir.path()), "it is a folder, not a file");
+        assert_eq!(said(Path::new("/dev/zero")), "expected a file, got a device");
+        assert_eq!(said(dir.path()), "expected a file, got a folder");
         let status = std::process::Command::new("mkfifo")
             .arg(dir.path().join("p"))
             .status();
         if status.is_ok_and(|s| s.success()) {
-            assert_eq!(said(&dir.path().join("p")), "it is a pipe, not a file");
+            assert_eq!(said(&dir.path().join("p")), "expected a file, got a pipe");
             assert!(is_special(&dir.path().join("p")));
         }
         assert!(!is_special(&file) && !is_special(dir.path()));

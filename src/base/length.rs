@@ -38,7 +38,7 @@ impl FromStr for Length {
                 metres,
                 has_unit: unit.is_some(),
             })
-            .ok_or_else(|| "give a positive length with its unit, such as 25mm, 2.5cm or 0.025m".into())
+            .ok_or_else(|| "expected a positive length with its unit, such as 25mm, 2.5cm or 0.025m".into())
     }
 }
 
@@ -53,7 +53,7 @@ impl Length {
         }
         let x = self.metres;
         Err(format!(
-            "{what} {x}: a number without a unit is metres, and {x} m are more than {limit} m; write {x}mm or {x}m"
+            "{what} {x}: a number without a unit is in metres, and {x} m is above the limit of {limit} m; write {x}mm or {x}m"
         ))
     }
 }

@@ -130,7 +130,7 @@ fn put(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -
     if input::is_special(path) {
         return Err(io::Error::new(
             ErrorKind::InvalidInput,
-            "it is a device or a pipe, not a file",
+            "expected a file, got a device or pipe",
         ));
     }
     let parent = path.parent().unwrap_or(Path::new(""));

@@ -65,7 +65,7 @@ impl<'a> Data<'a> {
                 (Some(uri), _) if uri.starts_with("data:") => {
                     let source = gltf::buffer::Source::Uri(uri);
                     let data = gltf::buffer::Data::from_source(source, None)
-                        .map_err(|e| broken(format!("the data URI of buffer {i} cannot be decoded ({e})")))?;
+                        .map_err(|e| broken(format!("cannot decode the data URI of buffer {i} ({e})")))?;
                     Cow::Owned(data.0)
                 }
                 (Some(uri), _) => Cow::Owned(external(uri, length, base)?),
@@ -74,7 +74,9 @@ impl<'a> Data<'a> {
             };
             if bytes.len() < length {
                 let found = bytes.len();
-                notes.add(format!("buffer {i} has {found} bytes instead of {length}"));
+                notes.add(format!(
+                    "buffer {i}: expected {length} bytes, got {found}; the missing bytes are ignored"
+                ));
             }
             let length = length.min(bytes.len());
             match &mut bytes {
@@ -88,7 +90,7 @@ impl<'a> Data<'a> {
             if let Some((name, extension)) = compression(view) {
                 let bytes = decompressed(extension, &buffers);
                 let bytes =
-                    bytes.ok_or_else(|| broken(format!("{name} of buffer view {i} cannot be decoded")))?;
+                    bytes.ok_or_else(|| broken(format!("cannot decode {name} of buffer view {i}")))?;
                 views.insert(i, bytes);
             }
         }
@@ -112,7 +114,11 @@ impl<'a> Data<'a> {
         let json = self.accessor(accessor)?;
         match component(json) {
             Some(ComponentType::U8 | ComponentType::U16 | ComponentType::U32) => {}
-            _ => return Err(broken(format!("accessor {accessor} holds no unsigned indices"))),
+            _ => {
+                return Err(broken(format!(
+                    "accessor {accessor} does not contain unsigned indices"
+                )));
+            }
         }
         let values = self.gather::<u32, 1>(accessor, |t, _, b| decode_unsigned(t, b))?;
         Ok(values.into_iter().map(|[i]| i).collect())
@@ -152,7 +158,7 @@ impl<'a> Data<'a> {
             _ => 0,
         };
         if dimensions != N {
-            return Err(wrong(&format!("should have {N} components an element")));
+            return Err(wrong(&format!("does not have {N} components per element")));
         }
         let count = usize::try_from(json.count.0).unwrap_or(usize::MAX);
         let size = component.size();
@@ -164,22 +170,22 @@ impl<'a> Data<'a> {
             out
         };
         if decoded.is_some_and(|d| (d.count, d.bytes.len()) != (count, count.saturating_mul(size * N))) {
-            return Err(wrong("differs in its count or type from what is compressed"));
+            return Err(wrong("does not match the compressed data in count or type"));
         }
         let mut values: Vec<[T; N]> = match (decoded, json.buffer_view) {
             (Some(decoded), _) => decoded.bytes.chunks_exact(size * N).map(element).collect(),
             (None, Some(view)) => self
                 .elements(view.value(), json.byte_offset.map_or(0, |o| o.0), count, size * N)
-                .ok_or_else(|| wrong("reaches outside its buffer"))?
+                .ok_or_else(|| wrong("extends beyond its buffer"))?
                 .map(element)
                 .collect(),
             (None, None) if count > self.buffers.iter().map(|b| b.len()).sum() => {
-                return Err(wrong("has no data, and more elements than the file has bytes"));
+                return Err(wrong("has no data, but more elements than the file has bytes"));
             }
             (None, None) => vec![[T::default(); N]; count],
         };
         if let Some(sparse) = &json.sparse {
-            let outside = || wrong("has sparse data outside its buffer");
+            let outside = || wrong("has sparse data beyond the end of its buffer");
             let changes = usize::try_from(sparse.count.0).unwrap_or(usize::MAX);
             let Checked::Valid(target_type) = sparse.indices.component_type else {
                 return Err(wrong("has sparse indices of an unknown type"));
@@ -298,19 +304,19 @@ fn decode_unsigned(t: ComponentType, b: &[u8]) -> u32 {
 /// Reads the first `length` bytes of a buffer file next to the document.
 fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, ImportError> {
     let Some(base) = base else {
-        let what = format!("the buffer {uri:?} lies in another file");
+        let what = format!("buffer {uri:?} is in an external file");
         return Err(ImportError::unsupported(
             what,
             "load the document from disk, or embed its buffers",
         ));
     };
-    let name =
-        percent_decoded(uri).ok_or_else(|| broken(format!("the buffer uri {uri:?} is not a file name")))?;
+    let name = percent_decoded(uri)
+        .ok_or_else(|| broken(format!("the buffer URI {uri:?} is not a valid file name")))?;
     if uri.contains(':') || Path::new(&name).is_absolute() {
-        let what = format!("the buffer uri {uri:?} is not relative to the document");
+        let what = format!("the buffer URI {uri:?} is not a relative path");
         return Err(ImportError::unsupported(
             what,
-            "put the buffer beside the document",
+            "put the buffer next to the document and use a relative URI",
         ));
     }
     let path = base.join(name);
@@ -321,7 +327,7 @@ fn external(uri: &str, length: usize, base: Option<&Path>) -> Result<Vec<u8>, Im
         Ok(bytes)
     };
     read().map_err(|cause| {
-        let what = format!("the buffer {}", path.display());
+        let what = format!("buffer {}", path.display());
         ImportProblem::Read { what, cause }.into()
     })
 }

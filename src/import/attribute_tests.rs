@@ -83,7 +83,7 @@ fn columns_are_found_by_their_names() {
 fn attributes_that_are_not_there_are_named() {
     let text = file(VERTEX, FACE);
     for (name, what) in [
-        ("color", "there is no attribute \"color\""),
+        ("color", "invalid attribute name \"color\""),
         ("face_color", "no attribute \"face_color\""),
         ("vertex_tint", "no attribute \"vertex_tint\""),
     ] {

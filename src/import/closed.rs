@@ -136,12 +136,12 @@ pub fn fault(meshes: &[&mut Mesh]) -> Option<String> {
     let (edge, (_, count)) = bad.iter().min_by_key(|(edge, _)| **edge)?;
     let point = |id: u32| format!("{:?}", welded.places[id as usize].as_vec3().to_array());
     let what = if count % 2 == 1 {
-        "its surface is open"
+        "the surface is open"
     } else {
-        "its triangles are wound both ways"
+        "the triangles have inconsistent winding"
     };
     Some(format!(
-        "{what}: at {} of its {} edges, one of them from {} to {}",
+        "{what} at {} of {} edges, for example from {} to {}",
         bad.len(),
         edges.len(),
         point(edge.0),
@@ -262,11 +262,11 @@ mod tests {
         let mut open = ball();
         open.indices.pop();
         let what = fault(&[&mut open]).expect("a hole");
-        assert!(what.contains("open: at 3 of its"), "{what}");
+        assert!(what.contains("open at 3 of"), "{what}");
         let mut wound = ball();
         wound.indices[0].swap(0, 1);
         let what = fault(&[&mut wound]).expect("a triangle the wrong way");
-        assert!(what.contains("wound both ways"), "{what}");
+        assert!(what.contains("inconsistent winding"), "{what}");
     }
 
     #[test]

@@ -36,7 +36,7 @@ const PIECES: f64 = 64.0;
 /// radians.
 const CHORD: f64 = 0.01;
 const TURN: f64 = TAU / 36.0;
-const FIX: &str = "list x, y, z and radius of one point a line, and an empty line between curves";
+const FIX: &str = "write one point per line as x y z radius, with an empty line between curves";
 
 /// Parses curves: one point per line (x, y, z, radius), empty lines between curves. `place` transforms points
 /// but not radii.
@@ -91,14 +91,17 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
         let wrong = |what: String| Err(ImportError::malformed(what, FIX).at_line(number));
         let values: Option<Vec<f64>> = line.split_whitespace().map(|word| word.parse().ok()).collect();
         let Some(&[x, y, z, radius]) = values.as_deref() else {
-            return wrong(format!("`{}` is not four numbers", line.trim()));
+            return wrong(format!(
+                "expected four numbers (x y z radius), got `{}`",
+                line.trim()
+            ));
         };
         let p = place.transform_point3(DVec3::new(x, y, z));
         if !p.as_vec3().is_finite() || !(radius as f32).is_finite() {
-            return wrong("a number of the point is not finite".into());
+            return wrong("the point has a number that is not finite".into());
         }
         if radius < 0.0 {
-            return wrong(format!("the radius is {radius}, below 0"));
+            return wrong(format!("expected a radius of at least 0, got {radius}"));
         }
         if !open {
             curves.push(vec![]);
@@ -110,7 +113,7 @@ fn points(bytes: &[u8], kind: Kind, place: &DAffine3) -> Result<Vec<Vec<DVec4>>,
     match curves.iter().position(|c| c.len() < least) {
         Some(i) => Err(ImportError::malformed(
             format!(
-                "curve {} has {} points, fewer than {least}",
+                "curve {} has {} points, expected at least {least}",
                 i + 1,
                 curves[i].len()
             ),
@@ -262,7 +265,7 @@ impl Sweep {
         for ring in &mut rings {
             if ring.tangent == DVec3::ZERO {
                 let Some(tangent) = last else {
-                    let what = "all points of a curve are the same";
+                    let what = "all points of a curve coincide";
                     return Err(ImportError::malformed(
                         what,
                         "remove the curve, or correct its points",

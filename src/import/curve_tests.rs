@@ -139,14 +139,14 @@ fn hostile_curves_are_refused_in_words() {
     for (lines, says) in [
         (String::new(), "empty"),
         ("\n \n".into(), "empty"),
-        (good.replace("2 0 0 1", "2 0 0 -1"), "below 0"),
+        (good.replace("2 0 0 1", "2 0 0 -1"), "at least 0, got -1"),
         (good.replace("2 0 0 1", "2 0 0 nan"), "not finite"),
         (good.replace("2 0 0 1", "2 inf 0 1"), "not finite"),
         (good.replace("2 0 0 1", "2 1e300 0 1"), "not finite"),
         (good.replace("2 0 0 1", "2 0 0"), "four numbers"),
         (good.replace("2 0 0 1", "2 0 0 1 5"), "four numbers"),
-        (good.replace("2 0 0 1", "\n2 0 0 1"), "fewer than 4"),
-        ("0 0 0 1\n".repeat(5), "are the same"),
+        (good.replace("2 0 0 1", "\n2 0 0 1"), "at least 4"),
+        ("0 0 0 1\n".repeat(5), "coincide"),
         (good.replace(" 1\n", " 0\n"), "no triangles"),
     ] {
         let e = parse_curves(lines.as_bytes(), Kind::BSpline, &DAffine3::IDENTITY).unwrap_err();

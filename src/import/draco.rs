@@ -40,14 +40,14 @@ pub(super) fn decode<'a>(
             let wrong = |what: &str| broken(format!("{DRACO} of primitive {i} of mesh {m} {what}"));
             // The decoded indices are those of triangles, not of a strip.
             if primitive.mode != Checked::Valid(Mode::Triangles) {
-                return Err(wrong("is of another mode than triangles"));
+                return Err(wrong("does not have the mode TRIANGLES"));
             }
             let index = number(&extension["bufferView"]).ok_or_else(|| wrong("has no buffer view"))?;
             // Primitives of different materials can share a stream.
             let stream = match streams.entry(index) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(vacant) => {
-                    let bytes = view(index).ok_or_else(|| wrong("reaches outside its buffer"))?;
+                    let bytes = view(index).ok_or_else(|| wrong("extends beyond its buffer"))?;
                     let limits = DecodeLimits::default().with_max_points(MOST).with_max_faces(MOST);
                     let mut stream = Mesh::new();
                     MeshDecoder::new()
@@ -77,7 +77,7 @@ pub(super) fn decode<'a>(
                 let elements = attribute
                     .and_then(|id| stream.attribute_by_unique_id(id))
                     .and_then(|a| elements(a, stream.num_points()))
-                    .ok_or_else(|| wrong(&format!("does not hold its {}", semantic.to_string())))?;
+                    .ok_or_else(|| wrong(&format!("does not contain its {}", semantic.to_string())))?;
                 out.insert(accessor.value(), elements);
             }
         }

@@ -155,22 +155,30 @@ fn faults_are_named() {
     fails(
         &format!("{extension}/attributes/NORMAL"),
         json!(7),
-        "does not hold its NORMAL",
+        "does not contain its NORMAL",
     );
     fails(
         &format!("{extension}/attributes/NORMAL"),
         json!("x"),
-        "does not hold its NORMAL",
+        "does not contain its NORMAL",
     );
     fails(
         &format!("{extension}/attributes/POSITION"),
         json!(0),
-        "differs in its count or type",
+        "does not match the compressed data",
     );
-    fails(&format!("{extension}/bufferView"), json!(1), "outside its buffer");
+    fails(&format!("{extension}/bufferView"), json!(1), "beyond its buffer");
     fails(&extension, json!({}), "no buffer view");
     fails("/bufferViews/0/byteLength", json!(100), "cannot be decoded");
-    fails("/accessors/0/count", json!(5), "differs in its count or type");
-    fails("/accessors/3/count", json!(12), "differs in its count or type");
-    fails("/meshes/0/primitives/0/mode", json!(6), "another mode");
+    fails(
+        "/accessors/0/count",
+        json!(5),
+        "does not match the compressed data",
+    );
+    fails(
+        "/accessors/3/count",
+        json!(12),
+        "does not match the compressed data",
+    );
+    fails("/meshes/0/primitives/0/mode", json!(6), "the mode TRIANGLES");
 }

@@ -16,10 +16,10 @@ pub struct ImportError {
 #[non_exhaustive]
 pub enum ImportProblem {
     /// The file, or a file that it refers to, cannot be read.
-    #[error("{what} cannot be read ({cause}); check that it exists and may be read")]
+    #[error("cannot read {what} ({cause}); check that it exists and is readable")]
     Read { what: String, cause: std::io::Error },
     /// The extension is not a known mesh format.
-    #[error("the extension {0:?} is not a known mesh format; use .obj, .ply, .gltf, .glb or .serialized")]
+    #[error("unknown mesh format {0:?}; expected .obj, .ply, .gltf, .glb or .serialized")]
     Extension(String),
     #[error("the file is empty; export it again")]
     EmptyFile,
@@ -29,14 +29,14 @@ pub enum ImportProblem {
     #[error("{what}; {fix}")]
     Unsupported { what: String, fix: &'static str },
     /// The file is valid but has no triangle with an area.
-    #[error("there are no triangles in it{notes}; {fix}")]
+    #[error("the file has no triangles of non-zero area{notes}; {fix}")]
     NoArea {
         /// Contents that were omitted, each after a semicolon.
         notes: String,
         fix: &'static str,
     },
     /// A mesh in the file is invalid.
-    #[error("{} {cause}", if name.is_empty() { "the mesh".into() } else { format!("mesh {name:?}") })]
+    #[error("{}: {cause}", if name.is_empty() { "the mesh".into() } else { format!("mesh {name:?}") })]
     Mesh {
         name: String,
         #[source]
@@ -90,7 +90,7 @@ impl ImportError {
     }
 }
 
-const FIX: &str = "export the file again, with an exporter that passes the glTF validator";
+const FIX: &str = "export the file again with an exporter whose files pass the glTF validator";
 
 pub(super) fn broken(what: impl Into<String>) -> ImportError {
     ImportError::malformed(what, FIX)

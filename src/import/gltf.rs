@@ -37,12 +37,12 @@ const MAX_TRIANGLES: usize = 1 << 26;
 /// extension, or it has no triangles.
 pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, ImportError> {
     let (json, blob) = container(bytes)?;
-    let cannot = |e: gltf::json::Error| broken(format!("the glTF JSON cannot be read ({e})"));
+    let cannot = |e: gltf::json::Error| broken(format!("cannot parse the glTF JSON ({e})"));
     // The generic `deserialize::from_slice` would compile the code for `Root` again in this optimized crate.
     let mut document: Value = gltf::json::deserialize::from_slice(&json).map_err(cannot)?;
     let version = document["asset"]["version"].as_str().unwrap_or("1.0");
     if !version.starts_with("2.") {
-        let what = format!("the glTF version is {version}");
+        let what = format!("expected glTF 2.x, got version {version}");
         return Err(ImportError::unsupported(what, "export as glTF 2.0"));
     }
     let mut parts = Parts::default();
@@ -87,7 +87,7 @@ pub fn parse_gltf(bytes: &[u8], base_dir: Option<&Path>) -> Result<Model, Import
     importer.walk()?;
     importer
         .parts
-        .end("export a scene whose nodes have meshes of triangles")
+        .end("export a scene whose nodes have triangle meshes")
 }
 
 /// Returns the file names of a document's external buffers, as far as the document is readable.
@@ -119,10 +119,10 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
         Some(u32::from_le_bytes(word) as usize)
     };
     let (Some(version), Some(length)) = (word(4), word(8)) else {
-        return Err(broken("the GLB header is cut off"));
+        return Err(broken("the GLB header is truncated"));
     };
     if version != 2 {
-        let what = format!("the version of the GLB container is {version}");
+        let what = format!("expected a GLB container of version 2, got {version}");
         return Err(ImportError::unsupported(what, "export as glTF 2.0"));
     }
     let (mut json, mut bin, mut at) = (None, None, 12);
@@ -146,7 +146,7 @@ pub(super) fn container(bytes: &[u8]) -> Result<(Bytes<'_>, Option<Bytes<'_>>), 
             at = at.next_multiple_of(4);
         }
     }
-    let json = json.ok_or_else(|| broken("the GLB container has no chunk `JSON`"))?;
+    let json = json.ok_or_else(|| broken("the GLB container has no `JSON` chunk"))?;
     Ok((json.into(), bin.map(Cow::Borrowed)))
 }
 
@@ -188,15 +188,15 @@ impl Importer<'_> {
                 .ok_or_else(|| broken(format!("node {index} does not exist")))?;
             if std::mem::replace(&mut visited[index], true) {
                 return Err(broken(format!(
-                    "node {index} is reached twice (a cycle, or a child of two parents)"
+                    "node {index} occurs more than once in the hierarchy (a cycle, or listed as a child twice)"
                 )));
             }
             let extension = |name| node.extensions.as_ref().and_then(|e| e.others.get(name));
             if extension(VISIBILITY).is_some_and(|v| v["visible"] == false) {
                 let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
-                self.parts.notes.add(format!(
-                    "{name:?} and what belongs to it is invisible and left out"
-                ));
+                self.parts
+                    .notes
+                    .add(format!("{name:?} is invisible; it and its children are skipped"));
                 continue;
             }
             if let Some(mesh) = node.mesh {
@@ -209,7 +209,7 @@ impl Importer<'_> {
             .iter()
             .zip(visited)
             .filter(|(n, seen)| n.mesh.is_some() && !seen);
-        let note = "a node with a mesh is left out: it does not belong to the scene";
+        let note = "a node with a mesh is skipped: it is not part of the scene";
         self.parts.notes.add_times(note, left.count());
         Ok(())
     }
@@ -229,8 +229,7 @@ impl Importer<'_> {
             let local = self.read(mesh, &pose)?;
             return self.place(mesh, name, &local, &[DAffine3::IDENTITY]);
         }
-        let world = self.worlds[index]
-            .ok_or_else(|| broken(format!("node {index} is reached twice (it is part of a cycle)")))?;
+        let world = self.worlds[index].ok_or_else(|| broken(format!("node {index} is part of a cycle")))?;
         let maps: Vec<_> = self.instances(node)?.iter().map(|i| world * *i).collect();
         let local = self.read(mesh, &pose)?;
         self.place(mesh, name, &local, &maps)
@@ -278,7 +277,7 @@ impl Importer<'_> {
         let count = counts.iter().flatten().copied().next().unwrap_or(0);
         if counts.iter().flatten().any(|&c| c != count) || count == 0 {
             return Err(broken(format!(
-                "{INSTANCING}: the attributes differ in count or have none"
+                "{INSTANCING}: the attributes are empty or differ in count"
             )));
         }
         (0..count)
@@ -307,7 +306,7 @@ impl Importer<'_> {
                 self.triangles += local.mesh.indices.len();
                 if self.triangles > MAX_TRIANGLES {
                     return Err(ImportError::unsupported(
-                        format!("its instances have more than {MAX_TRIANGLES} triangles together"),
+                        format!("the instances have more than {MAX_TRIANGLES} triangles in total"),
                         "use fewer instances or a simpler mesh",
                     ));
                 }
@@ -338,7 +337,7 @@ fn worlds(root: &Root) -> Result<Vec<Option<DAffine3>>, ImportError> {
         };
         if out[index].is_some() {
             return Err(broken(format!(
-                "node {index} is reached twice (a child of two parents)"
+                "node {index} is listed as a child more than once"
             )));
         }
         let world = parent * local(node, index)?;
@@ -370,7 +369,7 @@ fn roots(root: &Root, parts: &mut Parts) -> Result<Vec<usize>, ImportError> {
     let others = root.scenes.len() - 1;
     if others > 0 {
         parts.notes.add(format!(
-            "only scene {scene} (counted from 0) is used, {others} others are not"
+            "scene {scene} (counted from 0) is used; {others} other scenes are ignored"
         ));
     }
     Ok(nodes.iter().map(Index::value).collect())
@@ -384,11 +383,7 @@ fn local(node: &Node, index: usize) -> Result<DAffine3, ImportError> {
             node.rotation.map_or([0.0, 0.0, 0.0, 1.0], |q| q.0),
             node.scale.unwrap_or([1.0; 3]),
         )
-        .ok_or_else(|| {
-            broken(format!(
-                "the rotation of node {index} is not a quaternion of length 1"
-            ))
-        });
+        .ok_or_else(|| broken(format!("the rotation of node {index} is not a unit quaternion")));
     };
     let column = |i: usize| DVec3::new(m[i].into(), m[i + 1].into(), m[i + 2].into());
     if [m[3], m[7], m[11], m[15] - 1.0].iter().any(|x| x.abs() > 1e-5) {
@@ -473,7 +468,7 @@ fn read_primitive(
         Checked::Valid(_) => {
             parts
                 .notes
-                .add(format!("points or lines of mesh {name:?} are left out"));
+                .add(format!("points or lines of mesh {name:?} are skipped"));
             return Ok(None);
         }
         Checked::Invalid => {
@@ -485,7 +480,7 @@ fn read_primitive(
     let attribute = |s| p.attributes.get(&Checked::Valid(s)).map(Index::value);
     let Some(positions) = attribute(Semantic::Positions) else {
         parts.notes.add(format!(
-            "a primitive of mesh {name:?} has no POSITION and is left out"
+            "a primitive of mesh {name:?} has no POSITION and is skipped"
         ));
         return Ok(None);
     };
@@ -511,7 +506,9 @@ fn read_primitive(
         None => (0..u32::try_from(positions.len()).unwrap_or(u32::MAX)).collect(),
     };
     if mode == Mode::Triangles {
-        let note = format!("a surplus index of mesh {name:?} is left out: triangles have three");
+        let note = format!(
+            "a surplus index of mesh {name:?} is skipped: the number of indices is not a multiple of three"
+        );
         parts.notes.add_times(note, order.len() % 3);
     }
     Ok(Some(Mesh {

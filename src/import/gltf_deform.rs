@@ -40,7 +40,8 @@ pub(super) fn joints(
     }
     let joint = |(i, node): (usize, &Index<_>)| {
         let world = worlds.get(node.value()).copied().flatten();
-        let world = world.ok_or_else(|| broken(format!("a joint of skin {skin} is no node of a tree")))?;
+        let world =
+            world.ok_or_else(|| broken(format!("a joint of skin {skin} is not part of a node tree")))?;
         Ok(inverses.get(i).map_or(world, |m| world * affine(m)))
     };
     json.joints.iter().enumerate().map(joint).collect()
@@ -99,7 +100,7 @@ pub(super) fn skin(
         let (of, weights) = (data.joints(of)?, data.floats::<4>(weights)?);
         if [of.len(), weights.len()] != [mesh.positions.len(); 2] {
             return Err(broken(
-                "a skinned primitive has not as many joints and weights as positions",
+                "a skinned primitive has different numbers of joints, weights and positions",
             ));
         }
         sets.push((of, weights));
@@ -119,7 +120,7 @@ pub(super) fn skin(
                 }
                 let missing = || {
                     broken(format!(
-                        "vertex {vertex} depends on joint {joint}, which the skin lacks"
+                        "vertex {vertex} depends on joint {joint}, which is missing from the skin"
                     ))
                 };
                 let map = joints.get(joint as usize).ok_or_else(missing)?;
@@ -131,7 +132,7 @@ pub(super) fn skin(
         }
         if sum == 0.0 {
             return Err(broken(format!(
-                "vertex {vertex} of a skinned primitive has only weights of 0"
+                "all weights of vertex {vertex} of a skinned primitive are 0"
             )));
         }
         // The weights sum to 1 only up to rounding.

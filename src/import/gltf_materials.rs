@@ -20,7 +20,7 @@ use transport::material::texture::{Filter, Wrap};
 pub fn appearances(bytes: &[u8]) -> Result<Vec<Appearance>, ImportError> {
     let (json, blob) = container(bytes)?;
     let root: Value = gltf::json::deserialize::from_slice(&json)
-        .map_err(|e| broken(format!("the glTF JSON cannot be read ({e})")))?;
+        .map_err(|e| broken(format!("cannot parse the glTF JSON ({e})")))?;
     let file = File {
         root: &root,
         blob: blob.as_deref(),
@@ -133,9 +133,8 @@ impl File<'_> {
         let unlit = more.get("KHR_materials_unlit").is_some();
         if unlit {
             (out.coat, out.metallic, out.metallic_roughness) = (None, 0.0, None);
-            out.notes.push(
-                "KHR_materials_unlit shows its colour without light; here it is a diffuse surface".to_owned(),
-            );
+            out.notes
+                .push("KHR_materials_unlit is approximated by a diffuse surface".to_owned());
         }
         let glass = &more["KHR_materials_transmission"];
         out.transmission = number(&glass["transmissionFactor"], 0.0).clamp(0.0, 1.0);

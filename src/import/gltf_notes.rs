@@ -125,10 +125,10 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
     let is_known = |name: &str| READ.contains(&name) || NO_GEOMETRY.iter().any(|n| name.starts_with(n));
     for name in names("extensionsRequired") {
         if !is_known(name) {
-            let what = format!("the file requires the extension {name}");
+            let what = format!("the file requires the unsupported extension {name}");
             return Err(ImportError::unsupported(
                 what,
-                "export it again without the extension",
+                "export the file again without the extension",
             ));
         }
     }
@@ -139,7 +139,7 @@ pub(super) fn read(document: &Value, notes: &mut Notes) -> Result<(), ImportErro
             let size = value.as_array().map_or(1, Vec::len);
             if !is_read && size > 0 {
                 let more = if key == "animations" {
-                    ": the pose is that of rest"
+                    ": the rest pose is imported"
                 } else {
                     ""
                 };

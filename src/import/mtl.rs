@@ -131,7 +131,7 @@ fn appearance(m: &Entry) -> Appearance {
             let most = sum.into_iter().fold(0.0, f64::max);
             if most > 1.0 {
                 out.notes.push(format!(
-                    "Kd and Ks together reflect {most:.2} of the light; Kd is weakened to what is left"
+                    "Kd + Ks is {most:.2}, above 1; Kd is reduced to conserve energy"
                 ));
                 out.base = [0, 1, 2].map(|i| out.base[i].min(1.0 - colour[i]));
             }
@@ -174,9 +174,8 @@ fn opacity(m: &Entry, illum: Option<i64>, out: &mut Appearance) {
         .unwrap_or(1.0)
         .clamp(0.0, 1.0);
     if dissolve.is_none() && transparent == Some(1.0) && matches!(illum, Some(0..=2)) {
-        out.notes.push(
-            "Tr is 1 beside an illum without transparency, which some programs write for opaque: taken as opaque".to_owned(),
-        );
+        out.notes
+            .push("Tr is 1, but illum has no transparency: the material is imported as opaque".to_owned());
         there = 1.0;
     }
     let image = m.text("map_d").and_then(|t| picture(t, &mut out.unused));

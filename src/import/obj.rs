@@ -14,8 +14,9 @@ use super::polygon::{self, CROSSING, Cut, too_large};
 use super::text;
 use transport::geometry::mesh::Mesh;
 
-const FIX_NUMBER: &str = "every coordinate must be a finite decimal number";
-const FIX_FACE: &str = "a face needs three or more corners like 1, 1/2, 1//3 or 1/2/3, counted from 1";
+const FIX_NUMBER: &str = "give every coordinate as a finite decimal number";
+const FIX_FACE: &str =
+    "give at least three corners per face, such as 1, 1/2, 1//3 or 1/2/3, with indices from 1";
 
 /// Parses a Wavefront OBJ file. Objects (`o`), groups (`g`) and material changes (`usemtl`) each start a
 /// part. Faces without texture coordinates or normals become a separate part. Lines, points, vertex colours,
@@ -91,8 +92,8 @@ impl Tables {
                     let p = Vec3::new(c[0], c[1], c[2]);
                     let p = if n == 4 { p / c[3] } else { p };
                     if !p.is_finite() {
-                        let what = format!("the position {} divided by its w is not finite", rest.trim());
-                        return Err(at_line(ImportError::malformed(what, "remove w or make it 1")));
+                        let what = format!("position {} divided by w is not finite", rest.trim());
+                        return Err(at_line(ImportError::malformed(what, "remove w or set it to 1")));
                     }
                     tables.positions.push(p);
                     coloured += usize::from(n >= 6);
@@ -145,7 +146,7 @@ fn coordinates<const N: usize>(rest: &str, least: usize) -> Result<([f32; N], us
         found += 1;
     }
     if found < least {
-        let what = format!("there are {found} coordinates where {least} are needed");
+        let what = format!("expected at least {least} coordinates, got {found}");
         return Err(ImportError::malformed(what, FIX_NUMBER));
     }
     Ok((out, found))
@@ -236,8 +237,8 @@ impl Reader<'_> {
             "s" => self.smooth = !matches!(rest, "" | "0" | "off"),
             "call" | "csh" => {
                 return Err(ImportError::unsupported(
-                    format!("`{keyword}` takes lines from elsewhere"),
-                    "export the mesh into one file",
+                    format!("`{keyword}` includes another file, which is not supported"),
+                    "export the mesh as a single file",
                 ));
             }
             _ => self.unused.entry(keyword.to_owned()).or_insert((0, number)).0 += 1,
@@ -275,7 +276,7 @@ impl Reader<'_> {
 
     /// Parses a corner and resolves relative indices.
     fn corner(&mut self, word: &str) -> Result<Corner, ImportError> {
-        let bad = || ImportError::malformed(format!("{word:?} is not a face corner in range"), FIX_FACE);
+        let bad = || ImportError::malformed(format!("{word:?} is not a valid face corner"), FIX_FACE);
         let tables = self.tables;
         let counts = [tables.positions.len(), tables.uvs.len(), tables.normals.len()];
         let mut corner = [0; 3];
@@ -300,7 +301,7 @@ impl Reader<'_> {
             }
             if index > counts[k] {
                 let what = format!(
-                    "the face uses position {index}, but the file has only {}",
+                    "the face uses position {index}, but the file has only {} positions",
                     counts[k]
                 );
                 return Err(ImportError::malformed(what, FIX_FACE));
@@ -325,7 +326,7 @@ impl Reader<'_> {
         if id == NONE {
             return Err(ImportError::unsupported(
                 "the part has more than 2^32 vertices",
-                "split it",
+                "split the part",
             ));
         }
         object.vertices.push(corner);
@@ -415,15 +416,15 @@ impl Reader<'_> {
         } = self.lacking;
         for (count, what) in missing.into_iter().zip(["texture coordinates", "normals"]) {
             if count > 0 {
-                self.parts.notes.add(format!(
-                    "{count} corners of faces name {what} that the file lacks"
-                ));
+                self.parts
+                    .notes
+                    .add(format!("{count} face corners refer to missing {what}"));
             }
         }
         if short > 0 {
             self.parts
                 .notes
-                .add(format!("{short} faces of fewer than three corners are left out"));
+                .add(format!("{short} faces with fewer than three corners are skipped"));
         }
         if (1..faces).contains(&uvs) {
             self.parts
@@ -437,7 +438,7 @@ impl Reader<'_> {
         }
         if smooth > 0 {
             self.parts.notes.add(format!(
-                "smoothing groups (s) are not used: {smooth} faces in them have no normals"
+                "smoothing groups (s) are not used, but {smooth} of their faces have no normals"
             ));
         }
         unused.for_each(|note| self.parts.notes.add(note));

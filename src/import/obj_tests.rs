@@ -159,13 +159,10 @@ fn what_is_not_used_is_noted() {
     noted("made_up 3", "`made_up`");
     noted("s 1\nf 1 3 4", "smoothing groups");
     noted("f 1 2", "fewer than three corners");
-    noted("f 1/1 3/1 4/1", "texture coordinates that the file lacks");
-    noted(
-        "f 1//6148914691236517206 3//1 4//1",
-        "normals that the file lacks",
-    );
+    noted("f 1/1 3/1 4/1", "missing texture coordinates");
+    noted("f 1//6148914691236517206 3//1 4//1", "missing normals");
     noted("v 0 0 0 nan nan nan", "colours of 1 vertices");
-    noted("f 1 2 3 4\nf 1 3 2 4", "crosses itself");
+    noted("f 1 2 3 4\nf 1 3 2 4", "self-intersecting");
     let silent = format!("mtllib a.mtl\n{SQUARE}s off\ng\nusemtl\nvt 0 0 0\nf 1 2 3 # ok\n");
     assert!(parse_obj(silent.as_bytes()).unwrap().notes.is_empty());
     fails(&format!("{SQUARE}call other.obj\n"), Some(5), "`call`");

@@ -77,9 +77,8 @@ impl Parts {
             } else {
                 format!("mesh {name:?}")
             };
-            self.notes.add(format!(
-                "{mesh} has no triangles of non-zero area and is left out"
-            ));
+            self.notes
+                .add(format!("{mesh} has no triangles of non-zero area and is skipped"));
         } else {
             self.list.push(MeshPart {
                 name,
@@ -143,10 +142,10 @@ pub(super) fn repair_normals(mesh: &mut Mesh, name: &str, notes: &mut Notes) {
     if lost > 0 {
         mesh.normals.clear();
         notes.add(format!(
-            "mesh {name:?}: {lost} of its normals have no direction, and neither have their faces: none of its normals is used"
+            "mesh {name:?}: {lost} normals are zero and their faces are degenerate; all normals of the mesh are ignored"
         ));
     } else {
-        let note = format!("mesh {name:?}: a normal without a direction is replaced by that of its faces");
+        let note = format!("mesh {name:?}: a zero normal is replaced by the normal of its faces");
         notes.add_times(note, replaced);
     }
 }

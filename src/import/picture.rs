@@ -54,8 +54,8 @@ pub fn decode(name: &str, bytes: &[u8], layer: Option<&str>) -> Result<Pixels, P
     }
     if let Some(layer) = layer {
         return Err(PictureError::new(
-            format!("layer `{layer}` is asked for, and the file is not an OpenEXR file"),
-            "remove layer: only OpenEXR files have layers",
+            format!("layer `{layer}` is selected, but the file is not an OpenEXR file"),
+            "remove `layer`: only OpenEXR files have layers",
         ));
     }
     if bytes.starts_with(b"#?") {
@@ -82,15 +82,12 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
         Ok(format) => format,
         Err(_) if is_tga() => ImageFormat::Tga,
         Err(_) => {
-            return Err(PictureError::new(
-                "the file's first bytes are of no image format that is read",
-                FORMATS,
-            ));
+            return Err(PictureError::new("unknown image format", FORMATS));
         }
     };
     if !format.reading_enabled() {
         return Err(PictureError::new(
-            format!("{format:?} images are not read"),
+            format!("{format:?} images are not supported"),
             FORMATS,
         ));
     }
@@ -104,7 +101,7 @@ fn whole_numbers(name: &str, bytes: &[u8]) -> Result<Pixels, PictureError> {
         && (gamma - 1.0 / 2.2).abs() > 0.02
     {
         notes.push(format!(
-            "its gAMA chunk, {gamma}, is ignored: colours are read as sRGB; if they are linear, set raw"
+            "the gAMA chunk ({gamma}) is ignored and colours are read as sRGB; if they are linear, set `raw`"
         ));
     }
     let (width, height) = (image.width() as usize, image.height() as usize);

@@ -25,10 +25,10 @@ pub fn is_array(bytes: &[u8]) -> bool {
 /// Returns the map of the first three rows of a matrix. The fourth row must be 0 0 0 1.
 fn affine(rows: &[f64]) -> Result<DAffine3, String> {
     if let Some(v) = rows.iter().find(|v| !v.is_finite()) {
-        return Err(format!("{v} is not a number"));
+        return Err(format!("{v} is not a finite number"));
     }
     if rows.len() == 16 && rows[12..] != [0.0, 0.0, 0.0, 1.0] {
-        return Err("the last row of a 4×4 matrix is not 0 0 0 1".into());
+        return Err("the last row of the 4×4 matrix is not 0 0 0 1".into());
     }
     let column = |j: usize| DVec3::new(rows[j], rows[4 + j], rows[8 + j]);
     Ok(DAffine3::from_mat3_translation(
@@ -38,20 +38,20 @@ fn affine(rows: &[f64]) -> Result<DAffine3, String> {
 }
 
 fn text(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
-    let text = std::str::from_utf8(bytes).map_err(|_| " is neither text nor a .npy file".to_owned())?;
+    let text = std::str::from_utf8(bytes).map_err(|_| ": expected a text file or a .npy file".to_owned())?;
     let mut out = vec![];
     for (line, number) in text.lines().zip(1..) {
         let line = line.split('#').next().unwrap_or_default();
         let words = line.split([' ', ',', ';', '\t']).filter(|w| !w.is_empty());
         let values = words.map(|w| {
             w.parse::<f64>()
-                .map_err(|_| format!(", line {number}: `{w}` is no number"))
+                .map_err(|_| format!(", line {number}: `{w}` is not a number"))
         });
         let values = values.collect::<Result<Vec<f64>, String>>()?;
         match values.len() {
             0 => {}
             12 | 16 => out.push(affine(&values).map_err(|e| format!(", line {number}: {e}"))?),
-            n => return Err(format!(", line {number}: {n} numbers")),
+            n => return Err(format!(", line {number}: expected 12 or 16 numbers, got {n}")),
         }
     }
     Ok(out)
@@ -63,7 +63,11 @@ fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
     let shape = file.shape().to_vec();
     let (n, rows) = match shape[..] {
         [n, rows @ (3 | 4), 4] => (n as usize, rows as usize),
-        _ => return Err(format!(": its shape is {shape:?}")),
+        _ => {
+            return Err(format!(
+                ": expected the shape [n, 3, 4] or [n, 4, 4], got {shape:?}"
+            ));
+        }
     };
     // Check before allocating memory for what a damaged header declares.
     if shape
@@ -71,7 +75,7 @@ fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
         .try_fold(1_u64, |n, k| n.checked_mul(*k))
         .is_none_or(|n| n > bytes.len() as u64)
     {
-        return Err(": it ends too early".into());
+        return Err(": the file is truncated".into());
     }
     let by_column = file.order() == Order::Fortran;
     let size = match file.dtype() {
@@ -84,10 +88,10 @@ fn array(bytes: &[u8]) -> Result<Vec<DAffine3>, String> {
             let values: Vec<f32> = file.into_vec().map_err(wrong)?;
             values.into_iter().map(f64::from).collect()
         }
-        _ => return Err(": its numbers are not f4 or f8".into()),
+        _ => return Err(": expected numbers of type f4 or f8".into()),
     };
     if n.checked_mul(4 * rows) != Some(values.len()) {
-        return Err(": it ends too early".into());
+        return Err(": the file is truncated".into());
     }
     let copy = |i: usize| -> Vec<f64> {
         let at = |r: usize, c: usize| {

@@ -13,7 +13,7 @@ use super::ply_header::{self, Element, Format, Header};
 use super::polygon::{self, CROSSING, Cut, too_large};
 use transport::geometry::mesh::Mesh;
 
-const FIX: &str = "export the mesh again, with vertices x, y, z and faces vertex_indices";
+const FIX: &str = "export the mesh again with vertex properties x, y, z and the face list vertex_indices";
 
 /// Names of vertex properties: positions, normals, texture coordinates.
 const POSITION: [&str; 3] = ["x", "y", "z"];
@@ -48,15 +48,18 @@ pub fn parse_ply(bytes: &[u8]) -> Result<Model, ImportError> {
 /// As [`parse_ply`], or if the file does not have the attribute.
 pub fn parse_ply_attribute(bytes: &[u8], name: &str) -> Result<Model, ImportError> {
     let Some(wanted) = Wanted::new(name) else {
-        let what = format!("there is no attribute {name:?}");
-        return Err(ImportError::malformed(what, "name it vertex_NAME or face_NAME"));
+        let what = format!("invalid attribute name {name:?}");
+        return Err(ImportError::malformed(
+            what,
+            "use a name of the form vertex_NAME or face_NAME",
+        ));
     };
     let model = read(bytes, Some(wanted))?;
     if model.parts.iter().any(|part| part.corners.values.is_empty()) {
         let what = format!("the mesh has no attribute {name:?}");
         return Err(ImportError::malformed(
             what,
-            "name one that it has: vertex_NAME or face_NAME, of properties NAME_0 to NAME_2, or color of red, green, blue",
+            "use vertex_NAME or face_NAME for the properties NAME_0 to NAME_2, or NAME = color for red, green, blue",
         ));
     }
     Ok(model)
@@ -79,7 +82,7 @@ fn read(bytes: &[u8], wanted: Option<Wanted>) -> Result<Model, ImportError> {
             .map_err(|what| located(what, &header, &body, bytes))?;
     }
     if body.surplus > 0 {
-        let note = "rows whose lines hold more numbers than the header announces; those are not used";
+        let note = "lines have more numbers than the header declares; the surplus numbers are not used";
         parts.notes.add(format!("{} {note}", body.surplus));
     }
     if body.rest() > 0 {
@@ -105,7 +108,7 @@ fn check_header(header: &Header) -> Result<(), ImportError> {
                 .find(|name| !has(name, false))
                 .map(|name| format!("the vertices have no property {name:?}")),
             "face" | "tristrips" if !INDICES.iter().any(|name| has(name, true)) => Some(format!(
-                "element {:?} has no list \"vertex_indices\"",
+                "element {:?} has no list property \"vertex_indices\"",
                 element.name
             )),
             _ => None,
@@ -270,7 +273,7 @@ impl File<'_> {
             }
             body.surplus += usize::from(body.end_row());
             if corners.len() < 3 {
-                parts.notes.add("a face of fewer than three corners is left out");
+                parts.notes.add("a face with fewer than three corners is skipped");
                 continue;
             }
             if let Some(([r, g, _], full)) = own {
@@ -283,7 +286,7 @@ impl File<'_> {
                 n => {
                     let what = format!("face {number} (counted from 0) has {} corners", corners.len());
                     return Err(format!(
-                        "{what}, but {n} numbers of texture coordinates, not two for each"
+                        "{what}, but {n} texture coordinate values (expected two per corner)"
                     ));
                 }
             };
@@ -329,7 +332,7 @@ impl File<'_> {
         let has = |name: &str| header.elements.iter().any(|e| e.name == name);
         let faces = self.triangles.len() + self.plain.ends.len() + self.textured.ends.len();
         if !has("vertex") {
-            return Err(ImportError::malformed("there is no element \"vertex\"", FIX));
+            return Err(ImportError::malformed("the element \"vertex\" is missing", FIX));
         }
         if faces == 0 && self.positions.is_empty() {
             return Err(ImportError::malformed(
@@ -341,11 +344,11 @@ impl File<'_> {
             let names: Vec<&str> = header.elements.iter().map(|e| e.name.as_str()).collect();
             return Err(ImportError::unsupported(
                 format!(
-                    "it is a point cloud: {} vertices and no rows of \"face\" (its elements: {})",
+                    "the file is a point cloud: {} vertices and no rows of \"face\" (elements: {})",
                     self.positions.len(),
                     names.join(", ")
                 ),
-                "reconstruct a surface from the points first",
+                "reconstruct a surface from the points and export it as a mesh",
             ));
         }
         let corners = self.triangles.as_flattened().iter();
@@ -353,7 +356,7 @@ impl File<'_> {
         match corners.max() {
             Some(&most) if most as usize >= self.positions.len() => Err(ImportError::malformed(
                 format!(
-                    "a face uses vertex {most}, but there are only {} (counted from 0)",
+                    "a face uses vertex {most} (counted from 0), but the file has only {} vertices",
                     self.positions.len()
                 ),
                 FIX,
@@ -370,7 +373,7 @@ impl File<'_> {
             if !self.uvs.is_empty() {
                 parts
                     .notes
-                    .add("texture coordinates of vertices are not used: faces have their own");
+                    .add("texture coordinates of vertices are not used: the faces have texture coordinates");
                 self.uvs.clear();
             }
             if bare > 0 {
@@ -486,7 +489,7 @@ fn note_unused(element: &Element, is_used: impl Fn(usize) -> bool, parts: &mut P
         .collect();
     if element.count > 0 && !names.is_empty() {
         let note = format!(
-            "properties of element `{}` that are not used: {}",
+            "unused properties of element `{}`: {}",
             element.name,
             names.join(", ")
         );

@@ -69,20 +69,20 @@ impl<'a> Body<'a> {
     fn word(&mut self) -> Result<&'a str, String> {
         let rest = &self.bytes[self.at..];
         let start = rest.iter().position(|b| !b.is_ascii_whitespace());
-        let start = start.ok_or("the file ends too early")?;
+        let start = start.ok_or("the file is truncated")?;
         let word = &rest[start..];
         let length = word
             .iter()
             .position(u8::is_ascii_whitespace)
             .unwrap_or(word.len());
         self.at += start + length;
-        std::str::from_utf8(&word[..length]).map_err(|_| "there is a number that is no text".into())
+        std::str::from_utf8(&word[..length]).map_err(|_| "a number is not valid UTF-8 text".into())
     }
 
     fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
         let bytes = self.bytes[self.at..].get(..count);
         self.at += count.min(self.bytes.len() - self.at);
-        bytes.ok_or_else(|| "the file ends too early".into())
+        bytes.ok_or_else(|| "the file is truncated".into())
     }
 
     /// Reads a number, rounded to single precision.
@@ -106,7 +106,7 @@ impl<'a> Body<'a> {
                 return Ok(value);
             }
             word.parse::<f64>()
-                .map_err(|_| format!("{word:?} is not a whole number"))?
+                .map_err(|_| format!("{word:?} is not an integer"))?
         } else {
             let big = self.format == Format::BigEndian;
             double(self.take(kind.size())?, kind, big)
@@ -115,7 +115,7 @@ impl<'a> Body<'a> {
         if value.fract() == 0.0 && value.abs() < 1e15 {
             Ok(value as i64)
         } else {
-            Err(format!("{value} is not a whole number"))
+            Err(format!("{value} is not an integer"))
         }
     }
 
@@ -144,7 +144,7 @@ impl<'a> Body<'a> {
 
     pub fn count(&mut self, kind: Kind) -> Result<usize, String> {
         let count = self.integer(kind)?;
-        usize::try_from(count).map_err(|_| format!("a list has the length {count}"))
+        usize::try_from(count).map_err(|_| format!("invalid list length {count}"))
     }
 
     /// Skips a list or a single number.
@@ -238,7 +238,7 @@ impl<'a> Body<'a> {
 
 /// Converts the index of a face's vertex.
 pub(super) fn index(corner: i64) -> Result<u32, String> {
-    u32::try_from(corner).map_err(|_| format!("a face uses vertex {corner}"))
+    u32::try_from(corner).map_err(|_| format!("invalid vertex index {corner} in a face"))
 }
 
 #[inline]

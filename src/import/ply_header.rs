@@ -81,7 +81,7 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
         (Some(_), Some([b'\r', b'\n', ..])) => b"\r\n",
         (Some(_), Some([b'\r', ..])) => b"\r",
         (Some(_), Some([b'\n' | b' ' | b'\t', ..])) => b"\n",
-        _ => return Err(ImportError::malformed("the file does not begin with a line `ply`", FIX).at_line(1)),
+        _ => return Err(ImportError::malformed("the first line is not `ply`", FIX).at_line(1)),
     };
     let mut format = None;
     let mut elements: Vec<Element> = vec![];
@@ -107,34 +107,36 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
                     "ascii" => Format::Ascii,
                     "binary_little_endian" => Format::LittleEndian,
                     "binary_big_endian" => Format::BigEndian,
-                    _ => return Err(bad(format!("the format {name:?} is not known"))),
+                    _ => return Err(bad(format!("unknown format {name:?}"))),
                 });
                 if version != "1.0" {
-                    return Err(bad(format!("the version of the format is {version}, not 1.0")));
+                    return Err(bad(format!("expected format version 1.0, got {version}")));
                 }
             }
             ["element", name, count] => elements.push(Element {
                 name: name.to_owned(),
                 count: count
                     .parse()
-                    .map_err(|_| bad(format!("the element {name:?} has the count {count:?}")))?,
+                    .map_err(|_| bad(format!("element {name:?} has an invalid count {count:?}")))?,
                 properties: vec![],
             }),
             ["property", ref kinds @ .., name] => {
                 let known = |kind: &str| {
-                    Kind::named(kind)
-                        .ok_or_else(|| bad(format!("the type {kind:?} of {name:?} is not known")))
+                    Kind::named(kind).ok_or_else(|| bad(format!("unknown type {kind:?} of {name:?}")))
                 };
                 let (list, kind) = match *kinds {
                     [kind] => (None, known(kind)?),
                     ["list", count, kind] => (Some(known(count)?), known(kind)?),
-                    _ => return Err(bad(format!("`{}` is no property", line.trim()))),
+                    _ => return Err(bad(format!("invalid property declaration `{}`", line.trim()))),
                 };
                 let element = elements
                     .last_mut()
-                    .ok_or_else(|| bad(format!("the property {name:?} belongs to no element")))?;
+                    .ok_or_else(|| bad(format!("property {name:?} precedes all elements")))?;
                 if element.properties.iter().any(|p| p.name == name) {
-                    return Err(bad(format!("{:?} has two properties {name:?}", element.name)));
+                    return Err(bad(format!(
+                        "element {:?} has two properties {name:?}",
+                        element.name
+                    )));
                 }
                 element.properties.push(Property {
                     name: name.to_owned(),
@@ -151,7 +153,7 @@ pub(super) fn read(bytes: &[u8], notes: &mut Notes) -> Result<Header, ImportErro
                     body: at,
                 });
             }
-            _ => return Err(bad(format!("the header has an unknown line `{}`", line.trim()))),
+            _ => return Err(bad(format!("unknown header line `{}`", line.trim()))),
         }
     }
     unreachable!("every line shortens what is left of the header");
@@ -167,10 +169,7 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
             properties,
         } = element;
         if elements[..i].iter().any(|e| e.name == *name) {
-            return Err(ImportError::malformed(
-                format!("there are two elements {name:?}"),
-                FIX,
-            ));
+            return Err(ImportError::malformed(format!("duplicate element {name:?}"), FIX));
         }
         let row: usize = properties
             .iter()
@@ -188,11 +187,11 @@ fn check_counts(elements: &[Element], format: Format, length: usize) -> Result<(
         // The last number needs no space after it.
         if least > length + 1 {
             let what = format!(
-                "the header announces {count} rows of {name:?}, more than fit in the file's {length} bytes after it"
+                "the header declares {count} rows of {name:?}, but only {length} bytes follow the header"
             );
             return Err(ImportError::malformed(
                 what,
-                "the file ends too early: export or copy it again",
+                "the file is truncated: export or copy it again",
             ));
         }
     }

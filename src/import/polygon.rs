@@ -24,12 +24,13 @@ pub(super) enum Cut {
     TooLarge,
 }
 
-pub(super) const CROSSING: &str = "a polygon's outline crosses itself: its triangles cover it only roughly";
+pub(super) const CROSSING: &str =
+    "a polygon is self-intersecting or not planar: its triangulation is approximate";
 
 pub(super) fn too_large(corners: usize) -> ImportError {
     ImportError::unsupported(
-        format!("a concave polygon has {corners} corners"),
-        "triangulate the mesh where it was made",
+        format!("a concave polygon has too many corners ({corners})"),
+        "triangulate the mesh before export",
     )
 }
 

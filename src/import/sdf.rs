@@ -35,7 +35,7 @@ const MOST: usize = 4_000_000;
 /// Sufficient deviation in cell sizes, and maximum number of subdivisions per axis.
 const NEAR: f64 = 0.02;
 const PARTS: usize = 4;
-const FIX: &str = "give one distance at each of at least 2 x 2 x 2 points, some below 0";
+const FIX: &str = "provide one distance at each of at least 2 x 2 x 2 points, some of them negative";
 
 /// Computes a mesh of the surface.
 ///
@@ -46,7 +46,7 @@ pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
     let [x, y, z] = vol.size;
     if vol.channels != 1 || vol.size.iter().any(|n| *n < 2) {
         let what = format!(
-            "the grid is of {x} x {y} x {z} points of {} numbers",
+            "the grid has {x} x {y} x {z} points with {} values per point",
             vol.channels
         );
         return Err(ImportError::malformed(what, FIX));
@@ -73,7 +73,7 @@ pub fn surface(vol: &Vol, normals: Normals) -> Result<Surface, ImportError> {
             "use fewer points",
         )),
         Some(found) if found.mesh.indices.is_empty() => Err(ImportError::malformed(
-            "the distances do not change their sign",
+            "the distances have no change of sign",
             FIX,
         )),
         Some(found) => Ok(found),
@@ -363,7 +363,7 @@ mod tests {
             surface(&three, Normals::Smooth)
                 .unwrap_err()
                 .to_string()
-                .contains("3 numbers")
+                .contains("3 values")
         );
     }
 }

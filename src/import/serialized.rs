@@ -42,11 +42,11 @@ pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError>
     let head = |at: usize| match (short(at), short(at + 2)) {
         (Some(MAGIC), Some(version @ 3..=5)) => Ok(version),
         (Some(MAGIC), Some(version)) => Err(ImportError::unsupported(
-            format!("the version of its mesh {number} is {version}; versions 3 to 5 are read"),
+            format!("mesh {number}: expected version 3 to 5, got {version}"),
             FIX,
         )),
         _ => Err(ImportError::malformed(
-            format!("mesh {number} does not begin as serialized meshes do"),
+            format!("mesh {number} does not start with the header of a serialized mesh"),
             FIX,
         )),
     };
@@ -67,12 +67,12 @@ pub fn parse_serialized(bytes: &[u8], number: u32) -> Result<Model, ImportError>
 
 /// Returns the offset of a mesh from the dictionary at the end of the file.
 fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> {
-    let cut = || ImportError::malformed("the list of meshes at the file's end is cut off", FIX);
+    let cut = || ImportError::malformed("the list of meshes at the end of the file is truncated", FIX);
     let (rest, count) = bytes.split_last_chunk::<4>().ok_or_else(cut)?;
     let count = u32::from_le_bytes(*count);
     if number >= count {
-        let what = format!("the file has {count} meshes, and none of number {number} (counted from 0)");
-        return Err(ImportError::malformed(what, "give the number of one of them"));
+        let what = format!("mesh {number} does not exist: the file has {count} meshes (counted from 0)");
+        return Err(ImportError::malformed(what, "choose an existing mesh"));
     }
     let size = if version == 3 { 4 } else { 8 };
     let back = (count - number) as usize * size;
@@ -80,9 +80,9 @@ fn start(bytes: &[u8], number: u32, version: u16) -> Result<usize, ImportError> 
     let mut word = [0; 8];
     word[..size].copy_from_slice(&rest[at..at + size]);
     let start = usize::try_from(u64::from_le_bytes(word)).ok();
-    start
-        .filter(|at| *at < rest.len())
-        .ok_or_else(|| ImportError::malformed(format!("mesh {number} begins behind the file's end"), FIX))
+    start.filter(|at| *at < rest.len()).ok_or_else(|| {
+        ImportError::malformed(format!("mesh {number} starts beyond the end of the file"), FIX)
+    })
 }
 
 struct Stream<'a>(ZlibDecoder<&'a [u8]>);
@@ -94,9 +94,9 @@ impl Stream<'_> {
         let read = (&mut self.0).take(count).read_to_end(&mut out);
         match read {
             Ok(n) if n as u64 == count => Ok(out),
-            Ok(_) => Err(ImportError::malformed("the mesh ends too early", FIX)),
+            Ok(_) => Err(ImportError::malformed("the mesh is truncated", FIX)),
             Err(e) => Err(ImportError::malformed(
-                format!("its compressed data are broken ({e})"),
+                format!("the compressed data are damaged ({e})"),
                 FIX,
             )),
         }
@@ -183,7 +183,7 @@ fn version_3_or_4(
     let normals = table(3, NORMALS)?;
     let uvs = table(2, UVS)?;
     if !table(3, COLOURS)?.is_empty() {
-        parts.notes.add("the colours of its vertices are not used");
+        parts.notes.add("vertex colours are not used");
     }
     let mesh = Mesh {
         positions: vectors(&positions),
@@ -211,7 +211,7 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
     if faces.iter().any(|f| f[3] != 0) {
         parts
             .notes
-            .add("the BSDF indices of its faces are not used: the mesh has one material");
+            .add("the BSDF indices of faces are not used: the mesh has a single material");
     }
     // Vertices that share a surface point or a normal, which matter only for editing positions.
     for list in [points, groups] {
@@ -242,9 +242,9 @@ fn version_5(stream: &mut Stream, parts: &mut Parts) -> Result<(String, Mesh), I
     if flags & TANGENTS_5 != 0 {
         parts
             .notes
-            .add("its normals are not used: they are stored with tangents");
+            .add("normals are not used: they are stored with tangents");
     } else if flags & FACE_NORMALS_5 != 0 {
-        parts.notes.add("the file asks for face normals: set `flat`");
+        parts.notes.add("the mesh has face normals: set `flat`");
     } else if flags & NORMALS != 0 {
         mesh.normals = records.iter().map(|r| Vec3::new(r[3], r[4], r[5])).collect();
     }
@@ -320,7 +320,7 @@ mod tests {
                 ];
                 let file = with_list(&meshes, if version == 3 { 4 } else { 8 });
                 let first = parse_serialized(&file, 0).unwrap();
-                assert_eq!(first.notes, ["the colours of its vertices are not used"]);
+                assert_eq!(first.notes, ["vertex colours are not used"]);
                 assert!(first.parts[0].mesh.normals.is_empty());
                 let second = parse_serialized(&file, 1).unwrap();
                 let part = &second.parts[0];
@@ -373,17 +373,17 @@ mod tests {
             let message = parse_serialized(bytes, number).unwrap_err().to_string();
             assert!(message.contains(word), "{message}");
         };
-        fails(b"PK", 0, "does not begin");
-        fails(&packed(6, b""), 0, "versions 3 to 5");
+        fails(b"PK", 0, "does not start");
+        fails(&packed(6, b""), 0, "version 3 to 5");
         fails(&whole[..whole.len() / 2], 0, "mesh");
-        fails(&whole[..3], 1, "does not begin");
-        fails(&packed(4, &[0; 3]), 0, "ends too early");
+        fails(&whole[..3], 1, "does not start");
+        fails(&packed(4, &[0; 3]), 0, "truncated");
         // More vertices than the stream contains.
         let mut b = 0x1000_u32.to_le_bytes().to_vec();
         b.push(0);
         b.extend(u64::MAX.to_le_bytes());
         b.extend(u64::MAX.to_le_bytes());
-        fails(&packed(4, &b), 0, "ends too early");
+        fails(&packed(4, &b), 0, "truncated");
         // A mesh without its final checksum is accepted.
         let model = parse_serialized(&whole, 0).unwrap();
         for cut in 0..whole.len() {

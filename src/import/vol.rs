@@ -2,7 +2,7 @@
 
 use super::error::{ImportError, ImportProblem};
 
-const FIX: &str = "write the grid again, as Mitsuba's VolumeGrid does";
+const FIX: &str = "write the grid again with Mitsuba's VolumeGrid";
 const HEAD: usize = 48;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -27,16 +27,20 @@ pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
         return Err(ImportProblem::EmptyFile.into());
     }
     let (Some(head), true) = (bytes.get(..HEAD), bytes.starts_with(b"VOL")) else {
-        return refuse("the file does not begin as a grid of Mitsuba's does".into());
+        return refuse("the file does not start with the header of a Mitsuba volume grid".into());
     };
     let word = |i: usize| head[4 + 4 * i..8 + 4 * i].try_into().unwrap_or_default();
     let whole = |i: usize| i32::from_le_bytes(word(i));
     let number = |i: usize| f32::from_le_bytes(word(i));
     if head[3] != 3 || whole(0) != 1 {
-        let what = format!("the grid has version {} and type {}", head[3], whole(0));
+        let what = format!(
+            "expected a grid of version 3 and type 1, got version {} and type {}",
+            head[3],
+            whole(0)
+        );
         return Err(ImportError::unsupported(
             what,
-            "write version 3 and type 1 (32-bit floats)",
+            "write 32-bit floats (version 3, type 1)",
         ));
     }
     let counts = [1, 2, 3, 4].map(|i| usize::try_from(whole(i)).unwrap_or(0));
@@ -46,14 +50,14 @@ pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
     match total {
         Some(0) => {
             return refuse(format!(
-                "the grid is of {x} x {y} x {z} points of {channels} numbers"
+                "the grid is empty: {x} x {y} x {z} points with {channels} channels"
             ));
         }
         Some(n) if n <= numbers.len() => {}
         _ => {
             let found = numbers.len();
             return refuse(format!(
-                "the grid of {x} x {y} x {z} points of {channels} numbers holds {found} numbers"
+                "a grid of {x} x {y} x {z} points with {channels} channels requires more than the {found} values in the file"
             ));
         }
     }
@@ -63,7 +67,7 @@ pub fn parse_vol(bytes: &[u8]) -> Result<Vol, ImportError> {
         .collect();
     let bbox = [[5, 6, 7], [8, 9, 10]].map(|corner| corner.map(number));
     if let Some(i) = values.iter().position(|v| !v.is_finite()) {
-        return refuse(format!("number {i} of the grid is {}", values[i]));
+        return refuse(format!("value {i} of the grid is {}", values[i]));
     }
     Ok(Vol {
         size: [x, y, z],
@@ -101,7 +105,7 @@ pub(crate) mod tests {
         for (bad, says) in [
             (written([3, 2, 0], 2, &values), "0 points"),
             (written([3, -2, 1], 2, &values), "0 x 1"),
-            (written([i32::MAX; 3], i32::MAX, &values), "holds 12"),
+            (written([i32::MAX; 3], i32::MAX, &values), "the 12 values"),
             (written([3, 2, 1], 2, &[f32::NAN; 12]), "NaN"),
         ] {
             let e = parse_vol(&bad).unwrap_err().to_string();

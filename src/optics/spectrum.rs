@@ -26,11 +26,11 @@ impl Default for Wavelengths {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WavelengthError {
     /// The list is empty or longer than [`MAX_WAVELENGTHS`].
-    #[error("{0} wavelengths given; a render carries 1 to 4 at once")]
+    #[error("expected 1 to 4 wavelengths, got {0}")]
     Count(usize),
-    #[error("wavelength {0} is outside 100..100000 nm")]
+    #[error("wavelength {0} nm is outside the range 100 to 100000 nm")]
     Range(f64),
-    #[error("wavelengths must rise strictly: {0} nm is followed by {1} nm")]
+    #[error("wavelengths must be strictly increasing, but {0} nm is followed by {1} nm")]
     Order(f64, f64),
 }
 

@@ -19,19 +19,19 @@ use transport::material::measured::write::slab;
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// The folder cannot be listed.
-    #[error("{}: cannot be listed: {cause}; give a folder of .pbsdf files", path.display())]
+    #[error("{}: cannot list the folder: {cause}; give a folder of .pbsdf files", path.display())]
     Folder { path: PathBuf, cause: std::io::Error },
     /// The folder contains no tables.
-    #[error("{}: there is no .pbsdf file in this folder; make some with `sunstone pbrdf synth -o {}`", path.display(), path.display())]
+    #[error("{}: the folder contains no .pbsdf file; create some with `sunstone pbrdf synth -o {}`", path.display(), path.display())]
     NoTables { path: PathBuf },
     /// A table is invalid.
     #[error("{}: {cause}", path.display())]
     Table { path: PathBuf, cause: PbsdfError },
     /// The axes are invalid for tabulating analytic materials.
-    #[error("the materials cannot be tabulated: a table so made {0}")]
+    #[error("cannot tabulate the materials: {0}")]
     Axes(PbsdfError),
     /// No bands are given.
-    #[error("no bands are given; give one or more, in nanometres")]
+    #[error("expected at least one band, got none; give bands in nanometres")]
     NoBands,
     /// The matrices do not form a valid data set.
     #[error(transparent)]
@@ -123,7 +123,10 @@ fn table(path: &Path, bands_nm: &[f64], settings: &Settings) -> Result<Material,
         };
         let found = table.wavelengths_nm()[band];
         if f64::from(found) != *nm {
-            tracing::warn!("{}: {nm} nm takes the band at {found} nm", path.display());
+            tracing::warn!(
+                "{}: no band at {nm} nm; using the nearest band, {found} nm",
+                path.display()
+            );
         }
         if !bands.contains(&band) {
             bands.push(band);
@@ -265,10 +268,10 @@ mod tests {
                 .err()
                 .map_or(String::new(), |e| e.to_string())
         };
-        assert!(read(&at.join("none"), &[550.0], 8.0).contains("cannot be listed"));
+        assert!(read(&at.join("none"), &[550.0], 8.0).contains("cannot list"));
         assert!(read(at, &[550.0], 8.0).contains("sunstone pbrdf synth"));
         made(&at.join("a.pbsdf"), 1.0);
-        assert!(read(at, &[], 8.0).contains("no bands"));
+        assert!(read(at, &[], 8.0).contains("at least one band"));
         for c in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(read(at, &[550.0], c).contains("positive"), "{c}");
         }
@@ -276,6 +279,6 @@ mod tests {
         made(&at.join("dark.pbsdf"), -1.0);
         assert!(read(at, &[550.0], 8.0).contains("dark: no bin is valid"));
         std::fs::write(at.join("dark.pbsdf"), "nothing").unwrap();
-        assert!(read(at, &[550.0], 8.0).contains("dark.pbsdf: is not a tensor file"));
+        assert!(read(at, &[550.0], 8.0).contains("dark.pbsdf: not a tensor file"));
     }
 }

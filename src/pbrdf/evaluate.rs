@@ -73,7 +73,7 @@ impl Direction {
 
 /// The material has no such specular lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the material does not {} specularly there; evaluate its BRDF", match .0 { Lobe::Reflected => "mirror", Lobe::Transmitted => "transmit" })]
+#[error("the material does not {} specularly at this point; evaluate its BRDF instead", match .0 { Lobe::Reflected => "reflect", Lobe::Transmitted => "transmit" })]
 pub struct NotSpecular(pub Lobe);
 
 /// Value of a BRDF for two directions.

@@ -25,7 +25,7 @@ pub enum BandedError {
     #[error(transparent)]
     File(#[from] InputError),
     /// No bands are given.
-    #[error("give at least one band")]
+    #[error("expected at least one band, got none")]
     NoBands,
 }
 

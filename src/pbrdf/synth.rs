@@ -13,10 +13,12 @@ const SHOWN_NM: [u16; 3] = [450, 550, 650];
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SynthError {
     /// The material has only specular lobes.
-    #[error("`{0}` reflects in single directions only, which a table cannot hold")]
+    #[error(
+        "material `{0}` is purely specular and cannot be tabulated; choose a material with a rough or diffuse lobe"
+    )]
     Specular(String),
     /// The name is unknown.
-    #[error("there is no material `{name}`; there are: {known}")]
+    #[error("unknown material `{name}`; known materials: {known}")]
     Unknown {
         name: String,
         /// All names, separated by commas.

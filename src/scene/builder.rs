@@ -43,7 +43,7 @@ const IN_CODE: &str = "scene in code";
 /// let error = SceneBuilder::from(scene_without_its_material()).build().err().expect("refused");
 /// assert_eq!(
 ///     error.to_string().lines().next(),
-///     Some("scene in code: objects[0].material: there is no material `silver`")
+///     Some("scene in code: objects[0].material: unknown material `silver`")
 /// );
 /// # fn scene_without_its_material() -> sunstone_scene::syntax::scene::SceneFile {
 /// #     use sunstone_scene::{Emitter, syntax::scene::SceneFile};
@@ -160,14 +160,14 @@ impl SceneBuilder {
         let name = name.into();
         let place = format!("mesh(\"{name}\")");
         if let Err(e) = mesh.validate() {
-            self.refuse(fault(&place, format!("the mesh {e}"), "fix the mesh"));
+            self.refuse(fault(&place, format!("invalid mesh: {e}"), "correct the mesh"));
             return self;
         }
         if !matches!(ShapeFile::mesh(name.as_str()), ShapeFile::Ply(_)) {
             self.refuse(fault(
                 &place,
-                "a mesh in memory has the name of a file in another format".into(),
-                "give it a name without .obj, .gltf or .glb",
+                "the name of a mesh in memory has the extension of another format".into(),
+                "use a name without .obj, .gltf or .glb",
             ));
             return self;
         }
@@ -286,13 +286,13 @@ impl SceneBuilder {
             return Err(fault(
                 "camera",
                 "the scene has no camera".into(),
-                "give one: .camera(Camera::look_at(origin, target).fov_x_deg(40.0).resolution(640, 480))",
+                "add a camera: .camera(Camera::look_at(origin, target).fov_x_deg(40.0).resolution(640, 480))",
             ));
         }
         let text = self.file.to_toml().map_err(|e| {
             fault(
                 "render",
-                format!("the scene has no text: {e}"),
+                format!("cannot serialize the scene: {e}"),
                 "keep seeds below 2^63",
             )
         })?;
@@ -320,11 +320,7 @@ impl SceneBuilder {
     }
 
     fn twice(&mut self, place: String) {
-        self.refuse(fault(
-            &place,
-            "the name is given twice".into(),
-            "give each a name of its own",
-        ));
+        self.refuse(fault(&place, "duplicate name".into(), "use unique names"));
     }
 }
 

@@ -30,7 +30,7 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
         (key.trim() == "TILT").then(|| (i, value.trim().to_owned()))
     });
     let Some((at, tilt)) = tilt else {
-        return Err("there is no line `TILT=`: this is no IES LM-63 file".into());
+        return Err("the line `TILT=` is missing: not an IES LM-63 file".into());
     };
     let mut numbers = Numbers {
         words: lines
@@ -46,18 +46,18 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     match tilt.as_str() {
         "NONE" => {}
         "INCLUDE" => {
-            numbers.next("the lamp's position")?;
+            numbers.next("the lamp position")?;
             let pairs = numbers.count("tilt angles")?;
             numbers.list(2 * pairs, "a tilt factor")?;
         }
         _ => {
             return Err(format!(
-                "line {}: TILT={tilt} refers to another file; write TILT=NONE",
+                "line {}: TILT={tilt} refers to another file, which is not supported; write TILT=NONE",
                 at + 1
             ));
         }
     }
-    for what in ["the number of lamps", "the lumens of a lamp"] {
+    for what in ["the number of lamps", "the lumens per lamp"] {
         numbers.next(what)?;
     }
     let multiplier = numbers.next("the multiplier")?;
@@ -68,7 +68,7 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
     let kind = numbers.next("the photometric type")?;
     if kind != 1.0 {
         return Err(format!(
-            "line {}: the photometric type is {kind}; type 1 (C) alone is read",
+            "line {}: expected photometric type 1 (C), got {kind}",
             numbers.last
         ));
     }
@@ -78,8 +78,8 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
         "length",
         "height",
         "the ballast factor",
-        "a number for the future",
-        "the watts",
+        "a reserved number",
+        "the input watts",
     ] {
         numbers.next(what)?;
     }
@@ -90,11 +90,11 @@ pub fn parse(bytes: &[u8]) -> Result<Ies, String> {
         values.extend(numbers.list(vertical.len(), "a candela value")?);
     }
     if let Some(bad) = values.iter().find(|v| **v < 0.0) {
-        return Err(format!("a candela value is {bad}"));
+        return Err(format!("negative candela value {bad}"));
     }
     let most = values.iter().fold(0.0_f32, |a, v| a.max(*v));
     if most <= 0.0 || multiplier <= 0.0 {
-        return Err("the luminaire is dark".into());
+        return Err("the luminaire emits no light: all candela values or the multiplier are 0".into());
     }
     for v in &mut values {
         *v /= most;
@@ -114,7 +114,7 @@ fn whole(ies: Ies) -> Result<Ies, String> {
     }
     if (first, last) != (90.0, 270.0) {
         return Err(format!(
-            "horizontal angles run from {first} to {last}: they must be 0 alone, or run 0..90, 0..180, 90..270 or 0..360"
+            "horizontal angles cover {first} to {last}; expected only 0, or 0..90, 0..180, 90..270 or 0..360"
         ));
     }
     // Mirror about the plane of 90 and 270 degrees.
@@ -153,15 +153,12 @@ struct Numbers<'a> {
 impl Numbers<'_> {
     fn next(&mut self, what: &str) -> Result<f32, String> {
         let Some((line, word)) = self.words.next() else {
-            return Err(format!(
-                "the file ends after line {}, where {what} should be",
-                self.last
-            ));
+            return Err(format!("the file ends after line {}, expected {what}", self.last));
         };
         self.last = line;
         match word.parse::<f32>() {
             Ok(v) if v.is_finite() => Ok(v),
-            _ => Err(format!("line {line}: `{word}` is no number for {what}")),
+            _ => Err(format!("line {line}: expected {what}, got `{word}`")),
         }
     }
 
@@ -170,7 +167,7 @@ impl Numbers<'_> {
         if n.fract() == 0.0 && n >= 1.0 && n <= MOST as f32 {
             return Ok(n as usize);
         }
-        Err(format!("line {}: there cannot be {n} {what}", self.last))
+        Err(format!("line {}: invalid number of {what}: {n}", self.last))
     }
 
     fn list(&mut self, count: usize, what: &str) -> Result<Vec<f32>, String> {
@@ -185,7 +182,7 @@ impl Numbers<'_> {
             return Ok(list);
         }
         Err(format!(
-            "line {}: {what} is out of order: they must rise within 0..{most}",
+            "line {}: {what} is out of order; angles must increase within 0..{most}",
             self.last
         ))
     }
@@ -217,14 +214,22 @@ mod tests {
         let cases = [
             ("", "", "TILT"),
             ("TILT=NONE", "TILT=lamp.tlt", "line 3: TILT=lamp.tlt"),
-            ("1 1000", "1 x", "line 4: `x` is no number"),
-            ("3 3 1 2", "3 3 2 2", "line 4: the photometric type is 2"),
-            ("3 3 1 2", "3 0 1 2", "line 4: there cannot be 0 horizontal"),
+            ("1 1000", "1 x", "line 4: expected the lumens per lamp, got `x`"),
+            (
+                "3 3 1 2",
+                "3 3 2 2",
+                "line 4: expected photometric type 1 (C), got 2",
+            ),
+            (
+                "3 3 1 2",
+                "3 0 1 2",
+                "line 4: invalid number of horizontal angles: 0",
+            ),
             ("0 45 90", "0 95 90", "line 6: a vertical angle is out of order"),
-            ("90 180 270", "90 180 280", "from 90 to 280"),
+            ("90 180 270", "90 180 280", "cover 90 to 280"),
             ("10 2 0\n", "10 2", "the file ends after line 10"),
-            ("10 5 0", "10 -5 0", "a candela value is -5"),
-            ("10 5 0\n8 4 0\n10 2 0", "0 0 0 0 0 0 0 0 0", "dark"),
+            ("10 5 0", "10 -5 0", "candela value -5"),
+            ("10 5 0\n8 4 0\n10 2 0", "0 0 0 0 0 0 0 0 0", "emits no light"),
         ];
         for (a, b, says) in cases {
             let text = if a.is_empty() {

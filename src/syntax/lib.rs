@@ -51,10 +51,10 @@ syntax!(scene::SceneFile, material::MaterialSetFile, medium::MediumSetFile);
 
 pub(crate) fn fix(message: &str) -> String {
     if message.contains("unknown field") || message.contains("unknown variant") {
-        "use one of the names listed; `sunstone schema` prints all of them".into()
+        "use one of the listed names; `sunstone schema` prints all names".into()
     } else if message.contains("missing field") {
-        "add the missing key; `sunstone schema` describes it".into()
+        "add the missing key; `sunstone schema` describes all keys".into()
     } else {
-        "correct the value; `sunstone schema` describes every key".into()
+        "correct the value; `sunstone schema` describes all keys".into()
     }
 }

@@ -31,7 +31,7 @@ pub(crate) fn find<'t, 'i>(
 ) -> Result<&'t mut Spanned<DeValue<'i>>, String> {
     let (first, rest) = keys
         .split_first()
-        .ok_or_else(|| "give at least one key".to_owned())?;
+        .ok_or_else(|| "give a path with at least one key".to_owned())?;
     let known = known(document.keys().map(|k| k.get_ref().as_ref()));
     let mut here = document.get_mut(first.as_str()).ok_or(known)?;
     for key in rest {
@@ -81,7 +81,7 @@ fn known<'k>(keys: impl Iterator<Item = &'k str>) -> String {
     } else {
         String::new()
     };
-    format!("there are {}{more}", all.join(", "))
+    format!("known keys: {}{more}", all.join(", "))
 }
 
 fn known_in(value: &DeValue) -> String {
@@ -93,12 +93,18 @@ fn known_in(value: &DeValue) -> String {
                 .filter_map(|v| v.get_ref().as_table()?.get("name")?.get_ref().as_str());
             let names: Vec<&str> = names.collect();
             if names.is_empty() {
-                format!("there is a list of {} there, counted from 0", list.len())
+                format!(
+                    "expected the index of a list of length {} (indices start at 0)",
+                    list.len()
+                )
             } else {
                 known(names.into_iter())
             }
         }
-        other => format!("{} stands there, which has no parts", article(other.type_str())),
+        other => format!(
+            "the path ends at {}, which has no keys",
+            article(other.type_str())
+        ),
     }
 }
 

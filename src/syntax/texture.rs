@@ -205,7 +205,7 @@ impl AlbedoMap {
                 })))
             }
             _ => Err(E::custom(
-                "a texture is { image = \"file.png\", scale, uv, wrap, filter, raw, luminance, layer }, { checkerboard = [0.4, 0.2], uv }, { attribute = \"vertex_color\", scale } or { nm = [..], values = [..] }",
+                "expected a texture: { image = \"file.png\", scale, uv, wrap, filter, raw, luminance, layer }, { checkerboard = [0.4, 0.2], uv }, { attribute = \"vertex_color\", scale } or { nm = [..], values = [..] }",
             )),
         }
     }
@@ -272,7 +272,9 @@ impl<'de> Deserialize<'de> for ScalarFile {
                     AlbedoFile::Image(image) => Ok(ScalarFile::Image(image)),
                     AlbedoFile::Checkerboard(board) => Ok(ScalarFile::Checkerboard(board)),
                     AlbedoFile::Attribute(attribute) => Ok(ScalarFile::Attribute(attribute)),
-                    AlbedoFile::Spectrum(_) => Err(de::Error::custom("a number is wanted, not a spectrum")),
+                    AlbedoFile::Spectrum(_) => Err(de::Error::custom(
+                        "expected a number or a texture, got a spectrum",
+                    )),
                 }
             }
         }

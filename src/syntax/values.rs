@@ -255,7 +255,7 @@ impl<'de> Deserialize<'de> for BinSize {
         impl<'de> Visitor<'de> for V {
             type Value = BinSize;
             fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a whole number of pixels n, or [n_x, n_y]")
+                f.write_str("an integer number of pixels n, or [n_x, n_y]")
             }
             fn visit_i64<E: de::Error>(self, v: i64) -> Result<BinSize, E> {
                 u32::try_from(v)
@@ -263,7 +263,7 @@ impl<'de> Deserialize<'de> for BinSize {
                     .map_err(|_| E::invalid_value(de::Unexpected::Signed(v), &self))
             }
             fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<BinSize, A::Error> {
-                let missing = |n| de::Error::invalid_length(n, &"two whole numbers [n_x, n_y]");
+                let missing = |n| de::Error::invalid_length(n, &"two integers [n_x, n_y]");
                 let x = seq.next_element()?.ok_or_else(|| missing(0))?;
                 let y = seq.next_element()?.ok_or_else(|| missing(1))?;
                 match seq.next_element::<u32>()? {

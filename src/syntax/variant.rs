@@ -52,14 +52,14 @@ pub fn read(path: &Path, text: &str, number: u64) -> Result<Variant, InputError>
     };
     if file.vary.is_empty() {
         return Err(fault(
-            format!("there is no variant {number}: the scene has no [vary]"),
-            "add one, or leave --variant out",
+            format!("variant {number} does not exist: the scene has no [vary] table"),
+            "add a [vary] table, or omit --variant",
         ));
     }
     if let Some(count) = vary.count.filter(|n| number >= *n) {
         return Err(fault(
-            format!("there is no variant {number}: the scene has {count}, from 0 on"),
-            "give a smaller number, or add values",
+            format!("variant {number} does not exist: the scene has {count} variants, numbered from 0"),
+            "give a smaller number, or add values to [vary]",
         ));
     }
     vary.variant(number)
@@ -133,34 +133,38 @@ impl<'a> Vary<'a> {
         document: &mut DeTable,
     ) -> Result<Vec<Vec<String>>, InputError> {
         if *parameter.every == 0 {
-            let help = "give how many variants in a row have the same value, 1 or more";
-            return Err(self.error(parameter.every.span(), format!("vary.{name}: every is 0"), help));
+            let help = "give the number of consecutive variants with the same value, at least 1";
+            return Err(self.error(
+                parameter.every.span(),
+                format!("vary.{name}: expected `every` of at least 1, got 0"),
+                help,
+            ));
         }
         let at = parameter.path.span();
         let paths = &parameter.path.0;
         if paths.is_empty() {
-            let help = "name the value that it sets, as in path = \"media.milk.milk.concentration\"";
-            return Err(self.error(at, format!("vary.{name} has no path"), help));
+            let help = "give the path of the value to vary, such as path = \"media.milk.milk.concentration\"";
+            return Err(self.error(at, format!("vary.{name}: `path` is empty"), help));
         }
         let mut all = vec![];
         for written in paths {
             let keys = keys(written).ok_or_else(|| {
-                let help = "write keys with dots between them; in quotes where they hold more than letters, digits, _ and -";
-                self.error(at.clone(), format!("`{written}` is no path"), help)
+                let help = "write keys separated by dots; quote keys with characters other than letters, digits, _ and -";
+                self.error(at.clone(), format!("`{written}` is not a valid path"), help)
             })?;
             if FIXED.contains(&keys[0].as_str()) {
-                let message = format!("`{written}`: {} is the same for all variants", keys[0]);
+                let message = format!("`{written}`: `{}` cannot be varied", keys[0]);
                 return Err(self.error(
                     at.clone(),
                     message,
-                    "vary what the scene is made of, or how it is rendered",
+                    "choose a path that affects the rendered scene",
                 ));
             }
             let slot = find(document, &keys).map_err(|known| {
                 let help = format!(
-                    "{known}; a value to be varied must be written down in the scene, even where it is the default"
+                    "{known}; add the value to the scene file (a varied value must be present even if it equals the default)"
                 );
-                self.error(at.clone(), format!("the scene has no `{written}`"), help)
+                self.error(at.clone(), format!("the scene file has no value at `{written}`"), help)
             })?;
             self.kind(name, parameter, slot.get_ref())?;
             all.push(keys);
@@ -175,7 +179,7 @@ impl<'a> Vary<'a> {
             (None, Some(range)) => self.ranged(name, range, present),
             _ => Err(self.error(
                 p.span(),
-                format!("vary.{name} needs either `values` or `range`"),
+                format!("vary.{name}: expected exactly one of `values` and `range`"),
                 "give values = [..], or range = { min = .., max = .. }",
             )),
         }
@@ -183,12 +187,12 @@ impl<'a> Vary<'a> {
 
     fn listed(&self, name: &str, values: &Located<Vec<AnyValue>>) -> Result<(), InputError> {
         if values.is_empty() {
-            let message = format!("vary.{name} has no values");
-            return Err(self.error(values.span(), message, "list one value or more"));
+            let message = format!("vary.{name}: `values` is empty");
+            return Err(self.error(values.span(), message, "list at least one value"));
         }
         if let Some(i) = values.iter().position(|v| !is_finite(&v.0)) {
-            let message = format!("value {i} of vary.{name} is not a finite number");
-            return Err(self.error(values.span(), message, "leave nan and inf out"));
+            let message = format!("vary.{name}: value {i} is not finite");
+            return Err(self.error(values.span(), message, "remove nan and inf"));
         }
         Ok(())
     }
@@ -197,8 +201,8 @@ impl<'a> Vary<'a> {
         let refuse = |message: String, help: &str| Err(self.error(range.span(), message, help));
         let (Some(min), Some(max)) = (numbers(&range.min.0), numbers(&range.max.0)) else {
             return refuse(
-                format!("the range of vary.{name} is not between numbers"),
-                "give min and max as numbers, or as lists of numbers; anything else goes into `values`",
+                format!("vary.{name}: the limits of the range are not numbers"),
+                "give min and max as numbers or as lists of numbers; for other types, use `values`",
             );
         };
         let shape = |v: &AnyValue| v.0.as_array().map(Vec::len);
@@ -213,23 +217,26 @@ impl<'a> Vary<'a> {
             }
             other => {
                 return refuse(
-                    format!("vary.{name} sets {} to a number", article(other.type_str())),
-                    "give a path to a number or to a list of numbers, or `values`",
+                    format!(
+                        "vary.{name}: a range requires a number or a list of numbers at the path, got {}",
+                        article(other.type_str())
+                    ),
+                    "give a path to a number or to a list of numbers, or use `values`",
                 );
             }
         };
         if shape(&range.min) != wanted || shape(&range.max) != wanted {
             let said = wanted.map_or("one number".to_owned(), |n| format!("a list of {n} numbers"));
             return refuse(
-                format!("the range of vary.{name} is not of the form of what it sets, {said}"),
-                "give min and max the form that stands at the path",
+                format!("vary.{name}: the shape of the range does not match the value at the path, {said}"),
+                "give min and max with the same shape as the value at the path",
             );
         }
         for (a, b) in min.iter().zip(&max) {
             if !(a.is_finite() && b.is_finite() && a <= b && (b - a).is_finite()) {
                 return refuse(
-                    format!("the range of vary.{name} goes from {a} to {b}"),
-                    "give finite numbers, min not above max",
+                    format!("vary.{name}: invalid range from {a} to {b}"),
+                    "give finite numbers with min <= max",
                 );
             }
         }
@@ -245,8 +252,8 @@ impl<'a> Vary<'a> {
     ) -> Result<(), InputError> {
         for (other, paths) in &self.keys {
             if paths.iter().any(|p| p.iter().zip(keys).all(|(a, b)| a == b)) {
-                let message = format!("`{written}` is set by another path of vary.{other} as well");
-                return Err(self.error(parameter.path.span(), message, "leave one of them out"));
+                let message = format!("`{written}` overlaps a path of vary.{other}");
+                return Err(self.error(parameter.path.span(), message, "remove one of the two paths"));
             }
         }
         Ok(())
@@ -276,9 +283,9 @@ impl<'a> Vary<'a> {
             if let Some(n) = period(parameter).filter(|n| !most.is_multiple_of(*n)) {
                 let values = parameter.values.as_ref().map_or(0..0, Located::span);
                 let message = format!(
-                    "the values of vary.{other} last for {n} variants, those of vary.{name} for {most}"
+                    "vary.{other} covers {n} variants, vary.{name} {most}: the larger number must be a multiple of the smaller"
                 );
-                let help = "give lists of one length, or `every` so that the shorter one fits into the longer a whole number of times";
+                let help = "give lists of equal length, or choose `every` so that the longer one covers a multiple of the shorter";
                 return Err(self.error(values, message, help));
             }
         }
@@ -325,8 +332,8 @@ impl<'a> Vary<'a> {
                     found.cloned().ok_or_else(|| {
                         self.error(
                             list.span(),
-                            format!("vary.{name} has no value {i}"),
-                            "list its values",
+                            format!("vary.{name}: value {i} is missing from `values`"),
+                            "add the value to `values`",
                         )
                     })?
                 }

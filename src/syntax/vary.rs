@@ -74,7 +74,7 @@ impl JsonSchema for AnyValue {
         "AnyValue".into()
     }
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"description": "What may stand at the path."})
+        json_schema!({"description": "A value that is valid at the path."})
     }
 }
 

@@ -35,15 +35,15 @@ impl Part {
     pub fn fault(self, tiles: u32) -> Option<String> {
         match self {
             Self::Share { number, of } if number == 0 || number > of => Some(format!(
-                "there is no part {number} of {of}; give 1/{of} to {of}/{of}"
+                "part {number}/{of} does not exist; give a part from 1/{of} to {of}/{of}"
             )),
             Self::Tiles { first, last } if first > last => Some(format!(
-                "tiles {first} to {last} are none; give the lower number first"
+                "the range of tiles {first} to {last} is empty; give the lower number first"
             )),
             Self::Tiles { last, .. } if last >= tiles => {
                 let most = tiles.saturating_sub(1);
                 Some(format!(
-                    "there is no tile {last}; the image has tiles 0 to {most}"
+                    "tile {last} does not exist; the image has tiles 0 to {most}"
                 ))
             }
             _ => None,

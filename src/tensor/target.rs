@@ -63,26 +63,26 @@ impl Goal {
     pub fn fault(&self, dashes: &str) -> Option<String> {
         if !(self.error > 0.0 && self.error < 1.0) {
             return Some(format!(
-                "{dashes}target-error is {}; give a relative error between 0 and 1, such as 0.02",
+                "{dashes}target-error: expected a relative error between 0 and 1, such as 0.02, got {}",
                 self.error
             ));
         }
         if !(self.share > 0.0 && self.share < 1.0) {
             return Some(format!(
-                "{dashes}target-share is {}; give a share between 0 and 1, such as 0.5",
+                "{dashes}target-share: expected a share between 0 and 1, such as 0.5, got {}",
                 self.share
             ));
         }
         if !(GROUPS..=1 << 20).contains(&self.first) {
             return Some(format!(
-                "{dashes}spp is {}; give {GROUPS} to {} samples for the first round",
+                "{dashes}spp is {}; give {GROUPS} to {} samples per pixel for the first round",
                 self.first,
                 1 << 20
             ));
         }
         if !(self.first..=1 << 30).contains(&self.most) {
             return Some(format!(
-                "{dashes}most-spp is {}; give {} to {}: no less than the first round",
+                "{dashes}most-spp is {}; give {} to {} samples per pixel (at least those of the first round)",
                 self.most,
                 self.first,
                 1 << 30

@@ -120,20 +120,20 @@ pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
     if tables.camera.parallel {
         return (
             Integrator::Path,
-            "no light reaches the pinhole of an orthographic camera, which has none, so paths are made from the camera alone",
+            "an orthographic camera has no pinhole, so all paths start at the camera",
         );
     }
     match asked {
         Integrator::Caustics if walks => (
             Integrator::Bidirectional,
-            "with media or lenses all paths are traced from both ends",
+            "with media or lenses, paths are traced from both ends",
         ),
         Integrator::Path | Integrator::Caustics | Integrator::Bidirectional => (asked, ""),
         Integrator::Auto => {
             if tables.projector.is_none() && tables.points.is_empty() {
                 return (
                     Integrator::Path,
-                    "no emitter is a point, and paths from the camera find what has extent",
+                    "there is no point emitter, and paths from the camera find all emitters with extent",
                 );
             }
             let any = tables.materials.any_redirecting() || tables.materials.any_straight();
@@ -141,19 +141,19 @@ pub(crate) fn choose(tables: &SceneTables) -> (Integrator, &'static str) {
             if !any || !(tables.projector.as_ref().is_some_and(lit) || points_meet(tables)) {
                 return (
                     Integrator::Path,
-                    "no projector or point lights a mirror, smooth glass or a crystal first, so paths from the camera find all \
-                     light",
+                    "no projector or point emitter illuminates a mirror, smooth glass or a crystal directly, so paths from the camera \
+                     find all light",
                 );
             }
             if walks {
                 return (
                     Integrator::Bidirectional,
-                    "projector or points light mirrors, smooth glass or crystals first, among media or through lenses",
+                    "a projector or point emitter illuminates mirrors, smooth glass or crystals directly, with media or lenses",
                 );
             }
             (
                 Integrator::Caustics,
-                "projector or points light mirrors, smooth glass or crystals first",
+                "a projector or point emitter illuminates mirrors, smooth glass or crystals directly",
             )
         }
     }

@@ -116,7 +116,7 @@ fn a_chain_of_commands() {
     std::fs::write(d.join("plain.toml"), plain).unwrap();
     let about = run(d, &["info", "plain.toml"]);
     assert!(
-        about.contains("warning: ") && about.contains("leave out integrator"),
+        about.contains("warning: ") && about.contains("remove `integrator`"),
         "{about}"
     );
     let both = mirror.replace("[render]", "[render]\nintegrator = \"bidirectional\"");
@@ -130,7 +130,7 @@ fn a_chain_of_commands() {
     std::fs::write(d.join("walks.toml"), walks).unwrap();
     let about = run(d, &["info", "walks.toml"]);
     assert!(
-        about.contains("stay dark") && about.contains("manifold = true"),
+        about.contains("is not found") && about.contains("manifold = true"),
         "{about}"
     );
 

@@ -8,7 +8,7 @@ fn a_scene_goes_to_mitsuba_and_back() {
     let at = folder.path();
     let out = run(at, &["export", MIRROR_ROOM, "--mitsuba", "out"], 0);
     assert!(
-        stderr(&out).contains("note: material `gold`: Mitsuba masks facets"),
+        stderr(&out).contains("note: material `gold`: Mitsuba uses separable masking"),
         "{}",
         stderr(&out)
     );

@@ -452,8 +452,8 @@ fn wrong_options_are_told() {
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), room("path")).expect("a scene");
     for (option, value, words) in [
-        ("--part", "0/8", "no part 0 of 8"),
-        ("--part", "9/8", "no part 9 of 8"),
+        ("--part", "0/8", "part 0/8 does not exist"),
+        ("--part", "9/8", "part 9/8 does not exist"),
         ("--part", "3", "expected K/N"),
         ("--part", "3/8/9", "expected K/N"),
         ("--part", "-1/8", "expected K/N"),

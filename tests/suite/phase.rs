@@ -55,15 +55,15 @@ const CASES: &[Case] = &[
     ("no size", "median_nm = 100", "median_nm = 0", "sizes.log_normal", "radius is 0"),
     ("a wide distribution", "sigma = 0.2", "sigma = 3", "sizes.log_normal", "sigma is 3"),
     ("too large a variance", "effective_variance = 0.1", "effective_variance = 0.5", "sizes.gamma", "variance is 0.5"),
-    ("an uneven list", "weight = [1, 2]", "weight = [1]", "sizes.list", "2 radii have 1 weights"),
-    ("more than all", "volume_fraction = 0.01", "volume_fraction = 1.5", "amount.volume_fraction", "fill 1.5"),
+    ("an uneven list", "weight = [1, 2]", "weight = [1]", "sizes.list", "2 radii and 1 weights"),
+    ("more than all", "volume_fraction = 0.01", "volume_fraction = 1.5", "amount.volume_fraction", "got 1.5"),
     ("a boulder", "diameter_nm = 500", "diameter_nm = 5e6", "5e6", "diameter_nm is 5000000"),
     ("a particle that is too large", "effective_radius_nm = 900", "effective_radius_nm = 400000", "{ index = \"water\"", "size parameter"),
     ("a second kind that is too large", "radius_nm = [20, 30]", "radius_nm = [20, 900000]", "{ index = \"Au\"", "size parameter"),
-    ("no particles", "phase.mie.kinds = [{ index = \"water\", sizes.gamma = { effective_radius_nm = 900, effective_variance = 0.1 }, amount.per_m3 = 1e9 }]", "phase.mie.kinds = []", "[]", "no particles"),
+    ("no particles", "phase.mie.kinds = [{ index = \"water\", sizes.gamma = { effective_radius_nm = 900, effective_variance = 0.1 }, amount.per_m3 = 1e9 }]", "phase.mie.kinds = []", "[]", "particle kinds is empty"),
     ("cream beyond butter", "fat_percent = 0.1", "fat_percent = 80", "80", "fat_percent is 80"),
     ("milk in the infrared", "wavelengths_nm = [450, 550, 660]", "wavelengths_nm = [450, 550, 900]", "[media.drink.milk]", "milk_fat cover 380 to 770 nm"),
-    ("wavelengths out of order", "[450, 550, 660]", "[450, 660, 550]", "[450, 660, 550]", "rise"),
+    ("wavelengths out of order", "[450, 550, 660]", "[450, 660, 550]", "[450, 660, 550]", "increasing"),
 ];
 
 #[test]
@@ -101,7 +101,7 @@ fn bad_arguments_are_refused() {
         ),
         (
             &["m.toml", "--name", "air", "--wavelengths", "5"],
-            "outside 100..100000",
+            "range 100 to 100000 nm",
         ),
         (
             &["m.toml", "--name", "drink", "--wavelengths", "900"],

@@ -106,15 +106,15 @@ fn what_no_mesh_can_give_is_refused() {
         ),
         (
             with("m.diffuse.albedo = { attribute = \"tint\" }"),
-            "there is no attribute",
+            "invalid attribute name",
         ),
         (
             with(&blend(own, "{ attribute = \"vertex_weight\" }")),
-            "takes the attributes",
+            "uses the mesh attributes",
         ),
         (
             with(&blend(board, "{ attribute = \"vertex_weight\" }")),
-            "beside an image",
+            "together with an image",
         ),
         (
             with(&blend("k.diffuse.albedo = 0", "{ attribute = \"vertex_color\" }")),
@@ -122,17 +122,17 @@ fn what_no_mesh_can_give_is_refused() {
         ),
         (
             with(colours).replace("shape.ply = { file", "shape.obj = { file"),
-            "takes the attribute",
+            "requires the mesh attribute",
         ),
         (
             with(&format!(
                 "{colours}\n[[objects]]\nmaterial = \"m\"\nshape.sphere.radius = 1"
             )),
-            "takes the attribute",
+            "requires the mesh attribute",
         ),
         (
             with("m.diffuse.albedo = { attribute = \"vertex_color\", raw = true }"),
-            "a texture is",
+            "expected a texture",
         ),
     ];
     for (text, what) in cases {

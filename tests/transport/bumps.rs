@@ -120,7 +120,7 @@ fn heights_that_have_no_slopes_are_refused() {
     for (text, what) in [
         (text(", filter = \"nearest\"", "sphere.radius = 1"), "no slopes"),
         (text(", scale = 0.5", "sphere.radius = 1"), "scale"),
-        (text("", "disk.radius = 1"), "a disk has no coordinates"),
+        (text("", "disk.radius = 1"), "a disk has no texture coordinates"),
     ] {
         let message = from_text("scene.toml".as_ref(), &text)
             .err()

@@ -131,9 +131,9 @@ fn grids_that_are_none_are_refused() {
         text("path", 1, &medium, "")
     };
     let cases = [
-        (with(format!("{negative:?}"), ""), "the number -2"),
-        (with(format!("{pairs:?}"), ""), "2 numbers at each point"),
-        (with(format!("{short:?}"), ""), "holds 1 numbers"),
+        (with(format!("{negative:?}"), ""), "the value -2"),
+        (with(format!("{pairs:?}"), ""), "per point, got 2"),
+        (with(format!("{short:?}"), ""), "the 1 values"),
         (with("\"none.vol\"".into(), ""), "none.vol"),
         (
             with(format!("{good:?}, box = [[0, 0, 0], [1, 0, 1]]"), ""),
@@ -141,7 +141,7 @@ fn grids_that_are_none_are_refused() {
         ),
         (
             with(format!("{good:?}"), &format!(", albedo = {{ file = {good:?} }}")),
-            "the number 2",
+            "the value 2",
         ),
         (
             text("path", 1, "m.heterogeneous = { scattering = 1 }", ""),

@@ -188,9 +188,9 @@ fn clipping_planes_that_cut_are_refused() {
     assert!(imported("0.1", "100").is_ok());
     let error = imported("5", "100").expect_err("in front of the near plane");
     assert!(
-        error.contains("near_clip = 5 cuts off") && error.contains("scene.xml:1"),
+        error.contains("near_clip = 5 clips") && error.contains("scene.xml:1"),
         "{error}"
     );
     let error = imported("0.1", "3").expect_err("behind the far plane");
-    assert!(error.contains("far_clip = 3 cuts off"), "{error}");
+    assert!(error.contains("far_clip = 3 clips"), "{error}");
 }

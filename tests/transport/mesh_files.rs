@@ -150,7 +150,7 @@ fn materials_of_files_are_those_written_by_hand() {
     let hand = "p.diffuse.albedo = { image = \"picture.png\", uv = [[2, 0, 0], [0, 1, 0]] }";
     let (ours, _) = picture(folder.path(), &by_hand("obj.file = \"square.obj\"", hand));
     assert_eq!(file.data, ours.data);
-    assert!(notes.iter().any(|n| n.contains("not used are Ke")), "{notes:?}");
+    assert!(notes.iter().any(|n| n.contains("unused keys: Ke")), "{notes:?}");
 }
 
 /// A cube as OBJ with changed triangles.
@@ -210,7 +210,7 @@ fn filled_meshes_are_closed_and_look_outward() {
     let (light, notes) = fog(folder.path(), object).expect("a cube inside out");
     assert!((light - want).abs() < 1e-5, "{light}");
     assert!(
-        notes.len() == 1 && notes[0].contains("point inward: it is turned round"),
+        notes.len() == 1 && notes[0].contains("point inward: its orientation is reversed"),
         "{notes:?}"
     );
     cube(folder.path(), |faces| {
@@ -218,12 +218,12 @@ fn filled_meshes_are_closed_and_look_outward() {
     });
     let error = fog(folder.path(), object).expect_err("an open cube");
     assert!(
-        error.contains("its surface is open: at 3 of its") && error.contains("from [0.5, "),
+        error.contains("the surface is open at 3 of") && error.contains("from [0.5, "),
         "{error}"
     );
     cube(folder.path(), |faces| faces[3].swap(0, 1));
     let error = fog(folder.path(), object).expect_err("a triangle the wrong way");
-    assert!(error.contains("wound both ways"), "{error}");
+    assert!(error.contains("inconsistent winding"), "{error}");
     for open in ["disk = {}", "rectangle = {}", "cylinder = { caps = false }"] {
         let object = format!("[[objects]]\nmaterial = \"edge\"\ninterior = \"fog\"\nshape.{open}\n");
         assert!(

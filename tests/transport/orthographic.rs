@@ -142,7 +142,7 @@ fn what_needs_a_pinhole_is_refused() {
         ),
         (
             head(1, "") + CAMERA + PLANE + "[projector]\ncoaxial = true\n" + slice,
-            "has none",
+            "has no pinhole",
         ),
         (
             head(1, "")
@@ -155,11 +155,11 @@ fn what_needs_a_pinhole_is_refused() {
         ),
         (
             head(1, "") + CAMERA + "fov_x_deg = 30\n" + PLANE + projector + slice,
-            "more than one",
+            "exactly one",
         ),
         (
             head(1, "") + CAMERA + "aperture = { radius = 0.1, focus = 1 }\n" + PLANE + projector + slice,
-            "no lens",
+            "cannot have a lens",
         ),
     ];
     for (text, what) in cases {

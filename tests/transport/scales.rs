@@ -105,9 +105,9 @@ fn a_micrometre_works_or_is_refused() {
                         words.contains("m apart at (") && words.contains(" of line "),
                         "{words}"
                     );
-                    assert!(help.contains("leave more room"), "{help}");
+                    assert!(help.contains("increase the distance"), "{help}");
                     assert!(z > 1.0 || how == "turned", "{front}: {words}");
-                    let least = words.split("precision tells ").nth(1).expect("the least");
+                    let least = words.split("gaps of at least ").nth(1).expect("the least");
                     let least: f64 = least
                         .split(' ')
                         .next()

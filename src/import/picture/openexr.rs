@@ -25,8 +25,8 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
     for header in &headers {
         if header.deep {
             return Err(PictureError::new(
-                "the OpenEXR file holds deep pixels",
-                "flatten it to one value per pixel",
+                "the OpenEXR file has deep pixels",
+                "flatten the image to one value per pixel",
             ));
         }
         pixel_count("OpenEXR", header.layer_size.0, header.layer_size.1)?;
@@ -53,7 +53,8 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
         let own = own.filter(|_| image.layer_data.len() > 1).unwrap_or_default();
         let (origin, display) = (part.attributes.layer_position, image.attributes.display_window);
         if (origin, part.size) != (display.position, display.size) {
-            let note = "its display window is not its data window: the pixels of the data window are the image, as in Mitsuba";
+            let note =
+                "the display window differs from the data window: the data window is used, as in Mitsuba";
             notes.push(note.to_owned());
         }
         for channel in &part.channel_data.list {
@@ -76,14 +77,18 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
     let chosen = &layers[name];
     let (channels, is_xyz) = colours(name, &chosen.channels)?;
     if layers.len() > 1 && layer.is_none() {
-        notes.push(format!("of its {} layers, {} is used", layers.len(), said(name)));
+        notes.push(format!(
+            "the file has {} layers; {} is used",
+            layers.len(),
+            said(name)
+        ));
     }
     let given = image
         .attributes
         .chromaticities
         .map(|c| [c.red, c.green, c.blue, c.white].map(|Vec2(x, y)| [f64::from(x), f64::from(y)]));
     let to_rgb = primaries::conversion(is_xyz, given)
-        .map_err(|NoGamut| PictureError::damaged("OpenEXR", "its chromaticities span no gamut"))?;
+        .map_err(|NoGamut| PictureError::damaged("OpenEXR", "the chromaticities are degenerate"))?;
     // Grey has no primaries.
     let to_rgb = to_rgb.filter(|_| channels.len() == 3);
     let [width, height] = chosen.size;
@@ -95,10 +100,10 @@ pub(super) fn decode(bytes: &[u8], layer: Option<&str>) -> Result<Pixels, Pictur
             FlatSamples::U32(_) => {
                 return Err(PictureError::new(
                     format!(
-                        "{} of the OpenEXR file holds 32-bit whole numbers, which are identifiers",
+                        "{} of the OpenEXR file has 32-bit integer channels (identifiers)",
                         said(name)
                     ),
-                    "export its channels as half or float",
+                    "export the channels as half or float",
                 ));
             }
         };
@@ -136,7 +141,7 @@ fn names(channel: &AnyChannel<FlatSamples>) -> (String, String) {
 /// Returns a layer's name for messages.
 fn said(name: &str) -> String {
     if name.is_empty() {
-        "the layer without a name".to_owned()
+        "the unnamed layer".to_owned()
     } else {
         format!("layer `{name}`")
     }
@@ -155,7 +160,7 @@ fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result
             Some((name, _)) => Ok(name),
             None => Err(PictureError::new(
                 format!("the OpenEXR file has no layer `{asked}`"),
-                format!("name one of its layers: {list}"),
+                format!("set `layer` to one of: {list}"),
             )),
         };
     }
@@ -176,10 +181,10 @@ fn choose<'a>(layers: &'a BTreeMap<String, Part>, asked: Option<&str>) -> Result
         .ok_or_else(|| {
             PictureError::new(
                 format!(
-                    "the OpenEXR file has {} layers, and none of them is the obvious one",
+                    "the OpenEXR file has {} layers, and the image layer is ambiguous",
                     layers.len()
                 ),
-                format!("choose one with layer: {list}"),
+                format!("set `layer` to one of: {list}"),
             )
         })
 }
@@ -197,8 +202,8 @@ fn colours<'a>(name: &str, layer: &Layer<'a>) -> Result<(Vec<&'a FlatSamples>, b
     }
     if layer.contains_key("RY") || layer.contains_key("BY") {
         return Err(PictureError::new(
-            "the OpenEXR file holds luminance and chroma (Y, RY, BY)",
-            "export red, green and blue",
+            "the OpenEXR file has luminance and chroma channels (Y, RY, BY)",
+            "export red, green and blue channels",
         ));
     }
     if let Some(xyz) = all(&["X", "Y", "Z"]) {
@@ -211,8 +216,11 @@ fn colours<'a>(name: &str, layer: &Layer<'a>) -> Result<(Vec<&'a FlatSamples>, b
         _ => {
             let list = layer.keys().cloned().collect::<Vec<_>>().join(", ");
             Err(PictureError::new(
-                format!("{} of the OpenEXR file has the channels {list}", said(name)),
-                "give R, G and B, X, Y and Z, or one channel",
+                format!(
+                    "{} of the OpenEXR file has unsupported channels: {list}",
+                    said(name)
+                ),
+                "provide channels R, G and B, or X, Y and Z, or a single channel",
             ))
         }
     }

@@ -15,16 +15,16 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
     };
     let header = (token(), token(), token());
     let (Some(width), Some(height), Some(scale)) = header else {
-        return Err(damaged("its header is not `PF width height scale`"));
+        return Err(damaged("the header is not `PF width height scale`"));
     };
     let (Ok(width), Ok(height), Ok(scale)) = (width.parse(), height.parse(), scale.parse::<f32>()) else {
-        return Err(damaged("its header is not `PF width height scale`"));
+        return Err(damaged("the header is not `PF width height scale`"));
     };
     let count = pixel_count("PFM", width, height)?;
     let colours = if bytes[1] == b'F' { 3 } else { 1 };
     let data = &bytes[at + 1..];
     if data.len() < 4 * colours * count {
-        return Err(damaged("it ends before its last row"));
+        return Err(damaged("the file is truncated"));
     }
     let factor = if scale == 0.0 { 1.0 } else { scale.abs() };
     let value = |b: &[u8]| {

@@ -33,7 +33,7 @@ impl PictureError {
     pub(super) fn damaged(format: &str, what: impl std::fmt::Display) -> Self {
         Self::new(
             format!("the {format} file is damaged: {what}"),
-            "copy or export it again",
+            "copy or export the file again",
         )
     }
 }
@@ -45,8 +45,8 @@ pub(super) fn pixel_count(format: &str, width: usize, height: usize) -> Result<u
         .filter(|n| (1..=MOST_PIXELS).contains(n));
     count.ok_or_else(|| {
         PictureError::new(
-            format!("the {format} file has {width} × {height} pixels"),
-            format!("give 1 to {MOST_PIXELS} pixels"),
+            format!("the {format} file has {width} × {height} pixels, outside the supported range"),
+            format!("use an image of 1 to {MOST_PIXELS} pixels"),
         )
     })
 }

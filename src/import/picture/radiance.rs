@@ -18,10 +18,10 @@ struct Header {
 pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
     let mut rest = bytes;
     let mut header = header(&mut rest)?;
-    let resolution = line(&mut rest).ok_or_else(|| damaged("it has no resolution"))?;
+    let resolution = line(&mut rest).ok_or_else(|| damaged("the resolution is missing"))?;
     let layout = Layout::parse(&resolution).ok_or_else(|| {
         damaged(format!(
-            "its resolution is `{resolution}`, not as `-Y 512 +X 1024`"
+            "expected a resolution such as `-Y 512 +X 1024`, got `{resolution}`"
         ))
     })?;
     let (width, height) = (layout.width, layout.height);
@@ -34,7 +34,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
     let mut values = vec![[0.0; 3]; count];
     let mut scan = vec![[0; 4]; length];
     for k in 0..lines {
-        scanline(&mut rest, &mut scan).ok_or_else(|| damaged(format!("scan line {} of {lines}", k + 1)))?;
+        scanline(&mut rest, &mut scan)
+            .ok_or_else(|| damaged(format!("cannot decode scan line {} of {lines}", k + 1)))?;
         for (i, rgbe) in scan.iter().enumerate() {
             let (x, y) = if layout.by_columns { (k, i) } else { (i, k) };
             let x = if layout.from_right { width - 1 - x } else { x };
@@ -43,11 +44,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Pixels, PictureError> {
         }
     }
     let to_rgb = primaries::conversion(header.is_xyz, header.primaries)
-        .map_err(|NoGamut| damaged("its PRIMARIES span no gamut"))?;
+        .map_err(|NoGamut| damaged("the PRIMARIES are degenerate"))?;
     if header.correction != [1.0; 3] {
         let [r, g, b] = header.correction.map(|c| 1.0 / c);
         header.notes.push(format!(
-            "its EXPOSURE and COLORCORR are taken back: values are divided by {r} {g} {b} (Mitsuba ignores them)"
+            "EXPOSURE and COLORCORR are undone: values are divided by {r} {g} {b} (Mitsuba ignores these keys)"
         ));
     }
     Ok(Pixels {
@@ -83,7 +84,7 @@ fn header(rest: &mut &[u8]) -> Result<Header, PictureError> {
         notes: vec![],
     };
     loop {
-        let text = line(rest).ok_or_else(|| damaged("its header has no end"))?;
+        let text = line(rest).ok_or_else(|| damaged("the header is truncated"))?;
         if text.is_empty() {
             return Ok(header);
         }
@@ -98,8 +99,8 @@ fn header(rest: &mut &[u8]) -> Result<Header, PictureError> {
                 "32-bit_rle_xyze" => header.is_xyz = true,
                 other => {
                     return Err(PictureError::new(
-                        format!("the Radiance file has FORMAT={other}"),
-                        "convert it to 32-bit_rle_rgbe",
+                        format!("unsupported FORMAT={other} in the Radiance file"),
+                        "convert the file to 32-bit_rle_rgbe",
                     ));
                 }
             },
@@ -111,15 +112,15 @@ fn header(rest: &mut &[u8]) -> Result<Header, PictureError> {
                     *all /= c;
                 }
             }
-            ("EXPOSURE" | "COLORCORR", _) => return Err(damaged(format!("its header has `{text}`"))),
+            ("EXPOSURE" | "COLORCORR", _) => return Err(damaged(format!("invalid header line `{text}`"))),
             ("PRIMARIES", Some(&[rx, ry, gx, gy, bx, by, wx, wy])) => {
                 header.primaries = Some([[rx, ry], [gx, gy], [bx, by], [wx, wy]]);
             }
-            ("PRIMARIES", _) => return Err(damaged(format!("its header has `{text}`"))),
+            ("PRIMARIES", _) => return Err(damaged(format!("invalid header line `{text}`"))),
             ("GAMMA", Some(&[g])) if (g - 1.0).abs() > 1e-3 => {
                 header
                     .notes
-                    .push(format!("its GAMMA={g} is ignored: values are read as linear"));
+                    .push(format!("GAMMA={g} is ignored: values are read as linear"));
             }
             _ => {}
         }

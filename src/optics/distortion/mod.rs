@@ -79,9 +79,9 @@ impl Distortion {
                 if lens.radius(WIDEST)[0] < q.length()
                     && (0..64).all(|i| lens.radius(WIDEST * f64::from(i) / 63.0)[1] > 0.0) =>
             {
-                "it lies 90° or more off the axis, which a device with a plane image cannot have"
+                "the point is 90° or more off the axis, outside the field of a device with a planar image"
             }
-            _ => "it folds the image over",
+            _ => "the distortion folds the image",
         }
     }
 }
@@ -227,7 +227,10 @@ mod tests {
         // r - r³ has its maximum of 0.385 at r = 0.577.
         assert!(barrel.undistort(DVec2::new(0.38, 0.0)).is_some());
         assert!(barrel.undistort(DVec2::new(0.39, 0.0)).is_none());
-        assert_eq!(barrel.complaint(DVec2::new(0.39, 0.0)), "it folds the image over");
+        assert_eq!(
+            barrel.complaint(DVec2::new(0.39, 0.0)),
+            "the distortion folds the image"
+        );
         let wide = Distortion::Fisheye(Fisheye::default());
         assert!(wide.undistort(DVec2::new(1.5, 0.0)).is_some());
         assert!(wide.undistort(DVec2::new(1.6, 0.0)).is_none());

@@ -219,7 +219,7 @@ impl<'a> Table<'a> {
         let tinted = a.image.is_some() || a.base != [1.0; 3];
         if a.refracts {
             if a.model == Model::Gltf && tinted {
-                self.note("the base colour does not tint the light that the glass lets through");
+                self.note("the base colour does not affect light transmitted by glass");
             }
             if a.alpha <= SMOOTH {
                 return MaterialFile::Dielectric(DielectricFile { ior, exterior_ior });
@@ -233,17 +233,15 @@ impl<'a> Table<'a> {
             });
         }
         if a.alpha > SMOOTH {
-            self.note("the roughness does not blur the light that the thin sheet lets through");
+            self.note("the roughness does not affect light transmitted by a thin sheet");
         }
         if !tinted {
             return MaterialFile::ThinDielectric(DielectricFile { ior, exterior_ior });
         }
         if a.image.is_some() {
-            self.note(
-                "the image of the base colour does not tint the light that the thin sheet lets through",
-            );
+            self.note("the image of the base colour does not affect light transmitted by a thin sheet");
         }
-        self.note("the coloured sheet does not reflect light");
+        self.note("a coloured thin sheet does not reflect light");
         let transmittance = self.colour(a.base);
         MaterialFile::Retarder(RetarderFile {
             retardance_deg: Some(self.at(0.0.into())),

@@ -152,7 +152,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     if let (true, Integrator::Caustics | Integrator::Bidirectional) = (camera.parallel, settings.integrator) {
         return Err(ctx.error(
             file.camera.span(),
-            "an orthographic camera has no pinhole that paths from the light could be connected to",
+            "an orthographic camera has no pinhole, so paths from light sources cannot be connected to it",
             "use integrator = \"path\", or give the camera a field of view",
         ));
     }
@@ -162,8 +162,8 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     if settings.max_depth == 1 && !shines && !file.emitters.iter().any(seen) {
         return Err(ctx.error(
             file.render.max_depth.span(),
-            "with a max_depth of 1 the camera sees nothing but emitters, and none can be seen",
-            "give 2 for direct light alone, or more",
+            "with max_depth = 1 only visible emitters are rendered, but no emitter is visible",
+            "set max_depth to at least 2 (2 renders direct light)",
         ));
     }
     named(ctx, file)?;
@@ -171,7 +171,7 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
         return Err(ctx.error(
             file.camera.span(),
             "the scene has no light",
-            "add a [projector], [[emitters]], or emission to an object",
+            "add a [projector], [[emitters]], or an object with emission",
         ));
     }
     let materials::Built {
@@ -207,12 +207,12 @@ fn tables(ctx: &mut Context, file: &SceneFile) -> Result<Scene, InputError> {
     {
         let (what, fix) = if camera.parallel {
             (
-                "an orthographic camera has no centre, so there are no epipolar lines",
-                "give it a field of view, or take the slice away",
+                "an orthographic camera has no centre of projection, so there are no epipolar lines",
+                "give the camera a field of view, or remove the slice",
             )
         } else {
             (
-                "camera and projector share their centre, so there are no epipolar lines",
+                "camera and projector have the same centre, so there are no epipolar lines",
                 "move the projector, or use projector = \"coaxial\"",
             )
         };
@@ -262,12 +262,12 @@ fn too_narrow(ctx: &Context, file: &SceneFile, gap: &Gap) -> InputError {
     ctx.error(
         both.first().map_or(0..0, |o| o.span()),
         format!(
-            "two surfaces are {:.1e} m apart at ({x:.4}, {y:.4}, {z:.4}), those{lines}; single precision tells {:.1e} m and more there, \
-             and light would be lost",
+            "the surfaces{lines} are {:.1e} m apart at ({x:.4}, {y:.4}, {z:.4}), but single precision resolves only gaps \
+             of at least {:.1e} m there; light would be lost",
             gap.width, gap.least
         ),
-        "leave more room between the two (or let objects with an interior overlap), or put the scene nearer to the origin; \
-         `gaps = \"warn\"` in [render] goes without that light",
+        "increase the distance of the surfaces (or let objects with an interior overlap), or move the scene closer to the \
+         origin; `gaps = \"warn\"` in [render] accepts the loss",
     )
 }
 
@@ -278,8 +278,8 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
         let at = ctx.text.find("name").map_or(0..0, |at| at..at + "name".len());
         return Err(ctx.error(
             at,
-            format!("`{name}` cannot name a scene"),
-            "use letters, digits, _ and -: the store is named so",
+            format!("`{name}` is not a valid name of a scene"),
+            "use letters, digits, _ and -: the name is also the name of the store",
         ));
     }
     for (i, object) in file.objects.iter().enumerate() {
@@ -290,13 +290,13 @@ fn named(ctx: &Context, file: &SceneFile) -> Result<(), InputError> {
             return Err(ctx.error(
                 object.span(),
                 "the object's name is empty",
-                "name it, or leave the line out",
+                "set a name, or remove the key",
             ));
         }
         if file.objects[..i].iter().any(|o| o.name.as_ref() == Some(name)) {
             return Err(ctx.error(
                 object.span(),
-                format!("a second object `{name}`"),
+                format!("duplicate object name `{name}`"),
                 "rename one of them",
             ));
         }
@@ -322,7 +322,7 @@ fn meaning(file: &SceneFile) -> String {
         },
         ..file.clone()
     };
-    let mut meaning = serde_json::to_value(&meaning).expect("tables with names for keys");
+    let mut meaning = serde_json::to_value(&meaning).expect("keys are strings");
     without_nulls(&mut meaning);
     meaning.to_string()
 }

@@ -29,8 +29,8 @@ pub(super) fn end(ctx: &mut Context, material: u32, outer: Uses) -> Result<(), I
         ..
     } = &own
     {
-        let message = "a material takes an attribute of its mesh beside an image or a checkerboard, and a mesh has texture coordinates for \
-                       one of the two";
+        let message = "a material uses a mesh attribute together with an image or a checkerboard, but a mesh can have texture \
+                       coordinates for only one of them";
         return Err(ctx.error(asked.name.span(), message, "keep one of the two"));
     }
     ctx.attributes.of_material.insert(material, own);
@@ -66,7 +66,7 @@ fn join(ctx: &mut Context, more: Asked) -> Result<(), InputError> {
     match &mut ctx.attributes.open.asked {
         Some(open) if *open.name != *more.name => {
             let message = format!(
-                "a material takes the attributes `{}` and `{}` of its mesh, and a mesh has one",
+                "a material uses the mesh attributes `{}` and `{}`, but a mesh can have only one",
                 *open.name, *more.name
             );
             return Err(ctx.error(more.name.span(), message, "keep one of the two"));
@@ -93,17 +93,17 @@ pub(super) fn give(
     let fault = |ctx: &Context, what: String, fix: &str| {
         Err(ctx.error(
             asked.name.span(),
-            format!("the attribute `{}` of {file} {what}", *asked.name),
+            format!("attribute `{}` of {file} {what}", *asked.name),
             fix,
         ))
     };
     if asked.number && corners.coloured {
-        let fix = "name an attribute of one property";
-        return fault(ctx, "is a colour, and a number is asked for".into(), fix);
+        let fix = "use an attribute with one property";
+        return fault(ctx, "is a colour, but a number is expected".into(), fix);
     }
     let first = ctx.attributes.corners.len();
     if first + corners.values.len() > MOST_CORNERS {
-        let what = format!("and those before have more than {MOST_CORNERS} triangles");
+        let what = format!("exceeds the limit of {MOST_CORNERS} triangles with attributes");
         return fault(ctx, what, "use a coarser mesh, or an image");
     }
     let values = corners.values.as_flattened().as_flattened();
@@ -113,7 +113,7 @@ pub(super) fn give(
     }
     if values.iter().any(|v| f64::from(*v) * asked.albedo > 1.0) {
         ctx.note(format!(
-            "{file}: values of `{}` reflect more light than they receive (above 1)",
+            "{file}: values of `{}` are above 1 and reflect more light than they receive",
             *asked.name
         ));
     }

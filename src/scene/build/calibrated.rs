@@ -9,8 +9,7 @@ use std::ops::Range;
 use syntax::device::{PinholeFile, ProjectorFile};
 use syntax::scene::SceneFile;
 
-const FIX: &str =
-    "name a file of `sunstone calibrate board` or `projector`; paths are relative to the scene file";
+const FIX: &str = "give a file written by `sunstone calibrate board` or `sunstone calibrate projector`; paths are relative to the scene file";
 
 /// The tables of a calibration file that scenes use.
 #[derive(Deserialize)]
@@ -48,7 +47,7 @@ fn camera(ctx: &Context, given: &PinholeFile) -> Result<PinholeFile, InputError>
     };
     let (document, within) = read(ctx, key)?;
     let Some(found) = document.camera else {
-        return Err(ctx.error(key.span(), format!("{} has no [camera]", **key), FIX));
+        return Err(ctx.error(key.span(), format!("{} has no [camera] table", **key), FIX));
     };
     let nested = found.calibration.as_ref().map(Located::span);
     sound(&within, &found, found.span(), nested)?;
@@ -64,15 +63,15 @@ fn projector(
         return Err(ctx.error(
             key.span(),
             "a coaxial projector takes pose, pixels and lens from the camera",
-            "take calibration out here, and name it in [camera]",
+            "remove calibration here, and set it in [camera]",
         ));
     }
     let (document, within) = read(ctx, key)?;
     let Some(found) = document.projector else {
         return Err(ctx.error(
             key.span(),
-            format!("{} has no [projector]", **key),
-            "calibrate it together with the camera: sunstone calibrate projector",
+            format!("{} has no [projector] table", **key),
+            "calibrate the projector together with the camera: sunstone calibrate projector",
         ));
     };
     let nested = found.calibration.as_ref().map(Located::span);
@@ -112,8 +111,8 @@ fn sound(
     if let Some(at) = nested {
         return Err(within.error(
             at,
-            "a calibration takes nothing from another one",
-            "name that one in the scene",
+            "a calibration file cannot refer to another calibration",
+            "refer to that file in the scene",
         ));
     }
     pinhole(within, device, span).map(|_| ())
@@ -142,8 +141,8 @@ fn overlaid(
     if lens.contains(&true) {
         return Err(ctx.error(
             key.span(),
-            "the lens is given by calibration, and by a key beside it",
-            "beside calibration stand pose, aperture and (of a projector) irradiance alone; take the others out",
+            "the lens is given both by calibration and by another key",
+            "together with calibration, set only pose, aperture and (for a projector) irradiance; remove all other keys",
         ));
     }
     let (size, own) = (*found.resolution, *given.resolution);
@@ -151,10 +150,10 @@ fn overlaid(
         return Err(ctx.error(
             key.span(),
             format!(
-                "the device has {} × {} pixels, and was calibrated with {} × {}",
+                "resolution is {} × {} pixels, but the calibration has {} × {} pixels",
                 own[0], own[1], size[0], size[1]
             ),
-            "leave resolution out, or calibrate with images of this size",
+            "remove resolution, or calibrate with images of this size",
         ));
     }
     // Locate errors in these values at the `calibration` key.
@@ -259,12 +258,12 @@ mod tests {
             (
                 BY_KEY.to_owned(),
                 whole.replace("[0, 9.25, 2.5]", "[1, 9.25, 2.5]"),
-                "c.toml:3:17: opencv_matrix is no camera matrix",
+                "c.toml:3:17: opencv_matrix is not a camera matrix",
             ),
             (
                 BY_KEY.to_owned(),
                 whole.replace("resolution = [8, 6]", "calibration = \"d.toml\""),
-                "c.toml:2:15: a calibration takes nothing",
+                "c.toml:2:15: a calibration file cannot refer",
             ),
             (
                 BY_KEY.replace("c.toml", "d.toml"),
@@ -274,12 +273,12 @@ mod tests {
             (
                 in_camera("fov_x_deg = 40"),
                 whole.clone(),
-                "s.toml:2:15: the lens is given by calibration",
+                "s.toml:2:15: the lens is given both by calibration",
             ),
             (
                 in_camera("resolution = [8, 7]"),
                 whole.clone(),
-                "s.toml:2:15: the device has 8 × 7 pixels",
+                "s.toml:2:15: resolution is 8 × 7 pixels",
             ),
             (
                 BY_KEY.replace("irradiance", "coaxial = true\nirradiance"),

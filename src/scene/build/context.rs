@@ -56,7 +56,7 @@ impl Context {
             ctx.error(
                 wavelengths_nm.span(),
                 format!("wavelengths_nm: {e}"),
-                "list 1 to 4 rising vacuum wavelengths in nanometres",
+                "give 1 to 4 vacuum wavelengths in nanometres, in increasing order",
             )
         })?;
         ctx.wavelengths = ctx.listed.clone();
@@ -168,7 +168,7 @@ impl Context {
                 self.error(
                     span,
                     format!("cannot read {}: {e}", path.display()),
-                    "paths are relative to the scene file; correct the name or put the file there",
+                    "paths are relative to the scene file; correct the path, or put the file there",
                 )
             })?,
         };
@@ -203,8 +203,8 @@ impl Context {
             SpectrumFile::Table(_) => {
                 return Err(self.error(
                     span,
-                    format!("the table of {what} is uneven"),
-                    "give nm, above 0 and rising, and as many values",
+                    format!("the table of {what} is invalid"),
+                    "give nm (positive and increasing) and values as lists of equal length",
                 ));
             }
             SpectrumFile::PerWavelength(list) => {
@@ -245,7 +245,7 @@ impl Context {
         Err(self.error(
             span,
             format!("{what} is {value}"),
-            format!("it must lie in {}..{}", range.start(), range.end()),
+            format!("give a value in {}..{}", range.start(), range.end()),
         ))
     }
 

@@ -22,7 +22,7 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
         return Err(ctx.error(
             span,
             "missing field `pose`",
-            "say where it stands: pose.look_at, pose.matrix or pose.extrinsics, or calibration = \"calibration.toml\"",
+            "give pose.look_at, pose.matrix or pose.extrinsics, or calibration = \"calibration.toml\"",
         ));
     }
     let [w, h] = *p.resolution;
@@ -30,7 +30,7 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
         return Err(ctx.error(
             p.resolution.span(),
             format!("resolution is {w} × {h}"),
-            "width and height must lie in 1..32768",
+            "give a width and height in 1..32768",
         ));
     }
     let (focal, principal) = intrinsics(ctx, p, span.clone())?;
@@ -42,8 +42,11 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
     ) {
         return Err(ctx.error(
             at,
-            format!("a camera with an orthographic_width ({} m) has no lens", **width),
-            "take distortion and aperture away, or the orthographic_width",
+            format!(
+                "an orthographic camera (orthographic_width = {} m) cannot have a lens",
+                **width
+            ),
+            "remove distortion and aperture, or remove orthographic_width",
         ));
     }
     let at = lens.span.unwrap_or(span);
@@ -55,8 +58,8 @@ pub(crate) fn pinhole(ctx: &Context, p: &PinholeFile, span: Range<usize>) -> Res
         if !(0.0..1e3).contains(&radius) || !(1e-6..HUGE).contains(&focus) {
             return Err(ctx.error(
                 aperture.span(),
-                format!("an aperture of radius {radius} m, in focus at {focus} m, is none"),
-                "give radius, 0 or more, and focus, above 0, in metres",
+                format!("invalid aperture: radius {radius} m, focus {focus} m"),
+                "give a radius of at least 0 and a focus above 0, in metres",
             ));
         }
         device.lens = Lens { radius, focus };
@@ -74,8 +77,8 @@ pub(crate) fn projector(
     if p.coaxial && camera.parallel {
         return Err(ctx.error(
             span,
-            "a coaxial projector shines through the camera's pinhole, and an orthographic camera has none",
-            "give the projector a pose and pixels of its own, or the camera a field of view",
+            "a coaxial projector requires the camera's pinhole, but an orthographic camera has no pinhole",
+            "give the projector its own pose and resolution, or give the camera a field of view",
         ));
     }
     if p.coaxial {
@@ -96,7 +99,7 @@ pub(crate) fn projector(
             return Err(ctx.error(
                 span,
                 "a coaxial projector takes pose, pixels and lens from the camera",
-                "remove coaxial = true, or every key but irradiance",
+                "remove coaxial = true, or remove all keys except irradiance",
             ));
         }
         return Ok(Projector {
@@ -108,8 +111,8 @@ pub(crate) fn projector(
     if p.resolution.is_none() || p.pose.is_none() {
         return Err(ctx.error(
             span,
-            "the projector lacks resolution or pose",
-            "give both, or coaxial = true, or calibration = \"calibration.toml\"",
+            "the projector has no resolution or no pose",
+            "give both, or set coaxial = true or calibration = \"calibration.toml\"",
         ));
     }
     let file = pinhole_of(p);

@@ -35,7 +35,7 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             let silent = object.part_materials.is_empty() && found.says_something;
             if silent {
                 ctx.note(format!(
-                    "{}: {} not used; `materials = true` beside `file` takes materials",
+                    "{}: {} not used; to use them, set `materials = true` next to `file`",
                     *mesh.file, found.what
                 ));
             }
@@ -49,7 +49,7 @@ pub(crate) fn expand(ctx: &mut Context, file: &SceneFile) -> Result<SceneFile, I
             let name = format!("{}:{}", *mesh.file, appearance.name);
             if !appearance.unused.is_empty() {
                 ctx.notes
-                    .push(format!("{name}: not used are {}", appearance.unused.join(", ")));
+                    .push(format!("{name}: unused keys: {}", appearance.unused.join(", ")));
             }
             for note in &appearance.notes {
                 ctx.note(format!("{name}: {note}"));
@@ -110,11 +110,11 @@ fn found(ctx: &mut Context, shape: &ShapeFile, mesh: &MeshFile) -> Result<Option
                         return Err(ctx.error(
                             mesh.file.span(),
                             format!(
-                                "cannot read {name}, the library of {}: {}",
+                                "cannot read {name}, the material library of {}: {}",
                                 *mesh.file,
                                 why.map_or_else(String::new, |e| e.to_string())
                             ),
-                            "put it there, or remove materials = true",
+                            "put the library there, or remove materials = true",
                         ));
                     }
                     _ => {}

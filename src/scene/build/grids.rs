@@ -22,20 +22,20 @@ pub(super) fn grid(ctx: &mut Context, file: &Located<GridFile>, most: f64) -> Re
             return fault(
                 ctx,
                 e.problem.to_string(),
-                "give a grid as Mitsuba's VolumeGrid writes it",
+                "give a grid in the format of Mitsuba's VolumeGrid",
             );
         }
     };
     if ![1, 3].contains(&vol.channels) {
-        let what = format!("it has {} numbers at each point", vol.channels);
-        return fault(ctx, what, "give one, or three");
+        let what = format!("expected 1 or 3 values per point, got {}", vol.channels);
+        return fault(ctx, what, "write a grid with 1 or 3 channels");
     }
     let most = (most as f32).min(1e30);
     if let Some(wrong) = vol.values.iter().find(|v| !(0.0..=most).contains(*v)) {
         return fault(
             ctx,
-            format!("it holds the number {wrong}"),
-            &format!("give numbers from 0 to {most}"),
+            format!("the value {wrong} is out of range"),
+            &format!("give values from 0 to {most}"),
         );
     }
     let corners = file.corners.unwrap_or(vol.bbox.map(|p| p.map(f64::from)));
@@ -60,7 +60,7 @@ pub(super) fn grid(ctx: &mut Context, file: &Located<GridFile>, most: f64) -> Re
         None => Err(ctx.error(
             file.span(),
             "the box of the grid has no volume",
-            "give box = [[x, y, z], [x, y, z]], the least corner first",
+            "give box = [[x, y, z], [x, y, z]] with the minimum corner first",
         )),
     }
 }

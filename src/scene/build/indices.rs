@@ -26,10 +26,7 @@ pub(super) fn index(ctx: &Context, index: &Located<IndexFile>, what: &str) -> Re
     if max_lane(k) > 1e-3 {
         return Err(ctx.error(
             index.span(),
-            format!(
-                "`{name}` absorbs (k up to {}), so it is not transparent",
-                max_lane(k)
-            ),
+            format!("`{name}` is not transparent: k is up to {}", max_lane(k)),
             "use a conductor, or give the refractive index as a number",
         ));
     }
@@ -57,7 +54,7 @@ pub(super) fn complex_index(
         }
         _ => Err(ctx.error(
             place.span(),
-            "the refractive index is missing, or given twice",
+            "expected either `metal` or both `n` and `k`",
             "give metal = \"NAME\" (or \"mirror\"), or both n and k",
         )),
     }
@@ -76,7 +73,7 @@ pub(super) fn constants_f64(
                 span.clone(),
                 e.to_string(),
                 match e {
-                    ConstantsError::Unknown { .. } => "use one of these names, or give numbers",
+                    ConstantsError::Unknown { .. } => "use one of the known names, or give numbers",
                     ConstantsError::Range { .. } => "give numbers, or change wavelengths_nm",
                 },
             )

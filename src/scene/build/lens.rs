@@ -24,7 +24,7 @@ pub(crate) fn intrinsics(
             Err(ctx.error(
                 fov.span(),
                 format!("the field of view is {}°", **fov),
-                "it must lie above 0 and below 179.9 degrees",
+                "give an angle above 0° and below 179.9°",
             ))
         }
     };
@@ -35,7 +35,7 @@ pub(crate) fn intrinsics(
             Err(ctx.error(
                 span,
                 format!("the focal length is {f} pixels"),
-                "give it in pixels, above 0.001",
+                "give a focal length above 0.001 pixels",
             ))
         }
     };
@@ -59,9 +59,9 @@ pub(crate) fn intrinsics(
         _ => {
             return Err(ctx.error(
                 span,
-                "the focal length is given in no way, or in more than one",
-                "give exactly one of fov_x_deg, fov_y_deg, opencv_matrix, or fx (with fy if pixels are not square); an orthographic camera \
-                 has an orthographic_width instead",
+                "expected exactly one specification of the focal length",
+                "give exactly one of fov_x_deg, fov_y_deg, opencv_matrix and fx (with fy if pixels are not square), or \
+                 orthographic_width for an orthographic camera",
             ));
         }
     };
@@ -70,8 +70,8 @@ pub(crate) fn intrinsics(
         Some(m) if p.cx.is_some() || p.cy.is_some() => {
             return Err(ctx.error(
                 m.span(),
-                "the principal point is given by opencv_matrix and by cx or cy",
-                "remove cx and cy, which count from the corner of the first pixel and not from its centre",
+                "the principal point is given both by opencv_matrix and by cx or cy",
+                "remove cx and cy (they are relative to the corner of the first pixel, those of opencv_matrix to its centre)",
             ));
         }
         Some(m) => opencv_principal(ctx, m)?,
@@ -92,14 +92,14 @@ fn opencv_principal(ctx: &Context, m: &Located<[[f64; 3]; 3]>) -> Result<DVec2, 
     let error = |message: String, help: &str| Err(ctx.error(m.span(), message, help));
     if last != [0.0, 0.0, 1.0] || below != 0.0 {
         return error(
-            "opencv_matrix is no camera matrix".into(),
-            "write [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; the matrices of other programs may be transposed",
+            "opencv_matrix is not a camera matrix".into(),
+            "write [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; some programs write the transposed matrix",
         );
     }
     if skew != 0.0 {
         return error(
-            format!("opencv_matrix has a skew of {skew}, but pixels here have right angles"),
-            "calibrate without skew and put 0 into the middle of the first row",
+            format!("opencv_matrix has a skew of {skew}, which is not supported"),
+            "calibrate without skew and set the second entry of the first row to 0",
         );
     }
     Ok(DVec2::new(cx + 0.5, cy + 0.5))
@@ -123,7 +123,7 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
     if let Some(second) = given.next() {
         return Err(ctx.error(
             second,
-            "the lens is given in more than one way",
+            "the lens distortion is given more than once",
             "keep one of distortion, opencv and fisheye",
         ));
     }
@@ -132,20 +132,20 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
             let file = by_order(list).ok_or_else(|| {
                 ctx.error(
                     list.span(),
-                    format!("opencv has {} coefficients", list.len()),
-                    "give 4, 5, 8, 12 or 14 in OpenCV's order: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
+                    format!("unsupported number of opencv coefficients: {}", list.len()),
+                    "give 4, 5, 8, 12 or 14 coefficients in OpenCV's order: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
                 )
             })?;
             (
                 opencv(&file),
                 list.to_vec(),
-                "check signs and order: k1, k2, p1, p2, k3, ...",
+                "check the signs and the order of k1, k2, p1, p2, k3, ...",
             )
         }
         (None, Some(k)) => (
             Distortion::Fisheye(Fisheye { k: **k }),
             k.to_vec(),
-            "check the focal length, the signs and the order of k1, k2, k3, k4, and that the lens was calibrated as a fisheye",
+            "check the focal length, the signs and the order of k1, k2, k3, k4, and that the lens was calibrated with a fisheye model",
         ),
         (None, None) => {
             let file = p.distortion.as_deref().cloned().unwrap_or_default();
@@ -161,8 +161,8 @@ pub(crate) fn distortion(ctx: &Context, p: &PinholeFile) -> Result<Lens, InputEr
     if let (false, Some(at)) = (finite, &span) {
         return Err(ctx.error(
             at.clone(),
-            "a coefficient of the distortion is not a finite number",
-            "give numbers as calibration prints them",
+            "a distortion coefficient is not a finite number below 1e6",
+            "copy the coefficients from the calibration",
         ));
     }
     Ok(Lens {

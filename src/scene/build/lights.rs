@@ -52,7 +52,7 @@ pub(crate) fn emitters(ctx: &mut Context, list: &[Located<EmitterFile>]) -> Resu
             EmitterFile::Directional(d) => all.lights.distant.push(directional(ctx, d, at)?),
             EmitterFile::Beam(b) => all.lights.distant.push(beam(ctx, b, at)?),
             EmitterFile::Environment(_) if all.environment.is_some() || all.lights.sky.is_some() => {
-                return Err(ctx.error(at, "a second environment", "keep one"));
+                return Err(ctx.error(at, "duplicate environment emitter", "keep one environment"));
             }
             EmitterFile::Environment(v) => match &v.image {
                 None => all.environment = Some(environment(ctx, v, at)?),
@@ -100,7 +100,7 @@ fn spot_slide(
     let Some(image) = &s.image else {
         return match s.up {
             None => Ok(None),
-            Some(_) => Err(ctx.error(at, "the spot has `up` without an image", "take it away")),
+            Some(_) => Err(ctx.error(at, "a spot without an image cannot have `up`", "remove `up`")),
         };
     };
     let cutoff = ctx.number(&s.cutoff_deg, "cutoff_deg of a spot with an image", 0.01..=89.9)?;
@@ -109,8 +109,8 @@ fn spot_slide(
     let Some(x) = z.cross(up).try_normalize() else {
         return Err(ctx.error(
             at,
-            "`up` runs along direction",
-            "give the image's up, across direction",
+            "`up` is parallel to direction",
+            "give an up vector that is not parallel to direction",
         ));
     };
     let half = Vec2::splat(cutoff.to_radians().tan() as f32);
@@ -161,7 +161,7 @@ fn direction(ctx: &Context, v: [f64; 3], at: Range<usize>, what: &str) -> Result
     vector(ctx, v, at.clone(), what)?.try_normalize().ok_or_else(|| {
         ctx.error(
             at,
-            format!("{what} has no length"),
+            format!("{what} has zero length"),
             "give a direction such as [1, 0, 0]",
         )
     })
@@ -183,10 +183,7 @@ fn polarized(
         if s0 != 1.0 || !(0.0..=1.0 + 1e-6).contains(&degree2) {
             return Err(ctx.error(
                 s.span(),
-                format!(
-                    "there is no light with the Stokes vector {:?} over its intensity",
-                    **s
-                ),
+                format!("invalid normalized Stokes vector {:?}", **s),
                 "give [1, s1, s2, s3] with s1² + s2² + s3² at most 1",
             ));
         }
@@ -225,7 +222,7 @@ fn luminaire(ctx: &mut Context, i: &IesFile, at: Range<usize>) -> Result<PointEm
         ctx.error(
             i.file.span(),
             format!("{}: {e}", ctx.path(&i.file).display()),
-            "give a luminaire's IES LM-63 file",
+            "give an IES LM-63 file of a luminaire",
         )
     })?;
     let z = direction(ctx, i.direction, at.clone(), "direction")?;
@@ -233,8 +230,8 @@ fn luminaire(ctx: &mut Context, i: &IesFile, at: Range<usize>) -> Result<PointEm
     let Some(x) = (zero - z * zero.dot(z)).try_normalize() else {
         return Err(ctx.error(
             at,
-            "zero runs along direction",
-            "give the direction of horizontal angle 0, across direction",
+            "zero is parallel to direction",
+            "give a direction of horizontal angle 0 that is not parallel to direction",
         ));
     };
     let to_world = Mat3A::from_cols(x, z.cross(x), z);
@@ -291,8 +288,8 @@ fn environment(ctx: &Context, v: &EnvironmentFile, at: Range<usize>) -> Result<E
     if v.transform.is_some() || v.stokes.is_some() || v.polarizer_deg.is_some() {
         return Err(ctx.error(
             at,
-            "an environment without an image has a transform, a Stokes vector or a polarizer",
-            "give an image, or take the key away",
+            "an environment without an image cannot have a transform, a Stokes vector or a polarizer",
+            "give an image, or remove the key",
         ));
     }
     Ok(Environment {
@@ -316,8 +313,8 @@ fn sky(
             if !turned {
                 return Err(ctx.error(
                     t.span(),
-                    "the transform of an environment map scales or shears it",
-                    "give rotate_deg, or a matrix that only rotates or mirrors",
+                    "the transform of the environment map contains scale or shear",
+                    "give rotate_deg, or a matrix of a rotation or reflection",
                 ));
             }
             m.as_mat3().into()
@@ -334,10 +331,10 @@ fn sky(
         return Err(ctx.error(
             image.span(),
             format!(
-                "{} has texels below 0, above 1e30 or not finite",
+                "{} has texels that are negative, above 1e30 or not finite",
                 ctx.path(image).display()
             ),
-            "correct them: radiances are finite and not negative",
+            "correct the image: radiance values must be finite and not negative",
         ));
     }
     Sky::new(
@@ -350,8 +347,8 @@ fn sky(
     .ok_or_else(|| {
         ctx.error(
             image.span(),
-            format!("the sky of {} is black", ctx.path(image).display()),
-            "give an image with light in it, or take the environment away",
+            format!("the environment map {} is black", ctx.path(image).display()),
+            "give an image with values above 0, or remove the environment",
         )
     })
 }

@@ -159,15 +159,15 @@ impl<'a> Builder<'_, 'a> {
             let known = files.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
             return Err(self.ctx.error(
                 name.span(),
-                format!("there is no material `{}`", **name),
+                format!("unknown material `{}`", **name),
                 format!("add [materials.{}], or use one of: {known}", **name),
             ));
         };
         if self.open.contains(&key.as_str()) || self.open.len() >= 16 {
             return Err(self.ctx.error(
                 name.span(),
-                format!("material `{key}` is made of itself, or of too many others"),
-                "materials may name others, up to 16 deep, but not in a circle",
+                format!("material `{key}` refers to itself, or its nesting is deeper than 16"),
+                "nest materials at most 16 deep and without cycles",
             ));
         }
         self.named(key)
@@ -311,8 +311,8 @@ impl<'a> Builder<'_, 'a> {
         };
         let refused = |e: PbsdfError| {
             let text = e.to_string();
-            let (fault, fix) = text.split_once("; ").unwrap_or((&text, "give another file"));
-            let message = format!("{} {fault}", path.display());
+            let (fault, fix) = text.split_once("; ").unwrap_or((&text, "choose another file"));
+            let message = format!("{}: {fault}", path.display());
             self.ctx.error(m.file.span(), message, fix)
         };
         let table = Table::open(&path, &options).map_err(refused)?;
@@ -373,7 +373,7 @@ impl<'a> Builder<'_, 'a> {
             .scalar(roughness, "roughness", 0.001..=1.0)
             .map_err(|mut e| {
                 if e.message.starts_with("roughness") {
-                    e.help = Some("it must lie in 0.001..1; without it a crystal has smooth faces".into());
+                    e.help = Some("give a value in 0.001..1, or remove roughness for smooth faces".into());
                 }
                 e
             })?;
@@ -387,8 +387,9 @@ impl<'a> Builder<'_, 'a> {
     fn alpha(&mut self, alpha: &Located<ScalarFile>) -> Result<Scalar, InputError> {
         self.scalar(alpha, "alpha", 0.001..=1.0).map_err(|mut e| {
             if e.message.starts_with("alpha") {
-                e.help =
-                    Some("it must lie in 0.001..1; `conductor` and `dielectric` are smooth surfaces".into());
+                e.help = Some(
+                    "give a value in 0.001..1; for smooth surfaces use `conductor` or `dielectric`".into(),
+                );
             }
             e
         })

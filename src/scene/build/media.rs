@@ -158,9 +158,9 @@ fn refused(ctx: &Context, span: Range<usize>, e: &BulkError) -> InputError {
     let fix = match e {
         BulkError::Mie(_) => "change the radii, the index or wavelengths_nm",
         BulkError::Size(_) => "correct the sizes; `sunstone schema` describes them",
-        BulkError::Density(_) => "give the density of the particles' matter",
-        BulkError::Amount(_) => "give less of it, or none",
-        BulkError::Constants(ConstantsError::Unknown { .. }) => "use one of these names, or give numbers",
+        BulkError::Density(_) => "give the mass density of the particle material",
+        BulkError::Amount(_) => "give a smaller amount",
+        BulkError::Constants(ConstantsError::Unknown { .. }) => "use one of the known names, or give numbers",
         BulkError::Constants(ConstantsError::Range { .. }) => "change wavelengths_nm",
     };
     ctx.error(span, e.to_string(), fix)
@@ -188,7 +188,7 @@ fn host(ctx: &Context, host: &Located<IndexFile>, what: &str) -> Result<[Vec<f64
         return Err(ctx.error(
             host.span(),
             format!("{what} is {n} + {k} i"),
-            "a medium's index lies in 1..10, and its k below 0.001: the host of a medium is transparent",
+            "give a transparent host with an index in 1..10 and k of at most 0.001",
         ));
     }
     let is_water =
@@ -271,7 +271,7 @@ fn mixture(
     if kinds.is_empty() {
         return Err(ctx.error(
             kinds.span(),
-            "there are no particles",
+            "the list of particle kinds is empty",
             "list at least one kind: { index = 1.5, sizes.single = { radius_nm = 100 }, amount.volume_fraction = 0.01 }",
         ));
     }
@@ -314,15 +314,19 @@ fn sizes(ctx: &Context, file: &Located<SizesFile>) -> Result<SizeDistribution, I
         SizesFile::List(s) if s.radius_nm.len() != s.weight.len() => {
             return Err(ctx.error(
                 file.span(),
-                format!("{} radii have {} weights", s.radius_nm.len(), s.weight.len()),
-                "give radius_nm and as many of weight",
+                format!(
+                    "expected one weight per radius, got {} radii and {} weights",
+                    s.radius_nm.len(),
+                    s.weight.len()
+                ),
+                "give radius_nm and weight as lists of equal length",
             ));
         }
         SizesFile::List(s) if s.weight.iter().any(|w| *w > super::context::HUGE) => {
             return Err(ctx.error(
                 file.span(),
-                "a weight is too large",
-                "weights count among themselves: give moderate numbers",
+                "a weight is above 1e12",
+                "give smaller weights; only their ratios matter",
             ));
         }
         SizesFile::List(s) => {

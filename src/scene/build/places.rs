@@ -14,15 +14,15 @@ pub(super) fn read(ctx: &mut Context, file: &Located<String>) -> Result<Vec<DAff
             if places::is_array(&bytes) {
                 "give an array of n × 3 × 4 or n × 4 × 4 floating-point numbers"
             } else {
-                "give a copy a line, by the 12 numbers of a 3×4 matrix, row after row, or the 16 of a 4×4 matrix"
+                "give one copy per line: the 12 numbers of a 3×4 matrix in row-major order, or the 16 of a 4×4 matrix"
             },
         )
     })?;
     if places.is_empty() {
         return Err(ctx.error(
             file.span(),
-            format!("{} lists no places", **file),
-            "give a copy a line, or take the instance away",
+            format!("{} contains no placements", **file),
+            "give one copy per line, or remove the instance",
         ));
     }
     Ok(places)

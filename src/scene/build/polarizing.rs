@@ -31,8 +31,8 @@ pub(super) fn coated(
     if file.films.len() > MAX_FILMS {
         return Err(ctx.error(
             file.films.span(),
-            format!("there are {} films", file.films.len()),
-            format!("a mirror can have up to {MAX_FILMS}"),
+            format!("expected at most {MAX_FILMS} films, got {}", file.films.len()),
+            format!("give at most {MAX_FILMS} films"),
         ));
     }
     let mut films = [Film::NONE; MAX_FILMS];
@@ -54,8 +54,8 @@ fn film(ctx: &Context, film: &FilmFile) -> Result<Film, InputError> {
         (IndexFile::Named(name), Some(k)) => {
             return Err(ctx.error(
                 k.span(),
-                format!("`{name}` has its k from the optical constants"),
-                "take k away, or give ior as a number",
+                format!("k is given twice: `{name}` takes k from the optical constants"),
+                "remove k, or give ior as a number",
             ));
         }
         (IndexFile::Values(n), k) => (
@@ -82,7 +82,7 @@ pub(super) fn polarizer(ctx: &Context, file: &PolarizerFile) -> Result<Polarizer
         return Err(ctx.error(
             at,
             "a circular polarizer has no axis",
-            "take angle_deg and axis away",
+            "remove angle_deg and axis",
         ));
     }
     Ok(Polarizer {
@@ -109,7 +109,7 @@ pub(super) fn retarder(
         _ => {
             return Err(ctx.error(
                 place.span(),
-                "the retardance is missing, or given twice",
+                "expected exactly one of retardance_deg and retardance_nm",
                 "give retardance_deg = 90 (a quarter wave), or retardance_nm",
             ));
         }
@@ -124,8 +124,8 @@ pub(super) fn retarder(
         (_, Some(ior)) => {
             return Err(ctx.error(
                 ior.span(),
-                "ior means something for tilt = \"plate\" alone",
-                "take it away",
+                "ior is used only with tilt = \"plate\"",
+                "remove ior, or set tilt = \"plate\"",
             ));
         }
         (TiltFile::Constant, None) => Tilt::Constant,
@@ -157,15 +157,15 @@ pub(super) fn crystal(
     if *file.split && width > 0.0 {
         return Err(ctx.error(
             file.bandwidth_nm.span(),
-            "bandwidth_nm means nothing with split = true, whose rays are incoherent",
-            "take one of them away",
+            "bandwidth_nm has no effect with split = true, because the split rays are incoherent",
+            "remove one of the two keys",
         ));
     }
     if let (true, Some(roughness)) = (*file.split, &file.roughness) {
         return Err(ctx.error(
             roughness.span(),
-            "split = true has smooth faces alone: the facets of rough ones do not part ordinary and extraordinary rays",
-            "take roughness away, or split",
+            "split = true requires smooth faces: rough facets do not split ordinary and extraordinary rays",
+            "remove roughness or split",
         ));
     }
     let interior = Spectral::new(interior);
@@ -201,8 +201,8 @@ fn crystal_indices(
             if !CRYSTALS.contains(&plain.as_str()) {
                 return Err(ctx.error(
                     name.span(),
-                    format!("there are no constants of a crystal `{}`", **name),
-                    format!("use one of {}, or give n_o and n_e", CRYSTALS.join(", ")),
+                    format!("unknown crystal `{}`", **name),
+                    format!("use one of: {}; or give n_o and n_e", CRYSTALS.join(", ")),
                 ));
             }
             let n = |ray: &str| {
@@ -221,7 +221,7 @@ fn crystal_indices(
         }
         _ => Err(ctx.error(
             place.span(),
-            "the crystal's refractive indices are missing, or given twice",
+            "expected either the name of a crystal or both n_o and n_e",
             "give name = \"calcite\", or both n_o and n_e",
         )),
     }
@@ -242,8 +242,8 @@ fn sheet_axis(
         (None, Some(axis)) => Ok(SheetAxis::World(direction(ctx, axis)?)),
         (Some(_), Some(axis)) => Err(ctx.error(
             axis.span(),
-            "the axis is given twice, by angle_deg and by axis",
-            "take one of them away",
+            "the axis is given both by angle_deg and by axis",
+            "remove one of the two keys",
         )),
     }
 }
@@ -255,7 +255,7 @@ fn direction(ctx: &Context, axis: &Located<[f64; 3]>) -> Result<Vec3A, InputErro
         .ok_or_else(|| {
             ctx.error(
                 axis.span(),
-                format!("axis is {:?}, which is no direction", **axis),
+                format!("axis is {:?}, which has no direction", **axis),
                 "give three numbers that are not all zero",
             )
         })

@@ -69,10 +69,10 @@ pub(crate) fn pose(ctx: &Context, pose: &Located<PoseFile>) -> Result<(Vec3A, Ma
                 return Err(ctx.error(
                     span,
                     "the pose matrix is not a rotation and a translation",
-                    "columns must be the right-handed unit vectors right, down, forward, then the position; last row 0 0 0 1",
+                    "give the columns right, down, forward (right-handed unit vectors) and position, with the last row 0 0 0 1",
                 ));
             }
-            let origin = vector(ctx, column(3).to_array(), span, "the position in the pose matrix")?;
+            let origin = vector(ctx, column(3).to_array(), span, "the position of the pose matrix")?;
             // Orthonormalize, so that calibration rounding does not scale directions.
             let x = x.normalize();
             let y = (y - x * x.dot(y)).normalize();
@@ -92,7 +92,7 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
         (Some(rows), None) => rotation(rows).map_err(|why| {
             error(
                 why,
-                "give the rows of the rotation from world to device as calibration prints them",
+                "copy the rows of the rotation from world to device from the calibration",
             )
         })?,
         (None, Some(v)) if v.iter().all(|x| x.abs() < 1e3) => {
@@ -101,21 +101,21 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
         }
         (None, Some(_)) => {
             return Err(error(
-                "rvec is no rotation".into(),
+                "rvec is not a valid rotation vector".into(),
                 "give the axis times the angle in radians",
             ));
         }
         _ => {
             return Err(error(
-                "extrinsics have no rotation, or two".into(),
-                "give either R (three rows) or rvec (axis times angle in radians)",
+                "expected exactly one of R and rvec in extrinsics".into(),
+                "give R (three rows) or rvec (axis times angle in radians)",
             ));
         }
     };
     let ((Some(t), None) | (None, Some(t))) = (e.t, e.tvec) else {
         return Err(error(
-            "extrinsics have no translation, or two".into(),
-            "give either t or tvec, in metres",
+            "expected exactly one of t and tvec in extrinsics".into(),
+            "give t or tvec, in metres",
         ));
     };
     let axes = rotation.transpose();
@@ -124,7 +124,7 @@ fn extrinsics(ctx: &Context, e: &ExtrinsicsFile, span: Range<usize>) -> Result<(
         ctx,
         origin.to_array(),
         span.clone(),
-        "the position that R and t give",
+        "the position computed from R and t",
     )?;
     let axes = [axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::as_vec3a);
     Ok((origin, Mat3A::from_cols(axes[0], axes[1], axes[2])))
@@ -143,11 +143,11 @@ pub(crate) fn rotation(rows: [[f64; 3]; 3]) -> Result<DMat3, String> {
     let worst = off.to_cols_array().iter().fold(0.0_f64, |a, x| a.max(x.abs()));
     if !(r.is_finite() && worst < PRINTED) {
         return Err(format!(
-            "R is no rotation: its columns are {worst:.2} off being perpendicular unit vectors"
+            "R is not a rotation: the columns deviate by {worst:.2} from orthonormal vectors"
         ));
     }
     if r.determinant() < 0.0 {
-        return Err("R is a reflection (its determinant is -1): an axis is turned round".into());
+        return Err("R is a reflection (determinant -1): the sign of one axis is wrong".into());
     }
     // Converge to the closest rotation (Newton–Schulz iteration, quadratic).
     for _ in 0..4 {
@@ -175,7 +175,7 @@ mod tests {
             let mirrored = rotation(printed.map(|[x, y, z]| [-x, y, z]));
             prop_assert!(mirrored.is_err_and(|e| e.contains("reflection")));
             let scaled = rotation(printed.map(|row| row.map(|x| 1.01 * x)));
-            prop_assert!(scaled.is_err_and(|e| e.contains("no rotation")));
+            prop_assert!(scaled.is_err_and(|e| e.contains("not a rotation")));
         }
     }
 }

@@ -83,7 +83,7 @@ pub(crate) fn place(
             let known = materials.keys().copied().collect::<Vec<_>>().join(", ");
             ctx.error(
                 name.span(),
-                format!("there is no material `{}`", **name),
+                format!("unknown material `{}`", **name),
                 format!("add [materials.{}], or use one of: {known}", **name),
             )
         })
@@ -95,10 +95,10 @@ pub(crate) fn place(
         ctx.error(
             object.shape.span(),
             format!(
-                "its material takes the attribute `{}` of a mesh, which this shape has not",
+                "the material requires the mesh attribute `{}`, which this shape does not have",
                 *asked.name
             ),
-            "give it a PLY mesh with the attribute, or another material",
+            "use a PLY mesh with the attribute, or another material",
         )
     };
     if let Some(asked) = asked.as_ref().filter(|_| !is_ply) {
@@ -107,15 +107,15 @@ pub(crate) fn place(
     if matches!(*object.shape, ShapeFile::Disk(_)) && ctx.attributes.heights(material) {
         return Err(ctx.error(
             object.shape.span(),
-            "a disk has no coordinates on which a bump map could lie",
+            "a disk has no texture coordinates for a bump map",
             "use a mesh",
         ));
     }
     if let (Some(_), Some(image)) = (&asked, object.emission.as_ref().and_then(|e| e.image.as_ref())) {
         return Err(ctx.error(
             image.span(),
-            "the light has an image and its material an attribute of the mesh, which has texture coordinates for one of the two",
-            "give the object another material",
+            "the emission has an image and the material uses a mesh attribute, but a mesh can have texture coordinates for only one of them",
+            "use another material for the object",
         ));
     }
     let place = match &object.transform {
@@ -128,8 +128,8 @@ pub(crate) fn place(
         if !is_solid(&world) {
             return Err(ctx.error(
                 span.clone(),
-                "the shape has no size",
-                "give it a radius and extent above 0",
+                "the shape has zero size",
+                "give a radius and extents above 0",
             ));
         }
         let columns = [
@@ -141,7 +141,7 @@ pub(crate) fn place(
         if columns.iter().any(|c| c.abs().max_element() > HUGE) {
             return Err(ctx.error(
                 span.clone(),
-                "the shape reaches to infinity",
+                "the shape is too large",
                 "keep coordinates below 1e12 m",
             ));
         }
@@ -158,7 +158,7 @@ pub(crate) fn place(
                 return Err(ctx.error(
                     object.shape.span(),
                     "the mesh is both flat and smooth",
-                    "keep one: flat drops vertex normals, smooth computes those that the file does not have",
+                    "keep one: flat removes vertex normals, smooth computes missing vertex normals",
                 ));
             }
             let (mut used, mut meshes, mut numbers, mut corners) = (vec![], vec![], vec![], vec![]);
@@ -173,7 +173,7 @@ pub(crate) fn place(
                 } else {
                     if let Some(name) = part.material.as_ref().filter(|_| m.materials) {
                         ctx.note(format!(
-                            "{}: no library has its material `{name}`: `{}` is used",
+                            "{}: material `{name}` is not in any material library; using `{}`",
                             *m.file, *object.material
                         ));
                     }
@@ -202,7 +202,7 @@ pub(crate) fn place(
             if let Some((key, name)) = object.part_materials.iter().find(|(k, _)| !used.contains(k)) {
                 return Err(ctx.error(
                     name.span(),
-                    format!("{} has no part with material `{key}`", *m.file),
+                    format!("{} has no part with the material `{key}`", *m.file),
                     "correct the part's name, or remove the line",
                 ));
             }
@@ -264,7 +264,7 @@ pub(crate) fn place(
         ShapeFile::Cube(c) => {
             let (lo, hi) = (DVec3::from_array(c.min), DVec3::from_array(c.max));
             if !lo.cmplt(hi).all() {
-                return Err(ctx.error(span, "the cube is empty", "min must lie below max on every axis"));
+                return Err(ctx.error(span, "the cube is empty", "give min below max on every axis"));
             }
             let shape =
                 DAffine3::from_scale_rotation_translation((hi - lo) / 2.0, DQuat::IDENTITY, (hi + lo) / 2.0);
@@ -289,7 +289,7 @@ fn load(
         return Err(ctx.error(
             m.file.span(),
             format!(
-                "the mesh has the index {}, but only `serialized` files have several",
+                "index is {}, but only `serialized` files have several meshes",
                 m.index
             ),
             "remove index",
@@ -337,15 +337,15 @@ pub(crate) fn moved(
     if !is_solid(&place) {
         return Err(ctx.error(
             object.shape.span(),
-            "the shape has no size, or its transform squashes it flat",
-            "give it extent above 0 along every direction",
+            "the shape or its transform has zero extent along a direction",
+            "give an extent above 0 along every direction",
         ));
     }
     mesh.transform(&affine(place));
     if !import::lies_within(&mesh, HUGE) {
         return Err(ctx.error(
             object.shape.span(),
-            "the shape reaches to infinity",
+            "the shape is too large",
             "keep coordinates below 1e12 m",
         ));
     }
@@ -357,8 +357,8 @@ fn sized(ctx: &Context, radius: f64, span: Range<usize>) -> Result<(), InputErro
     if radius >= 0.0 {
         return Ok(());
     }
-    let message = format!("the radius is {radius}");
-    Err(ctx.error(span, message, "give metres above 0"))
+    let message = format!("radius is {radius}");
+    Err(ctx.error(span, message, "give a radius above 0, in metres"))
 }
 
 /// Returns whether the map is finite and invertible.
@@ -394,8 +394,8 @@ pub(crate) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAf
         {
             return Err(ctx.error(
                 t.span(),
-                "the transform is a matrix and something else, or its last row is not 0 0 0 1",
-                "give an affine matrix alone, or scale, rotate_deg and translate",
+                "the transform has other keys besides matrix, or the last row of matrix is not 0 0 0 1",
+                "give only an affine matrix, or only scale, rotate_deg and translate",
             ));
         }
         let column = |j: usize| DVec3::new(m[0][j], m[1][j], m[2][j]);
@@ -411,7 +411,7 @@ pub(crate) fn transform(ctx: &Context, t: &Located<TransformFile>) -> Result<DAf
         Some(_) => {
             return Err(ctx.error(
                 t.span(),
-                "scale is neither one factor nor three",
+                "scale is not one factor or three",
                 "give one factor, or three (x, y, z)",
             ));
         }

@@ -40,14 +40,14 @@ pub(crate) fn build(
         if name.is_empty() || !name.chars().all(plain) || RESERVED.contains(&name.as_str()) {
             return Err(ctx.error(
                 s.name.span(),
-                format!("`{name}` cannot name a slice"),
+                format!("`{name}` is not a valid name of a slice"),
                 "use letters, digits, _ and -",
             ));
         }
         if slices.iter().any(|o| o.name == *name) {
             return Err(ctx.error(
                 s.name.span(),
-                format!("a second slice `{name}`"),
+                format!("duplicate slice name `{name}`"),
                 "rename one of them",
             ));
         }
@@ -76,7 +76,7 @@ pub(crate) fn build(
         };
         return Err(ctx.error(
             span,
-            format!("tiles of {} pixels do not hold whole camera bins", **tile),
+            format!("tiles of {} pixels do not contain whole camera bins", **tile),
             format!("set render.tile to a multiple of {multiple}, or choose other bins"),
         ));
     }
@@ -103,7 +103,7 @@ pub(crate) fn build(
             return Err(ctx.error(
                 s.span(),
                 format!("slice `{}` would have {chunk} elements in one tile", slice.name),
-                "make render.tile smaller, or resolve less in one slice",
+                "reduce render.tile, or keep fewer entries in the slice",
             ));
         }
     }
@@ -122,8 +122,11 @@ fn listed(
     if list.is_empty() || !rising || list.iter().any(|&i| i >= limit) {
         return Err(ctx.error(
             span,
-            format!("{what} are not a rising list of indices below {limit}"),
-            format!("list each once, in order, from 0 to {}", limit - 1),
+            format!("{what} are not an increasing list of indices below {limit}"),
+            format!(
+                "list each index once, in increasing order, from 0 to {}",
+                limit - 1
+            ),
         ));
     }
     Ok(list.to_vec())
@@ -135,8 +138,8 @@ fn block(ctx: &Context, b: [u32; 4], [w, h]: [u32; 2], span: Range<usize>) -> Re
     if !fits(x, bw, w) || !fits(y, bh, h) {
         return Err(ctx.error(
             span,
-            format!("the block does not lie in the image of {w} × {h} pixels"),
-            "give [x, y, width, height] with x + width and y + height inside",
+            format!("the block is outside the image of {w} × {h} pixels"),
+            "give [x, y, width, height] with x + width and y + height inside the image",
         ));
     }
     Ok(Block { x, y, w: bw, h: bh })
@@ -152,7 +155,7 @@ fn bin(
         return Err(ctx.error(
             span,
             format!("bins of {nx} × {ny} pixels do not fit an image of {w} × {h}"),
-            "give a size from 1 to the image's",
+            "give bins of at least 1 pixel and at most the size of the image",
         ));
     }
     Ok((nx, ny))
@@ -194,7 +197,7 @@ fn projector_select(
     let Some(projector) = projector else {
         return Err(ctx.error(
             span,
-            "the slice resolves projector pixels, and the scene has no projector",
+            "the slice resolves projector pixels, but the scene has no projector",
             "add a [projector], or use projector = \"sum\"",
         ));
     };
@@ -233,10 +236,10 @@ fn projector_select(
             return Err(ctx.error(
                 span,
                 format!(
-                    "epipolar slices of a projector of {} × {} pixels",
+                    "epipolar slices do not support a projector of {} × {} pixels",
                     size[0], size[1]
                 ),
-                "give the projector at most 2^24 (4096 × 4096) pixels",
+                "use a projector with at most 2^24 (4096 × 4096) pixels",
             ));
         }
         ProjectorSelectFile::Epipolar(e) => {
@@ -258,8 +261,8 @@ fn projector_select(
         ProjectorSelectFile::Coaxial if size != camera.resolution => {
             return Err(ctx.error(
                 span,
-                "the coaxial slice needs s' = s, and camera and projector differ in resolution",
-                "give both the same resolution, or set coaxial = true in [projector]",
+                "a coaxial slice requires camera and projector of equal resolution",
+                "set equal resolutions, or set coaxial = true in [projector]",
             ));
         }
         ProjectorSelectFile::Coaxial => ProjectorSelect::Coaxial,
@@ -291,7 +294,7 @@ fn mask(
         return Err(ctx.error(
             span,
             format!(
-                "{name} has {} × {} pixels, the projector {w} × {h}",
+                "{name} has {} × {} pixels, but the projector has {w} × {h}",
                 image.width, image.height
             ),
             "scale the image to the projector's resolution",
@@ -302,8 +305,8 @@ fn mask(
     if outside > 0 {
         return Err(ctx.error(
             span,
-            format!("{name}: {outside} pixels are not within 0..1"),
-            "a drive image holds what the projector shows, from 0 (black) to 1",
+            format!("{name}: {outside} pixels are outside 0..1"),
+            "give a drive image with values from 0 (black) to 1",
         ));
     }
     Ok(ProjectorSelect::Mask {
@@ -319,7 +322,7 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
     if !(b.bin_ps.is_finite() && *b.bin_ps > 0.0 && b.start_ps.is_finite()) {
         return Err(ctx.error(
             b.bin_ps.span(),
-            format!("bin_ps is {} and start_ps {}", *b.bin_ps, b.start_ps),
+            format!("bin_ps is {} and start_ps is {}", *b.bin_ps, b.start_ps),
             "give a bin width above 0 and a finite start, in picoseconds",
         ));
     }
@@ -338,10 +341,10 @@ fn time_select(ctx: &Context, t: &TimeFile) -> Result<TimeSelect, InputError> {
         return Err(ctx.error(
             b.bin_ps.span(),
             format!(
-                "bins of {} ps from {} to {end} ps cannot be told apart",
+                "bins of {} ps from {} to {end} ps are too narrow for single precision",
                 *b.bin_ps, b.start_ps
             ),
-            "give wider bins, or earlier ones",
+            "use wider bins or earlier times",
         ));
     }
     Ok(TimeSelect::Bins {

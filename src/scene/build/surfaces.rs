@@ -125,14 +125,14 @@ impl<'a> Surfaces<'a> {
                 return Err(ctx.error(
                     group.span(),
                     format!("the group `{name}` is empty"),
-                    format!("add [[groups.{name}.objects]], or take the group away"),
+                    format!("add [[groups.{name}.objects]], or remove the group"),
                 ));
             }
             if let Some(emission) = group.objects.iter().find_map(|o| o.emission.as_ref()) {
                 return Err(ctx.error(
                     emission.span(),
-                    "an object of a group shines, and copies cannot",
-                    "put it into [[objects]]",
+                    "an object in a group has emission, but copies cannot emit light",
+                    "move the object to [[objects]]",
                 ));
             }
             numbers.insert(name.as_str(), self.geometry.begin_group());
@@ -148,7 +148,7 @@ impl<'a> Surfaces<'a> {
                 return Err(ctx.error(
                     instance.span(),
                     format!("the scene has more than {MOST_COPIES} copies of groups"),
-                    "put several into one group",
+                    "combine several objects into one group",
                 ));
             }
             for place in all {
@@ -168,7 +168,7 @@ pub(crate) fn group_number<T: Copy>(
         let known = groups.keys().copied().collect::<Vec<_>>().join(", ");
         ctx.error(
             name.span(),
-            format!("there is no group `{}`", **name),
+            format!("unknown group `{}`", **name),
             if known.is_empty() {
                 format!("add [groups.{}]", **name)
             } else {
@@ -206,8 +206,8 @@ pub(crate) fn copies(
             };
             return Err(ctx.error(
                 span,
-                format!("{which} is squashed flat, or reaches to infinity"),
-                "give it extent above 0 along every direction, and keep coordinates below 1e12 m",
+                format!("{which} has zero extent along a direction, or is too large"),
+                "give an extent above 0 along every direction, and keep coordinates below 1e12 m",
             ));
         }
         all.push(place);
@@ -229,14 +229,14 @@ fn filling(
         return Err(ctx.error(
             name.span(),
             "an object with an interior cannot have flip_normals",
-            "take flip_normals away: the interior tells inside from outside",
+            "remove flip_normals: the interior determines the orientation",
         ));
     }
     let Some(medium) = media.get(name.as_str()) else {
         let known = media.keys().copied().collect::<Vec<_>>().join(", ");
         return Err(ctx.error(
             name.span(),
-            format!("there is no medium `{}`", **name),
+            format!("unknown medium `{}`", **name),
             if known.is_empty() {
                 format!("add [media.{}]", **name)
             } else {

@@ -38,7 +38,7 @@ fn brightened(ctx: &mut Context, textures: &mut Textures, texture: u32, factor: 
     }
     if limited > 0 {
         ctx.note(format!(
-            "{name}: {limited} of {} texels are limited to an albedo of 1",
+            "{name}: {limited} of {} texels are clamped to an albedo of 1",
             texels.len()
         ));
     }
@@ -118,7 +118,7 @@ fn note_reflectance_above_one(
     let bright = textures.texels[first..first + count].iter().filter(above).count();
     if bright > 0 {
         let note = format!(
-            "{}: {bright} texels reflect more light than they receive (above 1)",
+            "{}: {bright} texels are above 1 and reflect more light than they receive",
             **name
         );
         ctx.note(note);
@@ -151,8 +151,8 @@ pub(super) fn scalar(
                 let SpectrumFile::Scalar(v) = file else {
                     return Err(ctx.error(
                         span,
-                        format!("{what} has a spectrum in its squares"),
-                        "give two numbers",
+                        format!("{what}: a checkerboard of numbers contains a spectrum"),
+                        "give two numbers for the checkerboard",
                     ));
                 };
                 *value = Spectral::splat(ctx.within(*v, span.clone(), what, &range)? as f32);
@@ -202,8 +202,8 @@ pub(super) fn heights(
     if file.filter == Filter::Nearest {
         return Err(ctx.error(
             file.span(),
-            "the heights have filter = \"nearest\", so that they have no slopes",
-            "take filter away",
+            "filter = \"nearest\" of a bump map gives no slopes",
+            "remove filter",
         ));
     }
     image(ctx, images, textures, file, numbers(file))
@@ -248,7 +248,7 @@ fn uv_map(ctx: &Context, uv: Option<&UvRows>, span: Range<usize>) -> Result<UvMa
     }
     Err(ctx.error(
         span,
-        "uv holds numbers that are not finite",
+        "uv contains numbers that are not finite",
         "give [[a, b, c], [d, e, f]]: u' = a u + b v + c, v' = d u + e v + f",
     ))
 }
@@ -285,8 +285,8 @@ fn image(
     if file.luminance && matches!(channels, Channels::Colours | Channels::LinearColours) {
         return Err(ctx.error(
             name.span(),
-            "`luminance` is of images of numbers, and this one is of colours",
-            "leave `luminance` out",
+            "`luminance` requires an image of numbers, but this image is used for colours",
+            "remove `luminance`",
         ));
     }
     ctx.attributes.has_image();
@@ -337,7 +337,7 @@ fn read(
                 "{}: {wrong} values are negative, above 1e30 or not finite",
                 ctx.path(name).display()
             ),
-            "correct them in the image",
+            "correct the values in the image",
         ));
     }
     Ok(([image.width as u32, image.height as u32], first as u32))

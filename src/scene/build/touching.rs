@@ -58,12 +58,12 @@ pub(crate) fn separate(ctx: &mut Context, file: &mut SceneFile, gap: &Gap) -> Op
     };
     let [x, y, z] = gap.at.to_array();
     let way = if off < 0.0 {
-        "into it, so that no air is between the two"
+        "into it to remove the air between them"
     } else {
-        "off it"
+        "away from it"
     };
     let note = format!(
-        "{} touches {} at ({x:.4}, {y:.4}, {z:.4}): its surface is moved {:.1e} m {way}",
+        "{} touches {} at ({x:.4}, {y:.4}, {z:.4}): the surface is moved by {:.1e} m {way}",
         named(object),
         named(other),
         off.abs()

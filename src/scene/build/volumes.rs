@@ -45,8 +45,8 @@ impl<'a> Volume<'a> {
             let name = object.interior.as_ref().map_or(0..0, Located::span);
             Err(ctx.error(
                 name,
-                format!("this object is filled, but {what}"),
-                "close the surface (weld its vertices, fill its holes, give a cylinder caps), or take interior away",
+                format!("this object has an interior, but {what}"),
+                "close the surface (weld vertices, fill holes, set caps = true for a cylinder), or remove interior",
             ))
         };
         if let [Solid::Quadric(q), rest @ ..] = &*solids {
@@ -59,7 +59,7 @@ impl<'a> Volume<'a> {
                 QuadricKind::Disk => false,
             };
             if !closed {
-                return open(ctx, "its surface is open".into());
+                return open(ctx, "the surface is open".into());
             }
             let (low, high) = q.bounds();
             let at = |k: usize| (k as f32 + 0.5) / POINTS as f32;
@@ -87,7 +87,7 @@ impl<'a> Volume<'a> {
         if closed::turn_outward(&mut meshes) {
             let line = ctx.line(object.shape.span());
             ctx.notes.push(format!(
-                "the filled mesh{line} had normals that point inward: it is turned round"
+                "the filled mesh{line} has normals that point inward: its orientation is reversed"
             ));
         }
         let inside = closed::Inside::new(&meshes);
@@ -139,11 +139,11 @@ pub(crate) fn overlaps(ctx: &Context, volumes: &[Volume]) -> Result<(), InputErr
             return Err(ctx.error(
                 b.object.interior.as_ref().map_or(0..0, Located::span),
                 format!(
-                    "this object and another{other} cut into one another with equal priorities ({}): which medium fills \
-                     both is not said",
+                    "this object and another{other} intersect with equal priorities ({}), so the medium of the intersection is \
+                     ambiguous",
                     b.filling.priority
                 ),
-                "give them a priority each; the higher one fills what both enclose",
+                "give the objects different priorities; the object of higher priority fills the intersection",
             ));
         }
     }

@@ -313,7 +313,7 @@ fn faults_name_what_was_given() {
     );
     said(
         in_code().object(Object::sphere([0.0; 3], 1.0).material("wood")),
-        "scene in code: objects[3].material: there is no material `wood`",
+        "scene in code: objects[3].material: unknown material `wood`",
     );
     said(
         in_code().object(Object::mesh("roof").material("gold")),
@@ -321,18 +321,18 @@ fn faults_name_what_was_given() {
     );
     said(
         in_code().slice(Slice::new("flight")),
-        "scene in code: slices[1].name: a second slice `flight`",
+        "scene in code: slices[1].name: duplicate slice name `flight`",
     );
     said(in_code().spp(0), "scene in code: render.spp: spp is 0");
     said(
         in_code().material("gold", Material::diffuse(0.5)),
-        "scene in code: materials.gold: the name is given twice",
+        "scene in code: materials.gold: duplicate name",
     );
     let mut mesh = tent();
     mesh.normals.pop();
     said(
         in_code().mesh("roof", &mesh),
-        "scene in code: mesh(\"roof\"): the mesh has 3 normals for 4 vertices",
+        "scene in code: mesh(\"roof\"): invalid mesh: 3 normals for 4 vertices",
     );
     said(in_code().mesh("roof.obj", &tent()), "another format");
 }

@@ -34,7 +34,7 @@ impl Document {
             .and_then(|f| f.take(LARGEST + 1).read_to_end(&mut bytes))
             .map_err(|e| failed(format!("cannot read the calibration: {e}")))?;
         if bytes.len() as u64 > LARGEST {
-            return Err(failed("the calibration has more than 64 MiB".into()));
+            return Err(failed("the calibration is larger than 64 MiB".into()));
         }
         Self::parse(path, bytes)
     }
@@ -57,16 +57,16 @@ impl Document {
             (String::new(), root)
         } else {
             let text = String::from_utf8(bytes)
-                .map_err(|e| error("", None, format!("the calibration is no text: {e}")))?;
+                .map_err(|e| error("", None, format!("the calibration is not UTF-8 text: {e}")))?;
             let root = if extension == "json" {
                 serde_json::from_str(&text).map_err(|e| {
                     let line = text.split_inclusive('\n').take(e.line().saturating_sub(1));
                     let at = line.map(str::len).sum::<usize>() + e.column().saturating_sub(1);
-                    error(&text, Some(boundary(&text, at)), format!("this is not JSON: {e}"))
+                    error(&text, Some(boundary(&text, at)), format!("invalid JSON: {e}"))
                 })?
             } else {
                 yaml::read(&text).map_err(|(at, e)| {
-                    error(&text, Some(boundary(&text, at)), format!("this is not YAML: {e}"))
+                    error(&text, Some(boundary(&text, at)), format!("invalid YAML: {e}"))
                 })?
             };
             (text, root)

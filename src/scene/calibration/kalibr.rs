@@ -34,34 +34,36 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     let root = Node::root(document);
     let at = match &options.camera {
         None if cameras.len() == 1 => 0,
-        None => return Err(root.error("there are several cameras", &choose)),
+        None => return Err(root.error("the file has several cameras", &choose)),
         Some(name) => names
             .iter()
             .position(|n| n == name)
-            .ok_or_else(|| root.error(&format!("there is no camera `{name}`"), &choose))?,
+            .ok_or_else(|| root.error(&format!("unknown camera `{name}`"), &choose))?,
     };
     let camera = &cameras[at].1;
     for key in ["camera_model", "distortion_model"] {
         if let Some(node) = camera.get(key).filter(|n| n.text().is_none_or(str::is_empty)) {
             return Err(node.error(
-                &format!("`{key}` is no name"),
-                "give it as Kalibr writes it: pinhole, radtan, equidistant",
+                &format!("`{key}` is not a name"),
+                "use a name that Kalibr writes: pinhole, radtan, equidistant",
             ));
         }
     }
     let text = |key: &str| camera.get(key).and_then(|n| n.text().map(|t| (n.clone(), t)));
     if let Some((node, model)) = text("camera_model").filter(|(_, m)| *m != "pinhole") {
         return Err(node.error(
-            &format!("its model is `{model}`"),
+            &format!("unsupported camera model `{model}`"),
             "calibrate with a pinhole model: pinhole-radtan or pinhole-equi",
         ));
     }
     let Some(intrinsics) = camera.get("intrinsics") else {
-        return Err(camera.error("there are no intrinsics", "give [fu, fv, pu, pv]"));
+        return Err(camera.error("intrinsics are missing", "give [fu, fv, pu, pv]"));
     };
     let [fu, fv, pu, pv] = intrinsics.vector::<4>()?;
-    let mut notes =
-        vec!["Kalibr's pixel centres are taken as OpenCV's, whose corner detection it uses.".to_owned()];
+    let mut notes = vec![
+        "Pixel centres are interpreted as in OpenCV, because Kalibr uses OpenCV's corner detection."
+            .to_owned(),
+    ];
     let lens = match (text("distortion_model"), camera.get("distortion_coeffs")) {
         (Some((_, "none")), _) | (_, None) => Lens::None,
         (model, Some(node)) => opencv::lens(&node, model.map(|m| m.1), options.fisheye, &mut notes)?,
@@ -70,8 +72,8 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     let pose = if options.imu {
         let Some(node) = camera.get("T_cam_imu") else {
             return Err(camera.error(
-                "there is no T_cam_imu",
-                "leave --imu away: the world is then the first camera's frame",
+                "T_cam_imu is missing",
+                "omit --imu to use the first camera's frame as the world",
             ));
         };
         notes.push("The world is the IMU's frame (T_cam_imu).".into());
@@ -81,7 +83,10 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
         let mut whole = DMat4::IDENTITY;
         for (_, next) in &cameras[1..=at] {
             let Some(node) = next.get("T_cn_cnm1") else {
-                return Err(next.error("there is no T_cn_cnm1", "take a chain of cameras, or --imu"));
+                return Err(next.error(
+                    "T_cn_cnm1 is missing",
+                    "use the calibration of a camera chain, or pass --imu",
+                ));
             };
             whole = transform(&node)? * whole;
         }
@@ -107,8 +112,8 @@ fn transform(node: &Node) -> Result<DMat4, InputError> {
     let rows = node.matrix::<4>()?;
     if rows[3] != [0.0, 0.0, 0.0, 1.0] {
         return Err(node.error(
-            "it is no rotation and translation",
-            "its last row must be 0, 0, 0, 1",
+            "not a rigid transform",
+            "give a matrix with the last row 0, 0, 0, 1",
         ));
     }
     Ok(DMat4::from_cols_array_2d(&rows).transpose())

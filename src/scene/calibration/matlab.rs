@@ -34,12 +34,13 @@ pub(super) fn find(document: &Document) -> Option<Node<'_>> {
 pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Found, InputError> {
     let inner = camera.get("Intrinsics");
     let get = |key: &str| camera.get(key).or_else(|| inner.as_ref()?.get(key));
-    let mut notes = vec!["MATLAB's pixels count from 1: its principal point less 1 is OpenCV's.".to_owned()];
+    let mut notes =
+        vec!["MATLAB's pixel coordinates start at 1; 1 was subtracted from the principal point.".to_owned()];
     if let Some(skew) = get("Skew")
         && skew.number()? != 0.0
     {
         return Err(skew.error(
-            "pixels here have right angles",
+            "a skew is not supported",
             "calibrate without skew (EstimateSkew = false)",
         ));
     }
@@ -58,7 +59,7 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
         opencv::checked(&node, transposed)?
     } else {
         return Err(camera.error(
-            "there is neither FocalLength with PrincipalPoint nor IntrinsicMatrix",
+            "expected FocalLength and PrincipalPoint, or IntrinsicMatrix",
             "write jsonencode(cameraParams.Intrinsics), or a struct with these properties",
         ));
     };
@@ -73,8 +74,11 @@ pub(super) fn read(_: &Document, camera: &Node, options: &Options) -> Result<Fou
         Some([k1, k2, k3]) => Lens::Opencv(vec![*k1, *k2, p1, p2, *k3]),
         Some(other) => {
             return Err(camera.error(
-                &format!("RadialDistortion has {} coefficients", other.len()),
-                "MATLAB gives 2 or 3",
+                &format!(
+                    "RadialDistortion: expected 2 or 3 coefficients, got {}",
+                    other.len()
+                ),
+                "copy the coefficients from MATLAB",
             ));
         }
     };
@@ -121,7 +125,7 @@ fn pose(
         either("RotationMatrix", "rotationMatrix"),
         either("TranslationVector", "translationVector"),
     ) {
-        notes.push("The rotation matrix is MATLAB's, for row vectors: it was transposed.".into());
+        notes.push("The rotation matrix was transposed (MATLAB uses row vectors).".into());
         return Ok(found(transposed(r.matrix::<3>()?), t.vector::<3>()?));
     }
     // A single view is a table, several views are a list of tables.
@@ -137,13 +141,13 @@ fn pose(
         (Some(view), n) if view < n => view,
         (Some(view), n) => {
             return Err(camera.error(
-                &format!("there is no view {view}: {n} have a pose"),
-                "count from 0",
+                &format!("view {view} does not exist: {n} views have a pose"),
+                "give a number from 0",
             ));
         }
         (None, n) => {
             notes.push(format!(
-                "The file has poses of {n} views, none of which was taken: choose one with --view 0 to {}.",
+                "The file has poses of {n} views; none was used. Choose one with --view 0 to {}.",
                 n - 1
             ));
             return Ok(None);
@@ -153,15 +157,15 @@ fn pose(
         let one = views.item(view).unwrap_or_else(|| views.clone());
         let (Some(r), Some(t)) = (one.get("R"), one.get("Translation")) else {
             return Err(one.error(
-                "a view has no R or no Translation",
-                "write jsonencode of the rigidtform3d objects",
+                "a view lacks R or Translation",
+                "write the rigidtform3d objects with jsonencode",
             ));
         };
         return Ok(found(r.matrix::<3>()?, t.vector::<3>()?));
     }
     let (Some(r), Some(t)) = (camera.get("RotationMatrices"), camera.get("TranslationVectors")) else {
         return Err(camera.error(
-            "there are TranslationVectors, but no RotationMatrices",
+            "TranslationVectors is given without RotationMatrices",
             "give both",
         ));
     };
@@ -169,15 +173,12 @@ fn pose(
     // The shape is 3 × 3 × views; MATLAB omits a last axis of length 1.
     if rotations.values.len() != 9 * count || rotations.shape.get(..2) != Some(&[3, 3]) {
         return Err(r.error(
-            &format!(
-                "it is of shape {:?}, where 3 × 3 × {count} is wanted",
-                rotations.shape
-            ),
-            "give all views",
+            &format!("expected shape 3 × 3 × {count}, got {:?}", rotations.shape),
+            "give the rotations of all views",
         ));
     }
     let m = std::array::from_fn(|i| std::array::from_fn(|j| rotations.values[(3 * i + j) * count + view]));
-    notes.push("Rotation matrices are MATLAB's, for row vectors: they were transposed.".into());
+    notes.push("The rotation matrices were transposed (MATLAB uses row vectors).".into());
     let at = |k: usize| translations[3 * view + k];
     Ok(found(transposed(m), [at(0), at(1), at(2)]))
 }

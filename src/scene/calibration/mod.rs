@@ -75,19 +75,20 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
     if let (Some(view), None) = (options.view, &found.pose) {
         return Err(document.error(
             &[],
-            &format!("there is no view {view}: the file has no poses of views"),
-            "leave --view out",
+            &format!("view {view} does not exist: the file has no poses of views"),
+            "omit --view",
         ));
     }
     let Some(resolution) = options.resolution.or(found.size) else {
         return Err(document.error(
             &[],
-            "the size of the image is not in the file",
-            "give it: --resolution 640x480",
+            "the file does not contain the image size",
+            "pass the size, such as --resolution 640x480",
         ));
     };
-    let mut notes =
-        vec!["opencv_matrix counts pixels as OpenCV does: (0, 0) is the centre of the first.".to_owned()];
+    let mut notes = vec![
+        "opencv_matrix uses OpenCV's pixel coordinates: (0, 0) is the centre of the first pixel.".to_owned(),
+    ];
     notes.append(&mut found.notes);
     let pose = if let Some(mut pose) = found.pose {
         let stated = options.metres_per_unit.or(found.unit);
@@ -100,10 +101,9 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
             return Err(document.error(
                 &[],
                 &format!(
-                    "the file does not say its unit of length, and its translation is {length} long: \
-                     that many metres, or millimetres?"
+                    "the file has no unit of length, and the length of the translation is {length}: metres or millimetres?"
                 ),
-                "give the unit: --metres-per-unit 0.001 for millimetres, 1 for metres",
+                "pass --metres-per-unit 0.001 for millimetres or 1 for metres",
             ));
         }
         let unit = stated.unwrap_or(1.0);
@@ -112,16 +112,13 @@ fn from_document(document: &Document, options: &Options) -> Result<Calibration, 
         }
         notes.push(match (options.metres_per_unit, found.unit) {
             (None, None) => {
-                "Lengths are taken as metres; --metres-per-unit 0.001 takes them as millimetres.".to_owned()
+                "Lengths are interpreted as metres; for millimetres, pass --metres-per-unit 0.001.".to_owned()
             }
-            _ => format!("The file's unit of length is taken as {unit} m."),
+            _ => format!("The unit of length is {unit} m."),
         });
         pose
     } else {
-        notes.push(
-            "The file has no pose: the device stands at the origin, looks along +z, and +y is down."
-                .to_owned(),
-        );
+        notes.push("The file has no pose: the device is at the origin, faces +z, and +y is down.".to_owned());
         let rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         ExtrinsicsFile {
             rotation: Some(rows),

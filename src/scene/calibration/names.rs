@@ -81,7 +81,7 @@ impl<'a> Node<'a> {
     pub(super) fn number(&self) -> Result<f64, InputError> {
         match self.array()?.values[..] {
             [one] => Ok(one),
-            _ => Err(self.error("one number is wanted", "write it as a number")),
+            _ => Err(self.error("expected a single number", "write a number")),
         }
     }
 
@@ -89,7 +89,7 @@ impl<'a> Node<'a> {
     pub(super) fn array(&self) -> Result<Array, InputError> {
         let bad = || {
             self.error(
-                "it is no array of finite numbers",
+                "expected an array of finite numbers",
                 "write numbers as lists of rows",
             )
         };
@@ -105,8 +105,11 @@ impl<'a> Node<'a> {
                 .is_none_or(|n| n == 0 || !values.len().is_multiple_of(n))
             {
                 return Err(self.error(
-                    &format!("{rows} rows of {columns} are not {} numbers", values.len()),
-                    "write as many numbers as rows and cols say",
+                    &format!(
+                        "{rows} rows and {columns} columns do not match {} numbers",
+                        values.len()
+                    ),
+                    "write rows × cols numbers",
                 ));
             }
             return Ok(Array {
@@ -136,7 +139,7 @@ impl<'a> Node<'a> {
         let found = values.len();
         values.try_into().map_err(|_| {
             self.error(
-                &format!("it has {found} numbers, where {N} are wanted"),
+                &format!("expected {N} numbers, got {found}"),
                 "choose one of several views with --view 0, or correct the file",
             )
         })
@@ -147,8 +150,8 @@ impl<'a> Node<'a> {
         let square = array.shape == [N, N] || array.values.len() == N * N && array.shape.len() <= 1;
         if !square {
             return Err(self.error(
-                &format!("it is of shape {:?}, where {N} × {N} is wanted", array.shape),
-                "write it as rows",
+                &format!("expected shape {N} × {N}, got {:?}", array.shape),
+                "write the matrix as a list of rows",
             ));
         }
         Ok(std::array::from_fn(|i| {
@@ -169,8 +172,8 @@ impl<'a> Node<'a> {
             Ok([w as u32, h as u32])
         } else {
             Err(self.error(
-                &format!("an image of {w} × {h} pixels is none"),
-                "give its size with --resolution 640x480",
+                &format!("invalid image size {w} × {h} pixels"),
+                "pass the size, such as --resolution 640x480",
             ))
         }
     }

@@ -13,13 +13,15 @@ const MOST: u64 = 1 << 16;
 /// # Errors
 /// The reason why the archive cannot be read.
 pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
-    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("this is no .npz: {e}"))?;
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("invalid .npz file: {e}"))?;
     let mut out = Map::new();
     for i in 0..archive.len().min(1024) {
-        let entry = archive.by_index(i).map_err(|e| format!("this is no .npz: {e}"))?;
+        let entry = archive
+            .by_index(i)
+            .map_err(|e| format!("invalid .npz file: {e}"))?;
         let name = entry
             .name()
-            .map_err(|e| format!("this is no .npz: {e}"))?
+            .map_err(|e| format!("invalid .npz file: {e}"))?
             .into_owned();
         let Some(key) = name.strip_suffix(".npy") else {
             continue;
@@ -29,7 +31,7 @@ pub(super) fn read(bytes: Vec<u8>) -> Result<Value, String> {
         entry
             .take(16 * MOST)
             .read_to_end(&mut bytes)
-            .map_err(|e| format!("{name} cannot be read: {e}"))?;
+            .map_err(|e| format!("cannot read {name}: {e}"))?;
         if let Some(value) = array(&bytes) {
             out.insert(key.to_owned(), value);
         }

@@ -53,7 +53,7 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
         Some(node) => lens(&node, model.as_deref(), fisheye(&camera, options), &mut notes)?,
     };
     if matches!(lens, Lens::None) {
-        notes.push("The file has no distortion.".into());
+        notes.push("The file has no lens distortion.".into());
     }
     let size = match (
         named(&["image_size", "img_size", "resolution", "size"]),
@@ -68,7 +68,7 @@ pub(super) fn read(document: &Document, options: &Options) -> Result<Found, Inpu
     };
     let pose = if ros {
         if named(&ROTATION).is_some() || named(&["rectification_matrix"]).is_some() {
-            notes.push("R of a ROS camera_info rectifies images: it is no pose, and was left aside.".into());
+            notes.push("R of a ROS camera_info rectifies images and is not a pose; it was ignored.".into());
         }
         None
     } else {
@@ -126,8 +126,8 @@ fn choose<'a>(root: &Node<'a>, options: &Options) -> Result<Camera<'a>, InputErr
             return Ok(camera);
         }
         return Err(root.error(
-            &format!("there is no camera `{name}`"),
-            "name a table of the file, or what stands before or behind its K and D: --camera cam0, --camera 2, --camera proj",
+            &format!("unknown camera `{name}`"),
+            "give the name of a table, or the prefix or suffix of K and D, such as --camera cam0, --camera 2 or --camera proj",
         ));
     }
     if is_camera(root) {
@@ -137,13 +137,13 @@ fn choose<'a>(root: &Node<'a>, options: &Options) -> Result<Camera<'a>, InputErr
     match &found[..] {
         [one] => Ok(whole(one.clone())),
         [] => Err(root.error(
-            "there is no camera matrix",
-            "it may be called camera_matrix, cameraMatrix, K or mtx, or those of a camera that --camera names (2 for K2, proj for proj_K)",
+            "the camera matrix is missing",
+            "name the matrix camera_matrix, cameraMatrix, K or mtx, or select a prefix or suffix with --camera (2 for K2, proj for proj_K)",
         )),
         several => {
             let names: Vec<&str> = several.iter().filter_map(|n| n.keys.last()).map(String::as_str).collect();
             Err(root.error(
-                "there are several cameras",
+                "the file has several cameras",
                 &format!("choose one with --camera: {}", names.join(", ")),
             ))
         }
@@ -158,7 +158,7 @@ fn matrix(camera: &Camera) -> Result<[[f64; 3]; 3], InputError> {
         Some(node) => node.number(),
         None => Err(camera
             .node
-            .error(&format!("there is no {}", names[0]), "give fx, fy, cx and cy")),
+            .error(&format!("{} is missing", names[0]), "give fx, fy, cx and cy")),
     };
     let (fx, cx) = (number(&["fx"])?, number(&["cx", "ppx"])?);
     let (fy, cy) = (number(&["fy"])?, number(&["cy", "ppy"])?);
@@ -169,15 +169,12 @@ fn matrix(camera: &Camera) -> Result<[[f64; 3]; 3], InputError> {
 pub(super) fn checked(node: &Node, m: [[f64; 3]; 3]) -> Result<[[f64; 3]; 3], InputError> {
     if m[2] != [0.0, 0.0, 1.0] || m[1][0] != 0.0 {
         return Err(node.error(
-            "it is no camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
-            "a transposed one is MATLAB's IntrinsicMatrix: call it so, and MATLAB's pixel centres are taken",
+            "expected a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
+            "for a transposed matrix of MATLAB, use the key IntrinsicMatrix, which also converts MATLAB's pixel coordinates",
         ));
     }
     if m[0][1] != 0.0 {
-        return Err(node.error(
-            "it has a skew, but pixels here have right angles",
-            "calibrate without skew",
-        ));
+        return Err(node.error("a skew is not supported", "calibrate without skew"));
     }
     Ok(m)
 }
@@ -206,8 +203,8 @@ pub(super) fn lens(
         Some("none" | "") | None => fisheye,
         Some(other) => {
             return Err(node.error(
-                &format!("its model `{other}` is not one that is known here"),
-                "known are plumb_bob, radtan, rational_polynomial, equidistant and fisheye",
+                &format!("unsupported distortion model `{other}`"),
+                "use plumb_bob, radtan, rational_polynomial, equidistant or fisheye",
             ));
         }
     };
@@ -216,8 +213,8 @@ pub(super) fn lens(
         return match k.try_into() {
             Ok(k) => Ok(Lens::Fisheye(k)),
             Err(_) => Err(node.error(
-                &format!("a fisheye has 4 coefficients, and not {count}"),
-                "calibrate with cv2.fisheye, or take --fisheye away",
+                &format!("a fisheye model requires 4 coefficients, got {count}"),
+                "calibrate with cv2.fisheye, or omit --fisheye",
             )),
         };
     }
@@ -225,13 +222,13 @@ pub(super) fn lens(
         0 => Ok(Lens::None),
         4 | 5 | 8 | 12 | 14 => {
             if k.len() == 4 && model.is_none() {
-                notes.push("Four coefficients are taken as k1, k2, p1, p2; --fisheye takes them as a fisheye's k1 to k4.".into());
+                notes.push("The four coefficients are interpreted as k1, k2, p1, p2; for k1 to k4 of a fisheye model, pass --fisheye.".into());
             }
             Ok(Lens::Opencv(k))
         }
         n => Err(node.error(
-            &format!("it has {n} coefficients"),
-            "OpenCV gives 4, 5, 8, 12 or 14: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
+            &format!("unsupported number of coefficients: {n}"),
+            "give 4, 5, 8, 12 or 14 coefficients in OpenCV's order: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]",
         )),
     }
 }
@@ -256,14 +253,14 @@ fn pose(
     let rotation = own(&ROTATION).or_else(|| own(&ROTATION_VECTOR));
     let (Some(rotation), Some(translation)) = (rotation, own(&TRANSLATION)) else {
         if first && camera.node.any(&TRANSLATION).is_some() {
-            notes.push("R and T are those of the other device: the world is this one's frame.".into());
+            notes.push("R and T belong to the other device; the world is the frame of this device.".into());
         }
         return Ok(None);
     };
     let t = translation.array()?;
     if t.values.len() == 16 {
         return Err(translation.error(
-            "a 4 × 4 pose does not say which way it goes",
+            "the direction of a 4 × 4 pose is ambiguous",
             "give R and t with x_camera = R x_world + t",
         ));
     }
@@ -273,13 +270,13 @@ fn pose(
         (Some(view), n) if view < n => view,
         (Some(view), n) => {
             return Err(translation.error(
-                &format!("there is no view {view}: {n} have a pose"),
-                "count from 0",
+                &format!("view {view} does not exist: {n} views have a pose"),
+                "give a number from 0",
             ));
         }
         (None, n) => {
             notes.push(format!(
-                "The file has poses of {n} views, none of which was taken: choose one with --view 0 to {}.",
+                "The file has poses of {n} views; none was used. Choose one with --view 0 to {}.",
                 n - 1
             ));
             return Ok(None);
@@ -292,8 +289,8 @@ fn pose(
         match one {
             Some(one) if all.len() == views.max(1) * size => Ok(one),
             _ => Err(node.error(
-                &format!("{} numbers are no poses of {views} views", all.len()),
-                "give a rotation and a translation for each",
+                &format!("expected the poses of {views} views, got {} numbers", all.len()),
+                "give a rotation and a translation for each view",
             )),
         }
     };

@@ -308,8 +308,13 @@ fn what_is_wrong_is_said_with_its_place() {
             "MATLAB",
         ),
         ("[600, 0, 320]", "[600, 2, 320]", "1:1", "skew"),
-        ("[0.1, 0, 0, 0, 0]", "[0.1, 0, 0]", "2:1", "3 coefficients"),
-        ("[0.1, 0, 0, 0, 0]", "[0.1, .nan, 0, 0]", "2:1", "no array"),
+        ("[0.1, 0, 0, 0, 0]", "[0.1, 0, 0]", "2:1", "coefficients: 3"),
+        (
+            "[0.1, 0, 0, 0, 0]",
+            "[0.1, .nan, 0, 0]",
+            "2:1",
+            "expected an array",
+        ),
         ("[640, 480]", "[640.5, 480]", "3:1", "640.5"),
         ("size: [640, 480]", "", "", "--resolution"),
         (
@@ -320,14 +325,9 @@ fn what_is_wrong_is_said_with_its_place() {
         ),
         ("[0.1, 0, 0, 0, 0]", "[-9.1, 0, 0, 0, 0]", "", "folds"),
         ("D: [0.1", "D: [&a 0.1, *a", "2:13", "alias"),
-        ("D:", "K:", "", "twice"),
-        ("K:", "k_nothing:", "", "no camera matrix"),
-        (
-            "t: [0, 0, 1]",
-            "t: [0, 0, 1, 0, 0, 1]",
-            "4:1",
-            "no poses of 2 views",
-        ),
+        ("D:", "K:", "", "duplicate key"),
+        ("K:", "k_nothing:", "", "camera matrix is missing"),
+        ("t: [0, 0, 1]", "t: [0, 0, 1, 0, 0, 1]", "4:1", "poses of 2 views"),
     ];
     for (from, to, place, says) in cases {
         assert!(good.contains(from));

@@ -40,14 +40,16 @@ pub(super) fn read(text: &str) -> Result<Value, (usize, String)> {
                 None => None,
             },
             Event::Scalar(text, style, ..) => Some(scalar(&text, style)),
-            Event::Alias(_) => return Err((at(), "aliases are not read; write the value out".into())),
+            Event::Alias(_) => {
+                return Err((at(), "aliases are not supported; write the value instead".into()));
+            }
             Event::DocumentEnd => break,
             _ => None,
         };
         if open.len() > DEEPEST {
             return Err((
                 at(),
-                format!("lists and tables stand more than {DEEPEST} deep in one another"),
+                format!("lists and tables are nested more than {DEEPEST} levels deep"),
             ));
         }
         let Some(value) = value else { continue };
@@ -57,7 +59,7 @@ pub(super) fn read(text: &str) -> Result<Value, (usize, String)> {
             Some(Open::Table(map, key @ Some(_))) => {
                 let key = key.take().unwrap_or_default();
                 if map.insert(key.clone(), value).is_some() {
-                    return Err((at(), format!("`{key}` is there twice")));
+                    return Err((at(), format!("duplicate key `{key}`")));
                 }
             }
             Some(Open::Table(_, key)) => {

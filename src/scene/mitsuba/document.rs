@@ -55,8 +55,11 @@ impl Document {
         if root.tag_name().name() != "scene" {
             return Err(source.error(
                 &reader.start_tag(&root),
-                format!("the file holds <{}>, not <scene>", root.tag_name().name()),
-                "give the file of a whole scene",
+                format!(
+                    "expected the root element <scene>, got <{}>",
+                    root.tag_name().name()
+                ),
+                "give the file of a complete scene",
             ));
         }
         reader.version(&root)?;
@@ -86,7 +89,7 @@ impl Document {
 fn unused(source: &Source, scene: &Node, name: &str) -> InputError {
     source.error(
         &scene.span,
-        format!("nothing in the file uses the parameter `{name}`"),
-        "correct the name after -D, or leave it out",
+        format!("the file does not use the parameter `{name}`"),
+        "correct the name after -D, or omit the option",
     )
 }

@@ -108,8 +108,8 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
     if let Some(asked) = ctx.attributes.first() {
         return Err(ctx.error(
             asked.name.span(),
-            "attributes of meshes are not exported",
-            "use an image, or one value",
+            "mesh attributes cannot be exported",
+            "use an image or a constant value",
         ));
     }
     let mut out = Output::default();
@@ -129,7 +129,7 @@ fn export(ctx: &mut Context, file: &SceneFile) -> Result<Export, InputError> {
 
     let mut scene = Element::new("scene").with("version", "3.0.0");
     scene.comment(
-        "Written by sunstone export. Metres; light is unpolarized, so images are column 0 of the tensor.",
+        "Written by sunstone export. Units are metres; light is unpolarized, so images are column 0 of the tensor.",
     );
     let list: Vec<String> = ctx.wavelengths.nm().iter().map(|w| number(*w)).collect();
     scene.push(default(WAVELENGTHS, &list.join(", ")));
@@ -225,8 +225,8 @@ fn all_placed<'a>(
         if let Some(name) = &object.interior {
             return Err(ctx.error(
                 name.span(),
-                "objects filled with a medium are not exported",
-                "remove `interior`, and the medium",
+                "objects with an interior medium cannot be exported",
+                "remove `interior` and the medium",
             ));
         }
         for placed in place(ctx, object, names)? {
@@ -265,14 +265,14 @@ fn field_of_view(ctx: &Context, p: &Pinhole, span: Range<usize>, what: &str) -> 
         return Err(ctx.error(
             span,
             format!("Mitsuba cannot express the lens distortion of the {what}"),
-            "take distortion away and export the undistorted pinhole",
+            "remove the distortion",
         ));
     }
     if (p.focal.x - p.focal.y).abs() > 1e-9 * p.focal.x {
         return Err(ctx.error(
             span,
             format!("Mitsuba cannot express the non-square pixels of the {what}"),
-            "give fx alone, or the field of view",
+            "give only fx, or the field of view",
         ));
     }
     Ok(2.0 * (f64::from(p.resolution[0]) / 2.0 / p.focal.x).atan().to_degrees())
@@ -293,8 +293,8 @@ fn sensor(ctx: &Context, camera: &Pinhole, span: Range<usize>, spp: u32) -> Resu
         if [x, y] != [0.0; 2] {
             return Err(ctx.error(
                 span,
-                "Mitsuba cannot express an orthographic camera with its principal point off the centre",
-                "take cx and cy away, and move the camera",
+                "Mitsuba cannot express an orthographic camera with an off-centre principal point",
+                "remove cx and cy, and move the camera",
             ));
         }
         Element::plugin("sensor", "orthographic")
@@ -336,8 +336,8 @@ fn projector_element(
     if off_centre(pinhole) != [0.0; 2] {
         return Err(ctx.error(
             span,
-            "Mitsuba cannot express a projector with its principal point off the centre",
-            "take cx and cy away, or turn the projector",
+            "Mitsuba cannot express a projector with an off-centre principal point",
+            "remove cx and cy, or rotate the projector",
         ));
     }
     let [w, h] = pinhole.resolution;
@@ -346,7 +346,7 @@ fn projector_element(
         .string("fov_axis", "x")
         .transform("to_world", &device(pinhole.origin, pinhole.axes));
     if p.coaxial {
-        out.note("the coaxial projector becomes one of its own, in the camera's place");
+        out.note("the coaxial projector is exported as a separate projector at the camera's position");
     }
     if w == h {
         // A spectrum counts as an image of one square pixel.
@@ -359,8 +359,8 @@ fn projector_element(
     if !is_even(&ctx.wavelengths, p.irradiance) {
         return Err(ctx.error(
             span,
-            "Mitsuba cannot express an irradiance that differs between wavelengths on an oblong projector",
-            "export one wavelength (--wavelength), or make the projector's image square",
+            "Mitsuba cannot express a wavelength-dependent irradiance of a non-square projector",
+            "export one wavelength (--wavelength), or use a square projector image",
         ));
     }
     let white = image::GrayImage::from_pixel(w, h, image::Luma([255]));
@@ -389,7 +389,7 @@ fn shape(
     let element = match &placed.form {
         Form::Quadric(QuadricKind::Sphere, map) => {
             if !is_similar(map, true) {
-                return cannot("an ellipsoid", "scale all axes alike, or use a mesh");
+                return cannot("an ellipsoid", "scale all axes equally, or use a mesh");
             }
             flipped ^= map.matrix3.determinant() < 0.0;
             Element::plugin("shape", "sphere").transform("to_world", map)
@@ -397,8 +397,8 @@ fn shape(
         Form::Quadric(QuadricKind::Cylinder, map) => {
             if !is_similar(map, false) {
                 return cannot(
-                    "a tube that is not round, or cut aslant",
-                    "scale x and y alike, or use a mesh",
+                    "a cylinder with an elliptic or oblique cross section",
+                    "scale x and y equally, or use a mesh",
                 );
             }
             // Mitsuba samples the light of a mirrored cylinder on its other side. The cylinder is symmetric,
@@ -414,7 +414,7 @@ fn shape(
         Form::Quadric(QuadricKind::Disk, map) => {
             if needs.tangent {
                 return cannot(
-                    "a disk of a material with a direction (its u direction is radial there)",
+                    "a disk with an anisotropic material (the u direction of a disk is radial in Mitsuba)",
                     "use a rectangle",
                 );
             }
@@ -428,7 +428,7 @@ fn shape(
         Form::Cube(map) => mesh(index, &moved(ctx, Mesh::cube(), *map, object)?, out),
         Form::Mesh(m) if m.uvs.is_empty() && needs.tangent => {
             return cannot(
-                "the direction of a material on a mesh without texture coordinates",
+                "an anisotropic material on a mesh without texture coordinates",
                 "give the mesh texture coordinates, or use a rectangle",
             );
         }

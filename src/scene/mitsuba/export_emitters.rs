@@ -74,11 +74,7 @@ impl EmitterWriter<'_> {
 
     fn unpolarized(&self, light: &Polarized, at: Range<usize>) -> Result<(), InputError> {
         if light.filter.is_some() {
-            return self.cannot(
-                at,
-                "polarized light of an emitter",
-                "take stokes and polarizer_deg away",
-            );
+            return self.cannot(at, "a polarized emitter", "remove stokes and polarizer_deg");
         }
         Ok(())
     }
@@ -116,7 +112,7 @@ impl EmitterWriter<'_> {
             }
             Profile::Frustum(frustum) => {
                 let Some(slide) = &point.slide else {
-                    unreachable!("a frustum has an image: it is made of slides alone")
+                    unreachable!("only slides have a frustum, so it has an image")
                 };
                 Element::plugin("emitter", "projector")
                     .float("fov", 2.0 * f64::from(frustum.half.x).atan().to_degrees())
@@ -126,7 +122,7 @@ impl EmitterWriter<'_> {
                     .child(self.slide("irradiance", slide, textures, at)?)
             }
             Profile::Table(_) => {
-                return self.cannot(at, "a luminaire's profile", "use a point or a spot");
+                return self.cannot(at, "an IES profile", "use a point or a spot");
             }
         })
     }
@@ -138,7 +134,7 @@ impl EmitterWriter<'_> {
         };
         if distant.origin.is_some() {
             self.out
-                .note("Mitsuba's directional light comes from infinitely far: it has no origin");
+                .note("Mitsuba's directional emitter is infinitely distant; the origin is not exported");
         }
         Ok(Element::plugin("emitter", "directional")
             .child(vector("vector", "direction", distant.dir))
@@ -147,7 +143,7 @@ impl EmitterWriter<'_> {
 
     fn sky(&mut self, sky: &Sky, at: Range<usize>) -> Result<Element, InputError> {
         self.unpolarized(&sky.polarized, at.clone())?;
-        self.at_one_wavelength(at.clone(), "an image of the sky")?;
+        self.at_one_wavelength(at.clone(), "an environment image")?;
         let [w, h] = sky.size();
         let at_row = |k: usize, i: usize| sky.texels()[k.min(h - 1) * w + i][0];
         // Mitsuba's rows span pole to pole. Rows at cell centres become the odd rows of 2h + 1, and the rows
@@ -185,8 +181,8 @@ impl EmitterWriter<'_> {
         if light.two_sided {
             return self.cannot(
                 at,
-                "a surface that shines to both sides",
-                "take two_sided away, or put two surfaces back to back",
+                "a two-sided emitting surface",
+                "remove two_sided, or use two surfaces back to back",
             );
         }
         let open = Element::plugin("emitter", "area");
@@ -220,7 +216,7 @@ impl EmitterWriter<'_> {
         scale: f32,
         at: Range<usize>,
     ) -> Result<Element, InputError> {
-        self.at_one_wavelength(at.clone(), "an image of light")?;
+        self.at_one_wavelength(at.clone(), "an image of the emission")?;
         let (first, count) = (image.first as usize, (image.width * image.height) as usize);
         let values = textures.texels[first..first + count].iter().map(|t| t[0] * scale);
         let file = self.exr("light.exr", [image.width, image.height], values, at)?;

@@ -44,8 +44,8 @@ impl Images<'_> {
         if !texels(self.textures, texture).1.iter().all(fits) {
             return Err(self.ctx.error(
                 self.span.clone(),
-                "the image of heights has numbers below 0 or above 1, which are not exported",
-                "divide them by their greatest, and multiply height by it",
+                "the height image has values outside 0..1, which cannot be exported",
+                "divide the values by their maximum, and multiply height by it",
             ));
         }
         self.grey("heights", texture, true, |t| t[0])

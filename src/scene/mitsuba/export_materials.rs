@@ -141,7 +141,7 @@ impl<'a> MaterialWriter<'a> {
             Material::Dielectric(d) => self.interface(id, open("dielectric"), &d)?,
             Material::RoughDielectric(d) => {
                 self.out.note(format!(
-                    "material `{}`: Mitsuba's roughdielectric is not polarized: of its Mueller matrix M00 alone is the same",
+                    "material `{}`: Mitsuba's roughdielectric is not polarized; only M00 of the Mueller matrix agrees",
                     self.names[&id]
                 ));
                 let element = self.interface(id, open("roughdielectric"), &d.interface)?;
@@ -150,18 +150,14 @@ impl<'a> MaterialWriter<'a> {
             Material::Null => open("null"),
             Material::ThinDielectric(d) => {
                 self.out.note(format!(
-                    "material `{}`: Mitsuba's thindielectric is not polarized, and sums the mean of both polarizations, which is not the mean of their sums off the normal",
+                    "material `{}`: Mitsuba's thindielectric is not polarized and averages both polarizations before summing reflections; the results differ at oblique incidence",
                     self.names[&id]
                 ));
                 self.interface(id, open("thindielectric"), &d.interface)?
             }
             Material::Polarizer(p) => {
                 if p.extinction.to_array() != [0.0; 4] {
-                    return self.cannot(
-                        id,
-                        "a polarizer that lets some of the blocked light pass",
-                        "take extinction away",
-                    );
+                    return self.cannot(id, "a polarizer with extinction", "remove extinction");
                 }
                 if p.passes != Passes::Linear {
                     let left = p.passes == Passes::Left;
@@ -179,15 +175,15 @@ impl<'a> MaterialWriter<'a> {
                 if r.tilt != Tilt::Cosine {
                     return self.cannot(
                         id,
-                        "how the retardance of a plate, or a constant one, depends on incidence",
-                        "give tilt = \"cosine\" and no ior, if light meets the retarder head-on",
+                        "the dependence of the retardance on incidence for tilt = \"plate\" or \"constant\"",
+                        "use tilt = \"cosine\" without ior (equivalent at normal incidence)",
                     );
                 }
                 let SheetAxis::Angle(angle) = r.axis else {
                     return self.cannot(id, "an axis in world space", "give angle_deg instead");
                 };
                 self.out.note(format!(
-                    "material `{}`: off the normal, the axis of Mitsuba's retarder is no line in space; ours is",
+                    "material `{}`: at oblique incidence the axis of Mitsuba's retarder is not fixed in space, unlike Sunstone's",
                     self.names[&id]
                 ));
                 let delta = r.retardance.to_array().map(|d| degrees(d) as f32);
@@ -218,7 +214,7 @@ impl<'a> MaterialWriter<'a> {
             Material::NormalMap(n) => {
                 if !matches!(self.table.list[n.material as usize], Material::Diffuse(_)) {
                     self.out.note(format!(
-                        "material `{}`: Mitsuba does not turn Stokes frames with mapped normals: s0 alone is the same",
+                        "material `{}`: Mitsuba does not rotate Stokes frames with mapped normals; only s0 agrees",
                         self.names[&id]
                     ));
                 }
@@ -228,7 +224,7 @@ impl<'a> MaterialWriter<'a> {
                 return self.cannot(
                     id,
                     "a partial depolarizer",
-                    "use the material inside of it, or a measured one",
+                    "use the nested material, or a measured one",
                 );
             }
             Material::CoatedConductor(_) => {
@@ -251,8 +247,8 @@ impl<'a> MaterialWriter<'a> {
             | Material::Measured(_) => {
                 if !matches!(self.table.list[id as usize], Material::Diffuse(_)) {
                     self.out.note(
-                        "Mitsuba's twosided flips the signs that couple s0, s1 with s2, s3 on surfaces seen from behind: \
-                         turn the fronts of polarizing surfaces to the light",
+                        "Mitsuba's twosided flips the signs of the coupling between s0, s1 and s2, s3 on back faces: \
+                         orient the front faces of polarizing surfaces toward the light",
                     );
                 }
                 open("twosided").child(self.one_sided(id, None)?)
@@ -295,8 +291,8 @@ impl<'a> MaterialWriter<'a> {
                 if n.strength != 1.0 {
                     return self.cannot(
                         id,
-                        "a strength of normals",
-                        "put it into the image, and take strength away",
+                        "the strength of a normal map",
+                        "apply the strength to the image, and remove strength",
                     );
                 }
                 let image = self.images(id).normals(n.texture)?;
@@ -335,8 +331,8 @@ impl<'a> MaterialWriter<'a> {
         if d.dispersive {
             return self.cannot(
                 id,
-                "a refractive index that differs between wavelengths",
-                "export one wavelength (--wavelength), or give one index",
+                "a wavelength-dependent refractive index",
+                "export one wavelength (--wavelength), or give a constant index",
             );
         }
         let first = |s: Spectral| shortest(s.to_array()[0]);
@@ -370,7 +366,7 @@ impl<'a> MaterialWriter<'a> {
             return self.cannot(
                 id,
                 "single scattering inside a polarized plastic",
-                "take single_scatter away",
+                "remove single_scatter",
             );
         }
         let element = element.child(self.albedo(id, "diffuse_reflectance", p.albedo)?);
@@ -395,7 +391,7 @@ impl<'a> MaterialWriter<'a> {
             _ => {
                 return self.cannot(
                     id,
-                    "interreflection below a rough coat that light passes like this",
+                    "this combination of interreflection, passage and roughness",
                     "remove interreflection and passage, or give passage = \"single_facet\" and one alpha",
                 );
             }
@@ -403,19 +399,19 @@ impl<'a> MaterialWriter<'a> {
         if p.interreflection == Interreflection::Lost || p.single_scatter.is_some() {
             return self.cannot(
                 id,
-                "this plastic without interreflection, or with single scattering",
+                "this plastic without interreflection or with single scattering",
                 "add interreflection = \"linear\" and remove single_scatter",
             );
         }
         if !is_even(&self.ctx.wavelengths, p.eta) {
             return self.cannot(
                 id,
-                "a refractive index that differs between wavelengths",
-                "export one wavelength (--wavelength), or give one index",
+                "a wavelength-dependent refractive index",
+                "export one wavelength (--wavelength), or give a constant index",
             );
         }
         self.out.note(format!(
-            "material `{}`: Mitsuba's {kind} is not polarized: of its Mueller matrix M00 alone is the same",
+            "material `{}`: Mitsuba's {kind} is not polarized; only M00 of the Mueller matrix agrees",
             self.names[&id]
         ));
         let element = element
@@ -436,13 +432,17 @@ impl<'a> MaterialWriter<'a> {
 
     fn measured(&mut self, id: u32, element: Element) -> Result<Element, InputError> {
         let MaterialFile::Measured(m) = &*self.files[self.names[&id]] else {
-            return self.cannot(id, "this table", "name its file");
+            return self.cannot(
+                id,
+                "a measured table without a file",
+                "give the file of the table",
+            );
         };
         if m.even_axes {
             return self.cannot(
                 id,
                 "a table with empty axes",
-                "write the table anew with its axes: sunstone pbrdf synth",
+                "write the table again with axes: sunstone pbrdf synth",
             );
         }
         let file = format!("{}.pbsdf", plain_id(self.names[&id], &BTreeMap::new()));
@@ -457,8 +457,8 @@ impl<'a> MaterialWriter<'a> {
     fn roughness(&mut self, id: u32, element: Element, r: &Roughness) -> Result<Element, InputError> {
         if r.masking == Masking::Correlated {
             self.out.note(format!(
-                "material `{}`: Mitsuba masks facets by the separable G1(wi) G1(wo), ours is height-correlated and brighter \
-                 at grazing angles; masking = \"separable\" makes them the same",
+                "material `{}`: Mitsuba uses separable masking G1(wi) G1(wo); Sunstone's height-correlated masking is brighter \
+                 at grazing angles. For equal results set masking = \"separable\"",
                 self.names[&id]
             ));
         }
@@ -492,7 +492,7 @@ impl<'a> MaterialWriter<'a> {
         if texels(&self.table.textures, texture).1.iter().any(uneven) {
             return self.cannot(
                 id,
-                "an image of colours at several wavelengths (it makes smooth spectra of them)",
+                "an image of colours at several wavelengths (Mitsuba converts colours to smooth spectra)",
                 "export one wavelength (--wavelength), or use a grey image",
             );
         }

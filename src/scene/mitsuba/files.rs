@@ -14,9 +14,9 @@ pub enum Contents {
 
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    #[error("{0} exists and is not an empty folder; give another one, or --force to write into it")]
+    #[error("{0} exists and is not an empty folder; choose another folder, or pass --force to write into it")]
     Occupied(PathBuf),
-    #[error("{0} exists; give another name, or --force to replace it")]
+    #[error("{0} exists; choose another name, or pass --force to replace it")]
     Exists(PathBuf),
     #[error("cannot write {0}: {1}")]
     Io(PathBuf, io::Error),

@@ -41,10 +41,10 @@ impl Folders {
 pub(super) fn read_text(path: &Path) -> std::io::Result<String> {
     let meta = std::fs::metadata(path)?;
     if !meta.is_file() {
-        return Err(std::io::Error::other("it is no file"));
+        return Err(std::io::Error::other("expected a file"));
     }
     if meta.len() > MOST_BYTES {
-        return Err(std::io::Error::other("it is too long for a scene"));
+        return Err(std::io::Error::other("the file is too large for a scene"));
     }
     std::fs::read_to_string(path)
 }

@@ -62,7 +62,9 @@ impl Import {
             text: "".into(),
             span: None,
             message: format!("cannot read the scene: {e}"),
-            help: Some("give the path of an XML file of Mitsuba 3, or of a dictionary as JSON".into()),
+            help: Some(
+                "give the path of a Mitsuba 3 XML file, or of a scene dictionary in JSON format".into(),
+            ),
         })?;
         Self::from_text(xml, &text, toml, parameters)
     }
@@ -136,8 +138,8 @@ fn run(
         let Inside::Node(node) = child.take() else {
             source.report(source.error(
                 child.span(),
-                "a reference does nothing here",
-                "put it into a shape, or take it away",
+                "a reference at the top level has no effect",
+                "move it into a shape, or remove it",
             ));
             continue;
         };
@@ -231,13 +233,13 @@ fn run(
     });
     if volumetric && thin && *file.render.max_depth < 64 {
         importer.note(
-            "thindielectric: light that passes straight through counts towards max_depth in sunstone, and not in Mitsuba's \
-             volumetric integrators: raise max_depth",
+            "thindielectric: straight transmission counts towards max_depth in Sunstone, but not in Mitsuba's volumetric \
+             integrators: increase max_depth",
         );
     }
     if importer.spectral.get() {
         importer.note(
-            "spectra are read at the scene's wavelengths, as in Mitsuba's spectral variants; its RGB variants turn them into colours",
+            "spectra are evaluated at the scene's wavelengths, as in Mitsuba's spectral variants; its RGB variants convert them to colours",
         );
     }
     let mut files = files.clone();
@@ -253,8 +255,8 @@ fn run(
     let text = file.to_toml().map_err(|e| {
         source.error(
             &scene.span,
-            format!("the scene cannot be written: {e}"),
-            "use smaller whole numbers",
+            format!("cannot serialize the scene: {e}"),
+            "use smaller integers",
         )
     })?;
     Ok(Some(Import {
@@ -305,7 +307,7 @@ fn unused(importer: &mut Importer) {
                 .as_deref()
                 .map_or(String::new(), |id| format!(" (id `{id}`)"));
             importer.note(format!(
-                "the {} `{}`{id} is not used: nothing refers to it",
+                "the {} `{}`{id} is not used: no element refers to it",
                 node.tag, node.kind
             ));
         }
@@ -317,7 +319,7 @@ fn heading(xml: &Path) -> String {
     let name = xml.file_name().unwrap_or_default().to_string_lossy();
     format!(
         "# Written by sunstone import from {}.\n\
-         # Colours given as RGB stand for 660, 550 and 450 nm: red above 590 nm, green from 500 nm, blue below.\n\n",
+         # RGB colours are mapped to wavelengths: red above 590 nm, green from 500 to 590 nm, blue below 500 nm.\n\n",
         name.replace(char::is_control, "_")
     )
 }
@@ -344,7 +346,7 @@ fn check(
         return Err(source.error(
             &sensor.span,
             cut,
-            "move the planes (near_clip, far_clip), or remove what they cut off: sunstone shows all surfaces",
+            "move the clipping planes (near_clip, far_clip), or remove the clipped surfaces: Sunstone does not clip",
         ));
     }
     let said = |(scene, gap): (Scene, Option<InputError>)| (scene.notes.clone(), gap.map(|g| g.message));
@@ -380,7 +382,7 @@ fn cut_off(scene: &Scene, [near, far]: [f64; 2]) -> Option<String> {
         for (name, plane, is_cut) in [("near_clip", near, depth < near), ("far_clip", far, depth > far)] {
             if is_cut {
                 return Some(format!(
-                    "{name} = {plane} cuts off a surface {depth:.4} m along the axis, at pixel ({:.0}, {:.0})",
+                    "{name} = {plane} clips a surface at depth {depth:.4} m, at pixel ({:.0}, {:.0})",
                     at.x, at.y
                 ));
             }
@@ -408,10 +410,17 @@ impl<'a> Parts<'a> {
         match node.tag.as_str() {
             "sensor" if self.sensor.is_none() => self.sensor = Some(node),
             "sensor" => {
-                importer.note("the scene has several sensors: the first is imported, which Mitsuba renders");
+                importer
+                    .note("the scene has several sensors: the first one, which Mitsuba renders, is imported");
             }
             "integrator" if self.integrator.is_none() => self.integrator = Some(node),
-            "integrator" => return Err(source.error(&node.span, "a second integrator", "keep one")),
+            "integrator" => {
+                return Err(source.error(
+                    &node.span,
+                    "the scene has a second integrator",
+                    "keep one integrator",
+                ));
+            }
             "bsdf" => self.bsdfs.push(node),
             "shape" => self.shapes.push(node),
             // Surface emitters are read with the shape that refers to them.
@@ -420,8 +429,8 @@ impl<'a> Parts<'a> {
             // Read where another element refers to them.
             "texture" | "spectrum" | "medium" | "phase" | "volume" | "film" | "sampler" | "rfilter" => {}
             other => {
-                let message = format!("sunstone cannot express a {other}");
-                return Err(source.error(&node.span, message, "take it away"));
+                let message = format!("unsupported element: {other}");
+                return Err(source.error(&node.span, message, "remove it"));
             }
         }
         Ok(())

@@ -16,7 +16,7 @@ const FAR: f64 = 1e4;
 const METRES_PER_PS: f64 = 299_792_458e-12;
 
 /// Note about the difference between pixel filters.
-const FILTERED: &str = "pixels are means over their area (box filter): Mitsuba's reconstruction filter here reaches over \
+const FILTERED: &str = "pixels are averages over their area (box filter); Mitsuba's reconstruction filter of this scene includes \
     neighbouring pixels";
 
 pub(super) struct Sensor {
@@ -52,7 +52,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
     if !orthographic && !["perspective", "thinlens"].contains(&node.kind.as_str()) {
         return importer.error(
             &node.span,
-            format!("sunstone has no sensor `{}`", node.kind),
+            format!("unsupported sensor `{}`", node.kind),
             "use <sensor type=\"perspective\">, thinlens or orthographic",
         );
     }
@@ -68,14 +68,14 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
                 inner.finish(source, &["seed", "jitter", "pass_index", "dimension"]);
             }
             "film" if given.is_some() => {
-                return importer.error(child.span(), "the sensor has a second film", "keep one");
+                return importer.error(child.span(), "the sensor has a second film", "keep one film");
             }
             "film" => given = Some(film(importer, inner)?),
             _ => {
                 return importer.error(
                     child.span(),
-                    format!("sunstone does not know what `{}` of a sensor means", inner.tag),
-                    "keep film and sampler alone",
+                    format!("unsupported element `{}` in a sensor", inner.tag),
+                    "keep only film and sampler",
                 );
             }
         }
@@ -100,7 +100,7 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
         let start = if orthographic { start } else { start + near };
         if !orthographic {
             importer.note(format!(
-            "mitransient counts path lengths from the near clipping plane: the time bins begin {near} m later here, which is \
+            "mitransient measures path lengths from the near clipping plane: the time bins are shifted by {near} m, which is \
              exact on the optical axis"
             ));
         }
@@ -127,7 +127,11 @@ pub(super) fn sensor<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<
             node.float(source, "focus_distance")?,
         );
         let Some(radius) = radius else {
-            return importer.error(&node.span, "the lens has no aperture_radius", "add it, in metres");
+            return importer.error(
+                &node.span,
+                "the thinlens sensor has no aperture_radius",
+                "add aperture_radius, in metres",
+            );
         };
         let aperture = ApertureFile {
             radius,
@@ -171,8 +175,8 @@ fn parallel(importer: &mut Importer, node: &Node, near: f64) -> Result<(PoseFile
     if (lengths[0] / lengths[1] - 1.0).abs() > 1e-4 || (lengths[2] - 1.0).abs() > 1e-4 {
         return importer.error(
             &node.span,
-            "to_world of an orthographic camera scales x and y differently, or z",
-            "scale x and y by half of the image's width",
+            "to_world of an orthographic camera has different scales of x and y, or a scale of z",
+            "scale x and y by half of the image width",
         );
     }
     let unscaled = DMat3::from_cols(
@@ -194,7 +198,7 @@ fn camera_pose(importer: &mut Importer, node: &Node) -> Result<PoseFile, InputEr
 fn unmirrored(importer: &mut Importer, node: &Node, place: DAffine3) -> Result<PoseFile, InputError> {
     if place.matrix3.determinant() < 0.0 {
         importer.note(
-            "the camera's to_world mirrors: left and right of the image are exchanged against Mitsuba's",
+            "the camera's to_world contains a reflection: left and right of the image are exchanged relative to Mitsuba",
         );
         return posed(
             importer,
@@ -219,13 +223,15 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     match node.kind.as_str() {
         "hdrfilm" | "transient_hdr_film" => {}
         "specfilm" => {
-            importer.note("specfilm: sunstone stores radiance at its wavelengths, not the film's channels");
+            importer.note(
+                "specfilm: Sunstone stores radiance at the scene's wavelengths, not the channels of the film",
+            );
         }
-        "ldrfilm" => importer.note("ldrfilm: sunstone stores radiance; gamma and exposure are not applied"),
+        "ldrfilm" => importer.note("ldrfilm: Sunstone stores radiance; gamma and exposure are not applied"),
         other => {
             return importer.error(
                 &node.span,
-                format!("sunstone has no film `{other}`"),
+                format!("unsupported film `{other}`"),
                 "use hdrfilm, or transient_hdr_film of mitransient",
             );
         }
@@ -238,7 +244,7 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         importer.error(
             &node.span,
             format!("the film's {name} is {value}"),
-            &format!("{name} must lie in {least}..32768"),
+            &format!("give {name} in {least}..32768"),
         )
     };
     let size = [number("width", 768, 1)?, number("height", 576, 1)?];
@@ -251,8 +257,8 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
     if window[0] + window[2] > size[0] || window[1] + window[3] > size[1] {
         return importer.error(
             &node.span,
-            "the film's crop window reaches beyond it",
-            "keep crop_offset plus crop size within width and height",
+            "the crop window extends beyond the film",
+            "keep crop offset plus crop size within width and height",
         );
     }
     let mut time = None;
@@ -261,7 +267,11 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         let width = node.float(source, "bin_width_opl")?.unwrap_or(0.003);
         let start = node.float(source, "start_opl")?.unwrap_or(0.0);
         if node.boolean(source, "exhaustive_scan")?.unwrap_or(false) {
-            return importer.error(&node.span, "sunstone has no exhaustive_scan", "take it away");
+            return importer.error(
+                &node.span,
+                "exhaustive_scan is not supported",
+                "remove exhaustive_scan",
+            );
         }
         let bins = *importer.whole(&node.span, bins, "temporal_bins")?;
         time = Some((start, width, bins));
@@ -272,12 +282,12 @@ fn film(importer: &mut Importer, node: &Node) -> Result<Film, InputError> {
         if inner.tag != "rfilter" {
             return importer.error(
                 child.span(),
-                format!("sunstone does not know what `{}` of a film means", inner.tag),
-                "keep the rfilter alone",
+                format!("unsupported element `{}` in a film", inner.tag),
+                "keep only the rfilter",
             );
         }
         if filter.replace(inner.kind.as_str()).is_some() {
-            return importer.error(child.span(), "the film has a second rfilter", "keep one");
+            return importer.error(child.span(), "the film has a second rfilter", "keep one rfilter");
         }
         // Parameters of filters that are not used.
         inner.finish(source, &["radius", "stddev", "lobes", "B", "C"]);
@@ -331,7 +341,7 @@ pub(super) fn integrator<'a>(
     let (mut max_depth, mut rr_depth) = (-1, 5);
     let mut at = importer.document.scene.span.clone();
     if node.is_none() {
-        importer.note("the scene has no integrator: paths are traced");
+        importer.note("the scene has no integrator: paths are traced as with `path`");
     }
     let mut seen: Vec<&Node> = vec![];
     let mut next = node;
@@ -340,8 +350,8 @@ pub(super) fn integrator<'a>(
         if seen.iter().any(|n| std::ptr::eq(*n, node)) {
             return importer.error(
                 &node.span,
-                "the integrator is nested in itself",
-                "nest path in it",
+                "the integrator contains itself",
+                "nest a path integrator",
             );
         }
         seen.push(node);
@@ -353,21 +363,21 @@ pub(super) fn integrator<'a>(
                     if next.replace(importer.resolve(child)?).is_some() {
                         return importer.error(
                             child.span(),
-                            format!("the integrator {} has two in it", node.kind),
-                            "keep one",
+                            format!("the integrator {} contains a second integrator", node.kind),
+                            "keep one integrator",
                         );
                     }
                 }
                 if next.is_none() {
                     return importer.error(
                         &node.span,
-                        format!("the integrator {} has none in it, so it shows no light", node.kind),
-                        "nest <integrator type=\"path\"> in it; `sunstone layers` writes depths, normals and positions",
+                        format!("the integrator {} contains no integrator, so it renders no light", node.kind),
+                        "nest <integrator type=\"path\">; to write depths, normals and positions use `sunstone layers`",
                     );
                 }
                 if node.get("aovs").is_some() {
                     importer.note(
-                        "aovs are not rendered: `sunstone layers` writes depths, normals and positions",
+                        "aovs are not rendered; to write depths, normals and positions use `sunstone layers`",
                     );
                 }
             }
@@ -393,8 +403,8 @@ pub(super) fn integrator<'a>(
                 node.get("bsdf_samples");
                 if samples != 1 {
                     importer.note(format!(
-                        "direct: Mitsuba 3.9 counts point, spot and directional emitters {samples} times (emitter_samples), \
-                         sunstone once"
+                        "direct: Mitsuba 3.9 adds the light of point, spot and directional emitters {samples} times \
+                         (emitter_samples), Sunstone once"
                     ));
                 }
             }
@@ -404,16 +414,16 @@ pub(super) fn integrator<'a>(
                 max_depth = node.integer(source, "max_depth")?.unwrap_or(-1);
                 rr_depth = node.integer(source, "rr_depth")?.unwrap_or(5);
                 importer.note(format!(
-                    "{}: sunstone traces paths its own way, to the same image",
+                    "{}: replaced by Sunstone's path tracer, which converges to the same image",
                     node.kind
                 ));
             }
             other => {
                 return importer.error(
                     &node.span,
-                    format!("sunstone has no integrator `{other}`"),
+                    format!("unsupported integrator `{other}`"),
                     "use path, volpath, volpathmis, direct, prb, prbvolpath, ptracer, transient_path or \
-                     transient_prbvolpath, in stokes, aov or moment if need be",
+                     transient_prbvolpath, optionally nested in stokes, aov or moment",
                 );
             }
         }
@@ -421,7 +431,7 @@ pub(super) fn integrator<'a>(
             transient(importer, node)?;
         }
         if node.boolean(source, "hide_emitters")?.unwrap_or(false) {
-            importer.note("hide_emitters: the camera sees emitters and the environment in sunstone");
+            importer.note("hide_emitters is not used: emitters and the environment are visible in Sunstone");
         }
         if node.boolean(source, "strict_normals")?.unwrap_or(false) {
             importer.note("strict_normals is not used");
@@ -441,7 +451,7 @@ pub(super) fn integrator<'a>(
     }
     if max_depth < 0 {
         max_depth = 64;
-        importer.note("paths without end become paths of max_depth = 64");
+        importer.note("paths of unlimited depth are limited to max_depth = 64");
     }
     Ok(Depth {
         max_depth: importer.whole(&at, max_depth, "max_depth")?,
@@ -453,19 +463,21 @@ pub(super) fn integrator<'a>(
 fn transient(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     let source = importer.source;
     if node.boolean(source, "camera_unwarp")?.unwrap_or(false) {
-        importer.note("camera_unwarp: sunstone counts time from the camera, not from the first surface");
+        importer.note(
+            "camera_unwarp is not used: Sunstone measures time from the camera, not from the first surface",
+        );
     }
     if node.boolean(source, "discard_direct_light")?.unwrap_or(false) {
         return importer.error(
             &node.span,
-            "sunstone cannot discard direct light on import",
-            "take discard_direct_light away, and resolve bounces in a slice (bounces = true)",
+            "discard_direct_light is not supported",
+            "remove discard_direct_light, and resolve bounces in a slice (bounces = true)",
         );
     }
     let filter = node.text(source, "temporal_filter")?.unwrap_or("box");
     if !["", "box"].contains(&filter) {
         importer.note(format!(
-            "temporal_filter `{filter}`: sunstone's time bins are boxes"
+            "temporal_filter `{filter}` is not used: time bins are boxes"
         ));
     }
     node.get("gaussian_stddev");
@@ -485,8 +497,8 @@ pub(super) fn field_of_view(importer: &Importer, node: &Node, aspect: f64) -> Re
             let Some(mm) = number(text.trim_end_matches("mm")).filter(|mm| *mm > 0.0) else {
                 return importer.error(
                     &node.span,
-                    format!("the focal length is `{text}`"),
-                    "give it as 50mm",
+                    format!("invalid focal length `{text}`"),
+                    "give a focal length such as 50mm",
                 );
             };
             let diagonal = f64::hypot(36.0, 24.0);
@@ -533,8 +545,11 @@ fn posed(importer: &Importer, node: &Node, place: DAffine3) -> Result<PoseFile, 
     if lengths.iter().any(|l| *l > 1e-4) || m.determinant() < 0.0 {
         return importer.error(
             &node.span,
-            format!("to_world of {} `{}` scales or mirrors", node.tag, node.kind),
-            "use lookat, rotate and translate alone",
+            format!(
+                "to_world of {} `{}` contains a scale or a reflection",
+                node.tag, node.kind
+            ),
+            "use only lookat, rotate and translate",
         );
     }
     let device = DAffine3::from_mat3_translation(

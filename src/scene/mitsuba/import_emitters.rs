@@ -51,7 +51,11 @@ pub(super) fn add<'a>(
         "spot" => spot(importer, node)?,
         "directional" => directional(importer, node)?,
         "constant" | "envmap" if file.has_environment() => {
-            return importer.error(&node.span, "a second environment", "keep one");
+            return importer.error(
+                &node.span,
+                "the scene has a second environment emitter",
+                "keep one environment",
+            );
         }
         "envmap" => envmap(importer, node)?,
         "constant" => {
@@ -68,7 +72,11 @@ pub(super) fn add<'a>(
         "projector" => match projector(importer, node)? {
             Projected::Slide(slide) => EmitterFile::Slide(slide),
             Projected::Patterns(_) if file.projector.is_some() => {
-                return importer.error(&node.span, "a second projector without an image", "keep one");
+                return importer.error(
+                    &node.span,
+                    "the scene has a second projector without an image",
+                    "keep one projector",
+                );
             }
             Projected::Patterns(projector) => {
                 file.projector = Some(Located::at(node.span.clone(), *projector));
@@ -78,7 +86,7 @@ pub(super) fn add<'a>(
         other => {
             return importer.error(
                 &node.span,
-                format!("sunstone has no emitter `{other}`"),
+                format!("unsupported emitter `{other}`"),
                 "use projector, point, spot, directional, constant, envmap, or area on a shape",
             );
         }
@@ -95,8 +103,8 @@ fn spot<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile, 
     if image.is_some() && place.matrix3.determinant() < 0.0 {
         return importer.error(
             &node.span,
-            "the to_world of a spot with a texture mirrors",
-            "use lookat, rotate and translate alone",
+            "the to_world of a spot with a texture contains a reflection",
+            "use only lookat, rotate and translate",
         );
     }
     // Mitsuba's image has its up along the spot's +y and its right along +x, as if mirrored.
@@ -160,8 +168,8 @@ fn envmap<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<EmitterFile
             let turn = directions(map.matrix3).ok_or_else(|| {
                 source.error(
                     &node.span,
-                    "the to_world of the envmap scales or shears it, so that Mitsuba distorts the image",
-                    "give it rotations and reflections alone",
+                    "the to_world of the envmap contains scale or shear, with which Mitsuba distorts the image",
+                    "use only rotations and reflections",
                 )
             })?;
             Some(Located::at(node.span.clone(), matrix(&DAffine3::from_mat3(turn))))
@@ -191,8 +199,8 @@ pub(super) fn area<'a>(
     if node.kind != "area" {
         return importer.error(
             &node.span,
-            format!("sunstone has no shapes with an emitter `{}`", node.kind),
-            "use area",
+            format!("unsupported emitter `{}` of a shape", node.kind),
+            "use an area emitter",
         );
     }
     let mut emission = EmissionFile::new(1.0);
@@ -213,7 +221,7 @@ pub(super) fn area<'a>(
 fn sampling_weight(importer: &mut Importer, node: &Node) -> Result<(), InputError> {
     if node.float(importer.source, "sampling_weight")? == Some(0.0) {
         importer.note(format!(
-            "the emitter `{}` has sampling_weight 0: sunstone samples it like the others",
+            "the emitter `{}` has sampling_weight 0, which is not used",
             node.kind
         ));
     }
@@ -269,8 +277,8 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
         let (size, white) = decoded(importer, node, "irradiance")?;
         if !white {
             importer.note(
-                "a projector's image that is not white makes it light of the scene (`slide`), whose pixels T does not resolve: patterns are \
-                 chosen in `sunstone probe`",
+                "a projector with an image that is not white is imported as an emitter (`slide`), whose pixels T does not resolve; to project \
+                 patterns, use `sunstone probe`",
             );
             let fov = field_of_view(importer, node, f64::from(size[0]) / f64::from(size[1]))?;
             let pose = Located::at(node.span.clone(), pose(importer, node)?);
@@ -289,8 +297,8 @@ fn projector<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<Projecte
         if w != h || w.fract() != 0.0 || !(1.0..=32768.0).contains(&w) {
             return importer.error(
                 &node.span,
-                "a projector without an image is square",
-                "give projector_resolution two equal whole numbers in 1..32768",
+                "a projector without an image must be square",
+                "set projector_resolution to two equal integers in 1..32768",
             );
         }
         ([w as u32; 2], importer.spectrum_or(node, "irradiance", 1.0)?)
@@ -326,7 +334,7 @@ fn decoded<'a>(importer: &Importer<'a>, node: &'a Node, name: &str) -> Result<([
         .transpose()?;
     let name = file.flatten().unwrap_or_default();
     let refused = |what: String| {
-        let fix = "give an image file that can be read";
+        let fix = "give a readable image file";
         importer.source.error(&node.span, what, fix)
     };
     let path = importer.path(name);

@@ -17,17 +17,17 @@ pub(super) const KINDS: [&str; 3] = ["bsplinecurve", "linearcurve", "sdfgrid"];
 fn file<'a>(importer: &Importer, node: &'a Node) -> Result<(&'a str, Vec<u8>), InputError> {
     let source = importer.source;
     if node.boolean(source, "flip_normals")?.unwrap_or(false) {
-        let message = format!("flip_normals does nothing to a {} in Mitsuba", node.kind);
-        return importer.error(&node.span, message, "take it away");
+        let message = format!("flip_normals of a {} has no effect in Mitsuba", node.kind);
+        return importer.error(&node.span, message, "remove flip_normals");
     }
     for child in node.children() {
         let inner = importer.peek(child)?;
         if inner.tag == "emitter" || inner.tag == "medium" {
-            let message = format!("sunstone gives no {} to a {}", inner.tag, node.kind);
+            let message = format!("unsupported {} of a {}", inner.tag, node.kind);
             return importer.error(
                 child.span(),
                 message,
-                "give it to another shape, or convert this one to PLY",
+                "move it to another shape, or convert this shape to PLY",
             );
         }
     }
@@ -69,14 +69,14 @@ pub(super) fn curve(importer: &mut Importer, node: &Node, place: &DAffine3) -> R
         importer.source.error(&node.span, e.to_string(), help)
     })?;
     importer.note(format!(
-        "{}: {name} becomes a mesh of {} triangles ({} around a tube), at most {:.2e} m from Mitsuba's surface",
+        "{}: {name} is converted to a mesh of {} triangles ({} around a tube), with a deviation of at most {:.2e} m from Mitsuba's surface",
         node.kind,
         tubes.mesh.indices.len(),
         tubes.sides,
         tubes.deviation
     ));
     importer.note(
-        "curves: light that enters a tube meets its inside in sunstone; in Mitsuba it passes, for curves are seen from outside alone",
+        "curves: light inside a tube hits the inner surface in Sunstone; in Mitsuba it passes, because curves are visible only from outside",
     );
     Ok(made(importer, node, &tubes.mesh))
 }
@@ -88,7 +88,7 @@ pub(super) fn sdf_grid(importer: &mut Importer, node: &Node) -> Result<MeshFile,
         None | Some("smooth") => Normals::Smooth,
         Some("analytic") => Normals::Analytic,
         Some(other) => {
-            let message = format!("the normals of the sdfgrid are `{other}`");
+            let message = format!("unsupported normals `{other}` of the sdfgrid");
             return importer.error(&node.span, message, "use smooth or analytic");
         }
     };
@@ -100,7 +100,7 @@ pub(super) fn sdf_grid(importer: &mut Importer, node: &Node) -> Result<MeshFile,
             .error(&node.span, e.to_string(), "correct the file")
     })?;
     importer.note(format!(
-        "sdfgrid: {name} becomes a mesh of {} triangles, at most {:.3} sides of a cell from Mitsuba's surface",
+        "sdfgrid: {name} is converted to a mesh of {} triangles, with a deviation of at most {:.3} cell sizes from Mitsuba's surface",
         found.mesh.indices.len(),
         found.deviation
     ));

@@ -41,13 +41,13 @@ impl<'a> Groups<'a> {
                 .and_then(|inner| match inner.kind.as_str() {
                     "shapegroup" | "instance" => importer.error(
                         &inner.span,
-                        format!("`{}` within a shapegroup", inner.kind),
-                        "put its shapes into the group, or out of it: groups do not nest",
+                        format!("a shapegroup cannot contain `{}`", inner.kind),
+                        "move the shapes into the group or out of it: groups cannot be nested",
                     ),
                     _ if inner.tag != "shape" => importer.error(
                         child.span(),
-                        format!("a {} does nothing in a shapegroup", inner.tag),
-                        "give it to one of the group's shapes, or take it away",
+                        format!("a {} in a shapegroup has no effect", inner.tag),
+                        "move it into a shape of the group, or remove it",
                     ),
                     _ => Ok((inner, import_shapes::all(importer, reader, inner)?)),
                 });
@@ -61,7 +61,7 @@ impl<'a> Groups<'a> {
         }
         if node.children().is_empty() {
             let message = "the shapegroup is empty";
-            let fix = "put shapes into it, or take it and its instances away";
+            let fix = "add shapes, or remove the shapegroup and its instances";
             importer
                 .source
                 .report(importer.source.error(&node.span, message, fix));
@@ -85,8 +85,8 @@ impl<'a> Groups<'a> {
             if inner.kind != "shapegroup" || group.is_some() {
                 return importer.error(
                     child.span(),
-                    "an instance is of one shapegroup, and of nothing else",
-                    "refer to one shapegroup: its shapes bring their materials along",
+                    "an instance must contain exactly one shapegroup and nothing else",
+                    "refer to one shapegroup; its shapes already have materials",
                 );
             }
             group = Some(inner);
@@ -95,7 +95,7 @@ impl<'a> Groups<'a> {
             return importer.error(
                 &node.span,
                 "the instance has no shapegroup",
-                "add <ref id=\"…\"/> with a shapegroup's id",
+                "add <ref id=\"…\"/> with the id of a shapegroup",
             );
         };
         node.finish(importer.source, &[]);

@@ -27,7 +27,7 @@ pub(super) fn plastic<'a>(
     uv: &mut Coordinates,
 ) -> Result<PlasticFile, InputError> {
     importer.note(format!(
-        "{} is polarized in sunstone (Fresnel coat, depolarizing base); Mitsuba's is not",
+        "{} is polarized in Sunstone (Fresnel coat, depolarizing base), but not in Mitsuba",
         node.kind
     ));
     let base = albedo(importer, node, "diffuse_reflectance", 0.5, uv)?;
@@ -40,7 +40,7 @@ pub(super) fn plastic<'a>(
     };
     let (alpha, distribution) = if node.kind == "plastic" {
         importer.note(format!(
-            "the smooth coat of plastic has a roughness of {SMOOTH} in sunstone"
+            "the smooth coat of plastic has a roughness of {SMOOTH} in Sunstone"
         ));
         (at(node, SMOOTH.into()), Distribution::Beckmann)
     } else {
@@ -84,7 +84,7 @@ pub(super) fn principled<'a>(
         at(node, (v * v).clamp(SMOOTH, 1.0).into())
     } else {
         importer.note(
-            "principled: the image of roughness is taken as alpha, whose root it is: where it says 0.5, ours is as rough as 0.71",
+            "principled: the roughness image is used as alpha, although roughness is the square root of alpha: a value of 0.5 has the effect of roughness 0.71",
         );
         roughness
     };
@@ -116,17 +116,17 @@ pub(super) fn principled<'a>(
         }
     }
     importer.note(
-        "principled becomes plastic (GGX coat, depolarizing base), mixed with metal by `metallic` and with rough glass by \
-         `spec_trans`: as bright within 2 % up to 45° from the normal; off metal 3 to 5 % darker at 60° and 9 to 17 % at 75°",
+        "principled is converted to plastic (GGX coat, depolarizing base), blended with metal by `metallic` and with rough glass by \
+         `spec_trans`: equal brightness within 2 % up to 45° from the normal; non-metals are 3 to 5 % darker at 60° and 9 to 17 % at 75°",
     );
     if lost.contains(&"anisotropic") {
         importer.note(
-            "principled: without `anisotropic` highlights are round; metal is up to 4 % brighter for 0.6 and 19 % for 0.9, all else \
-             up to 5 % and 10 % at 80°",
+            "principled: `anisotropic` is not used and highlights are round; metal is up to 4 % brighter for 0.6 and 19 % for 0.9, other \
+             materials up to 5 % and 10 % at 80°",
         );
     }
     if !lost.is_empty() {
-        importer.note(format!("principled: not used are {}", lost.join(", ")));
+        importer.note(format!("principled: unused parameters: {}", lost.join(", ")));
     }
     let none = |s: &ScalarFile| *s == ScalarFile::Number(0.0);
     let mut body = MaterialFile::Plastic(Box::new(PlasticFile {
@@ -206,7 +206,7 @@ fn body_of(
         }),
         AlbedoFile::Checkerboard(board) => {
             importer.note(format!(
-                "principled: the squares of its base colour are up to {:.1} % off",
+                "principled: the checkerboard of the base colour deviates by up to {:.1} %",
                 (factor - 1.0).abs() * 100.0
             ));
             AlbedoFile::Checkerboard(board.clone())
@@ -214,7 +214,7 @@ fn body_of(
     };
     if brightest > 1.0 {
         importer.note(format!(
-            "{}: Mitsuba's principled reflects more light than it receives; ours reflects all of it, {:.1} % less at normal incidence",
+            "{}: Mitsuba's principled reflects more light than it receives; in Sunstone the reflectance is limited to 1, {:.1} % less at normal incidence",
             node.id.as_deref().unwrap_or("principled"),
             (1.0 - 1.0 / brightest) * 100.0
         ));
@@ -243,7 +243,7 @@ fn metal(
     };
     if indices.is_none() {
         importer.note(
-            "principled: metal under an image reflects its colour at all angles; Mitsuba's reflects more beyond 60° from the normal",
+            "principled: metal with an image has the same colour at all angles; in Mitsuba it reflects more beyond 60° from the normal",
         );
     }
     MaterialFile::RoughConductor(RoughConductorFile {

@@ -121,7 +121,7 @@ impl MaterialReader {
         if node.tag != "bsdf" {
             return importer.error(
                 &node.span,
-                format!("a {} stands where a bsdf must", node.tag),
+                format!("expected a bsdf, got a {}", node.tag),
                 "refer to a bsdf",
             );
         }
@@ -139,8 +139,8 @@ impl MaterialReader {
         if self.open.contains(&start) || self.open.len() > 14 {
             return importer.error(
                 &node.span,
-                "the bsdf is made of itself, or of too many others",
-                "bsdfs may hold others, some ten deep, but not in a circle",
+                "the bsdf refers to itself, or is nested too deeply",
+                "nest bsdfs at most about ten deep and without cycles",
             );
         }
         self.open.push(start);
@@ -241,11 +241,12 @@ impl MaterialReader {
                 if node.kind == "dielectric" {
                     MaterialFile::Dielectric(DielectricFile { ior, exterior_ior })
                 } else if node.kind == "thindielectric" {
-                    importer.note("thin glass is polarized in sunstone; Mitsuba's thindielectric is not");
+                    importer.note("thin glass is polarized in Sunstone, but not in Mitsuba (thindielectric)");
                     MaterialFile::ThinDielectric(DielectricFile { ior, exterior_ior })
                 } else {
                     let facets = facets(importer, node, uv)?;
-                    importer.note("rough glass is polarized in sunstone; Mitsuba's roughdielectric is not");
+                    importer
+                        .note("rough glass is polarized in Sunstone, but not in Mitsuba (roughdielectric)");
                     MaterialFile::RoughDielectric(RoughDielectricFile {
                         ior,
                         exterior_ior,
@@ -261,8 +262,8 @@ impl MaterialReader {
                 if node.boolean(source, "polarizing")? == Some(false) {
                     return importer.error(
                         &node.span,
-                        "the polarizer does not polarize",
-                        "take `polarizing` away, or the polarizer",
+                        "polarizing = false is not supported",
+                        "remove `polarizing`, or remove the polarizer",
                     );
                 }
                 // Mitsuba measures the angle clockwise.
@@ -288,7 +289,7 @@ impl MaterialReader {
                 })
             }
             "retarder" => {
-                importer.note("off the normal, the axis of Mitsuba's retarder is no line in space; ours is");
+                importer.note("at oblique incidence the axis of Mitsuba's retarder is not fixed in space, unlike Sunstone's");
                 MaterialFile::Retarder(RetarderFile {
                     angle_deg: Some(at(node, angle(importer, node)?)),
                     axis: None,
@@ -329,7 +330,7 @@ impl MaterialReader {
                 if !image.raw {
                     return importer.error(
                         &texture.span,
-                        "sunstone reads the numbers of normal maps as they are",
+                        "a normal map must be raw: Sunstone does not convert its values",
                         "add <boolean name=\"raw\" value=\"true\"/>",
                     );
                 }
@@ -380,8 +381,8 @@ impl MaterialReader {
             other => {
                 return importer.error(
                     &node.span,
-                    format!("sunstone has no material `{other}`"),
-                    &format!("use one of {}", KNOWN.join(", ")),
+                    format!("unsupported bsdf `{other}`"),
+                    &format!("use one of: {}", KNOWN.join(", ")),
                 );
             }
         };
@@ -404,7 +405,7 @@ impl MaterialReader {
         ] {
             if node.boolean(importer.source, name)?.unwrap_or(true) {
                 importer.note(format!(
-                    "normal maps have no {name} in sunstone: Mitsuba's ball of tiles is {difference} with it"
+                    "{name} of normal maps is not used; in Mitsuba it makes a test scene {difference}"
                 ));
             }
         }
@@ -436,8 +437,8 @@ impl MaterialReader {
         names.try_into().or_else(|names: Vec<_>| {
             importer.error(
                 &node.span,
-                format!("{} bsdfs are inside of {}", names.len(), node.kind),
-                &format!("give {N}"),
+                format!("expected {N} nested bsdfs, got {} in {}", names.len(), node.kind),
+                &format!("give {N} nested bsdfs"),
             )
         })
     }
@@ -491,8 +492,8 @@ fn one_way(importer: &Importer, node: &Node) -> Result<(), InputError> {
     if node.boolean(importer.source, "allow_transmission")? == Some(true) {
         return importer.error(
             &node.span,
-            "sunstone has no two-sided glass",
-            "take allow_transmission away",
+            "allow_transmission of twosided is not supported",
+            "remove allow_transmission",
         );
     }
     Ok(())
@@ -545,8 +546,8 @@ fn measured(importer: &Importer, node: &Node) -> Result<MeasuredFile, InputError
     {
         return importer.error(
             &node.span,
-            format!("the table is used at {nm} nm for all wavelengths"),
-            "take `wavelength` away, or choose it: -D wavelengths_nm=…",
+            format!("the table is evaluated at {nm} nm for all wavelengths"),
+            "remove `wavelength`, or set the scene's wavelength: -D wavelengths_nm=…",
         );
     }
     Ok(MeasuredFile {

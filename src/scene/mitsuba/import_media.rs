@@ -51,7 +51,7 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
     if !["homogeneous", "heterogeneous"].contains(&node.kind.as_str()) {
         return importer.error(
             &node.span,
-            format!("sunstone has no medium `{}`", node.kind),
+            format!("unsupported medium `{}`", node.kind),
             "use homogeneous or heterogeneous",
         );
     }
@@ -89,14 +89,17 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
         }
         child.take();
         if phase.is_some() {
-            return importer.error(child.span(), "the medium has a second phase function", "keep one");
+            return importer.error(
+                child.span(),
+                "the medium has a second phase function",
+                "keep one phase function",
+            );
         }
         phase = Some(phase_function(importer, inner)?);
     }
     let phase = phase.unwrap_or(PhaseFile::Isotropic);
     if !node.boolean(importer.source, "sample_emitters")?.unwrap_or(true) {
-        importer
-            .note("sample_emitters = false of a medium: sunstone looks for emitters in media as elsewhere");
+        importer.note("sample_emitters = false of a medium is not used: Sunstone samples emitters in media");
     }
     // Affects only how distances are sampled.
     node.finish(importer.source, &["has_spectral_extinction"]);
@@ -121,8 +124,8 @@ fn medium<'a>(importer: &mut Importer<'a>, node: &'a Node) -> Result<MediumFile,
         Coefficient::Everywhere(..) => {
             return importer.error(
                 &node.span,
-                "the homogeneous medium has a grid of albedo",
-                "make it heterogeneous, with a gridvolume of sigma_t",
+                "a homogeneous medium cannot have an albedo grid",
+                "use a heterogeneous medium with a gridvolume for sigma_t",
             );
         }
     };
@@ -184,13 +187,13 @@ fn grid(importer: &Importer, node: &Node, place: DAffine3) -> Result<Located<Gri
         "trilinear" => GridFilter::Trilinear,
         "nearest" => GridFilter::Nearest,
         other => {
-            let what = format!("there is no filter_type `{other}` of volumes");
+            let what = format!("unsupported filter_type `{other}` of a volume");
             return importer.error(&node.span, what, "use trilinear or nearest");
         }
     };
     if let Some(other) = node.text(source, "wrap_mode")?.filter(|mode| *mode != "clamp") {
-        let what = format!("sunstone has no wrap_mode `{other}` of volumes");
-        return importer.error(&node.span, what, "use clamp, which is the default");
+        let what = format!("unsupported wrap_mode `{other}` of a volume");
+        return importer.error(&node.span, what, "use clamp (the default)");
     }
     let own = node.boolean(source, "use_grid_bbox")?.unwrap_or(false);
     // Conversion to spectra and look-up acceleration.
@@ -239,7 +242,7 @@ fn phase_function(importer: &mut Importer, node: &Node) -> Result<PhaseFile, Inp
             circular: at(0.0),
         }),
         "rayleigh" => {
-            importer.note("rayleigh scattering is polarized in sunstone");
+            importer.note("rayleigh scattering is polarized in Sunstone");
             PhaseFile::Rayleigh(RayleighFile {
                 depolarization: at(0.0),
             })
@@ -247,7 +250,7 @@ fn phase_function(importer: &mut Importer, node: &Node) -> Result<PhaseFile, Inp
         other => {
             return importer.error(
                 &node.span,
-                format!("sunstone has no phase function `{other}`"),
+                format!("unsupported phase function `{other}`"),
                 "use isotropic, hg or rayleigh",
             );
         }

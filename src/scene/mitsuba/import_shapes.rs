@@ -36,8 +36,8 @@ pub(super) fn all<'a>(
         if inner.tag != "shape" || ["merge", "shapegroup", "instance"].contains(&inner.kind.as_str()) {
             return importer.error(
                 child.span(),
-                format!("sunstone cannot merge a {} `{}`", inner.tag, inner.kind),
-                "put it into the scene itself",
+                format!("a merge shape cannot contain {} `{}`", inner.tag, inner.kind),
+                "move it to the top level of the scene",
             );
         }
         all.extend(objects(importer, reader, inner)?);
@@ -78,7 +78,7 @@ fn objects<'a>(
             let (center, radius) = (point("center", DVec3::ZERO)?, node.float(source, "radius")?);
             if !is_similarity(&place) {
                 importer.note(
-                    "a sphere's to_world scales its axes differently: as in Mitsuba, it stays a sphere, of the scale along x",
+                    "a sphere's to_world has a non-uniform scale: as in Mitsuba, the scale along x is used for all axes",
                 );
                 place = round(&place, center);
             }
@@ -129,7 +129,7 @@ fn objects<'a>(
         other => {
             return importer.error(
                 &node.span,
-                format!("sunstone has no shape `{other}`"),
+                format!("unsupported shape `{other}`"),
                 "use obj, ply, serialized, bsplinecurve, linearcurve, sdfgrid, sphere, rectangle, disk, cube or cylinder; convert other meshes to PLY",
             );
         }
@@ -142,8 +142,8 @@ fn objects<'a>(
         "cube" => inward = flip != mirrors,
         "cylinder" if mirrors => {
             importer.note(
-                "a cylinder's to_world mirrors: it is lit and shines as rays that meet it in Mitsuba find; Mitsuba samples \
-                 its light on the other side",
+                "a cylinder's to_world contains a reflection: the orientation follows Mitsuba's ray intersections; Mitsuba samples \
+                 the emission on the other side",
             );
         }
         _ => {}
@@ -155,13 +155,13 @@ fn objects<'a>(
             inner if inner.tag == "emitter" && light.is_none() => light = Some(inner),
             inner if inner.tag == "medium" && child.name() == Some("interior") => interior = Some(inner),
             inner if inner.tag == "medium" && child.name() == Some("exterior") => {
-                importer.note("media outside of shapes are not used: in sunstone a medium fills an object");
+                importer.note("exterior media of shapes are not used: in Sunstone a medium fills an object");
             }
             inner => {
                 return importer.error(
                     child.span(),
-                    format!("sunstone cannot give this {} to a shape", inner.tag),
-                    "keep one bsdf",
+                    format!("unsupported or duplicate {} in a shape", inner.tag),
+                    "keep one bsdf, one emitter and one interior medium",
                 );
             }
         }
@@ -173,17 +173,15 @@ fn objects<'a>(
     })) = model(importer, node)?
     {
         let name = node.text(source, "filename")?.unwrap_or_default();
-        importer.note(format!(
-            "{name} has no area: nothing is seen of it, and it is left out"
-        ));
+        importer.note(format!("{name} has no area and is skipped"));
         return Ok(vec![]);
     }
     let interior = match interior {
         Some(_) if inward => {
             return importer.error(
                 &node.span,
-                "the shape is inside out (flip_normals, or a to_world that mirrors), so that its medium fills the space around it",
-                "take flip_normals or the mirror away, and give the medium to a shape whose normals point outward",
+                "the shape is inside out (flip_normals, or a reflection in to_world), so its interior medium would fill the space around it",
+                "remove flip_normals or the reflection, and use a shape whose normals point outward",
             );
         }
         Some(medium) => Some(reader.media.named(importer, medium)?),
@@ -281,8 +279,8 @@ fn shape_index(importer: &Importer, node: &Node) -> Result<u32, InputError> {
     let wrong = || {
         importer.source.error(
             &node.span,
-            format!("the shape_index is {index}"),
-            "give the number of a mesh in the file, from 0",
+            format!("shape_index is {index}"),
+            "give the index of a mesh in the file, starting at 0",
         )
     };
     u32::try_from(index).map_err(|_| wrong())

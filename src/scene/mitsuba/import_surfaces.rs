@@ -80,7 +80,7 @@ pub(super) fn metal<'a>(
         (Some(name), None, None) => match constants::find(name) {
             Ok(found) => {
                 importer.note(format!(
-                    "`{name}` is taken from sunstone's own optical constants ({})",
+                    "`{name}` uses Sunstone's optical constants ({})",
                     found.source
                 ));
                 let name = Located::at(node.span.clone(), found.name.clone());
@@ -90,8 +90,8 @@ pub(super) fn metal<'a>(
         },
         (Some(_), ..) => importer.error(
             &node.span,
-            "the metal's material is given beside eta or k",
-            "give both eta and k, or material=\"Au\" alone",
+            "material is given together with eta or k",
+            "give both eta and k, or only material=\"Au\"",
         ),
     }
 }
@@ -103,8 +103,8 @@ pub(super) fn one(importer: &Importer, node: &Node, name: &str) -> Result<(), In
         Some(SpectrumFile::Scalar(v)) if *v == 1.0 => Ok(()),
         Some(_) => importer.error(
             &node.span,
-            format!("sunstone has no {name} of {}", node.kind),
-            "take it away; a blend with black dims a material",
+            format!("{name} of {} is not supported", node.kind),
+            "remove it; to darken a material, blend it with black",
         ),
     }
 }
@@ -128,8 +128,8 @@ fn index(importer: &Importer, node: &Node, name: &str, missing: f64) -> Result<f
                 || {
                     importer.error(
                         &p.span,
-                        format!("there is no refractive index of `{text}`"),
-                        &format!("give a number, or one of {}", known()),
+                        format!("unknown refractive index `{text}`"),
+                        &format!("give a number, or one of: {}", known()),
                     )
                 },
                 Ok,
@@ -164,7 +164,7 @@ pub(super) fn angle(importer: &Importer, node: &Node) -> Result<f64, InputError>
     match &p.value {
         Value::Float(v) => Ok(*v),
         Value::Integer(v) => Ok(*v as f64),
-        _ => importer.error(&p.span, "theta is not one angle", "give a number of degrees"),
+        _ => importer.error(&p.span, "theta is not a number", "give an angle in degrees"),
     }
 }
 
@@ -191,7 +191,7 @@ pub(super) fn facets<'a>(
         _ => {
             return importer.error(
                 &node.span,
-                format!("there is no distribution `{kind}`"),
+                format!("unsupported distribution `{kind}`"),
                 "use beckmann or ggx",
             );
         }
@@ -210,13 +210,13 @@ pub(super) fn facets<'a>(
         _ => {
             return importer.error(
                 &node.span,
-                "alpha_u and alpha_v come together",
-                "give both, or alpha",
+                "alpha_u and alpha_v must be given together",
+                "give both, or only alpha",
             );
         }
     };
     if numbers(&mut alpha).into_iter().any(|v| *v < SMOOTH) {
-        importer.note(format!("an alpha below {SMOOTH} becomes {SMOOTH}"));
+        importer.note(format!("alpha below {SMOOTH} is increased to {SMOOTH}"));
         numbers(&mut alpha).into_iter().for_each(|v| *v = v.max(SMOOTH));
     }
     let alpha = Located::at(node.span.clone(), alpha);
@@ -260,16 +260,16 @@ fn round(
     if !alike {
         return importer.error(
             &node.span,
-            "alpha_u and alpha_v are different textures, and sunstone's rough surfaces are isotropic",
-            "give one alpha",
+            "alpha_u and alpha_v are different textures, but Sunstone's rough surfaces are isotropic",
+            "give a single alpha",
         );
     }
     for (u, v) in numbers(&mut u).into_iter().zip(numbers(&mut v)) {
         *u = (*u * *v).sqrt();
     }
     importer.note(
-        "alpha_u and alpha_v become one alpha, the root of their product: highlights are round; over all directions, where one is six \
-         times the other, up to 7 % brighter (beckmann) or 9 % (ggx), and 6 % darker at 80°; where it is ten times, up to 9 % and 19 %",
+        "alpha_u and alpha_v are replaced by their geometric mean: highlights are round; over all directions, for a ratio of six, up to \
+         7 % brighter (beckmann) or 9 % (ggx) and 6 % darker at 80°; for a ratio of ten, up to 9 % and 19 %",
     );
     Ok(u)
 }
@@ -314,7 +314,7 @@ pub(super) fn image_of<'a>(
         Some(Pattern::Image(image)) => Ok(Some(image)),
         Some(Pattern::Checkerboard(_) | Pattern::Attribute(_)) => importer.error(
             &node.span,
-            "sunstone has no light with a checkerboard or an attribute of a mesh",
+            "an emitter with a checkerboard or a mesh attribute is not supported",
             "use a bitmap",
         ),
         None => Ok(None),
@@ -394,8 +394,8 @@ pub(super) fn scalar<'a>(
         Some(v) => at(v.into()),
         None => importer.error(
             &node.span,
-            format!("{} lacks `{name}`", node.kind),
-            "give it as <float> or a bitmap",
+            format!("{} has no `{name}`", node.kind),
+            "add it as <float> or a bitmap",
         ),
     }
 }
@@ -430,7 +430,7 @@ pub(super) fn bitmap(
     if node.kind != "bitmap" {
         return importer.error(
             &node.span,
-            format!("sunstone has no texture `{}`", node.kind),
+            format!("unsupported texture `{}`", node.kind),
             "use a bitmap, a checkerboard or a mesh_attribute",
         );
     }
@@ -446,7 +446,7 @@ pub(super) fn bitmap(
     let unknown = |key: &str, value: &str, known: &str| {
         importer.error(
             &node.span,
-            format!("sunstone has no {key} `{value}` of images"),
+            format!("unsupported {key} `{value}` of a bitmap"),
             &format!("use {known}"),
         )
     };

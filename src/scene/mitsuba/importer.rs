@@ -41,21 +41,21 @@ impl<'a> Importer<'a> {
             if let Some(id) = &node.id
                 && ids.insert(id.as_str(), node).is_some()
             {
-                let message = format!("the id `{id}` is given twice");
-                source.report(source.error(&node.span, message, "give each element an id of its own"));
+                let message = format!("the id `{id}` is used more than once");
+                source.report(source.error(&node.span, message, "give each element a unique id"));
             }
         });
         for alias in &document.aliases {
             match ids.get(alias.id.as_str()).copied() {
                 None => source.report(source.error(
                     &alias.span,
-                    format!("nothing has the id `{}`", alias.id),
-                    "correct the id, or define it",
+                    format!("unknown id `{}`", alias.id),
+                    "correct the id, or add an element with this id",
                 )),
                 Some(node) if ids.insert(&alias.other, node).is_some() => source.report(source.error(
                     &alias.span,
-                    format!("the id `{}` is given twice", alias.other),
-                    "give each element an id of its own",
+                    format!("the id `{}` is used more than once", alias.other),
+                    "give each element a unique id",
                 )),
                 Some(_) => {}
             }
@@ -69,7 +69,7 @@ impl<'a> Importer<'a> {
                     source.error(
                         &document.scene.span,
                         format!("{WAVELENGTHS} is `{text}`: {e}"),
-                        "list 1 to 4 rising vacuum wavelengths in nanometres",
+                        "give 1 to 4 vacuum wavelengths in nanometres, in increasing order",
                     )
                 })?;
                 listed.nm().to_vec()
@@ -126,11 +126,8 @@ impl<'a> Importer<'a> {
             .map_or_else(from_disk, Ok);
         bytes.map_err(|e| {
             let message = format!("cannot read {name}: {e}");
-            self.source.error(
-                &node.span,
-                message,
-                "check the name, and that the file may be read",
-            )
+            self.source
+                .error(&node.span, message, "check that the file exists and is readable")
         })
     }
 
@@ -154,7 +151,7 @@ impl<'a> Importer<'a> {
             Err(_) => self.error(
                 span,
                 format!("{what} is {value}"),
-                "give a whole number from 0 to 4294967295",
+                "give an integer from 0 to 4294967295",
             ),
         }
     }
@@ -169,10 +166,7 @@ impl<'a> Importer<'a> {
                 }
                 inner => self.error(
                     &inner.span,
-                    format!(
-                        "`{name}` of {} `{}` cannot be a texture here",
-                        node.tag, node.kind
-                    ),
+                    format!("`{name}` of {} `{}` cannot be a texture", node.tag, node.kind),
                     "give a number, <rgb> or <spectrum>",
                 ),
             };
@@ -216,9 +210,17 @@ impl<'a> Importer<'a> {
         match self.resolve(child)? {
             inner if is_spectrum(inner) => match self.spectrum_plugin(inner)? {
                 SpectrumFile::Scalar(v) => Ok(Some(v)),
-                _ => self.error(&inner.span, format!("`{name}` is one number"), "give a <float>"),
+                _ => self.error(
+                    &inner.span,
+                    format!("`{name}` must be a single number"),
+                    "give a <float>",
+                ),
             },
-            inner => self.error(&inner.span, format!("`{name}` is one number"), "give a <float>"),
+            inner => self.error(
+                &inner.span,
+                format!("`{name}` must be a single number"),
+                "give a <float>",
+            ),
         }
     }
 
@@ -230,8 +232,8 @@ impl<'a> Importer<'a> {
         if let Some(nm) = self.wavelengths.iter().find(|nm| !covers(**nm)) {
             return self.error(
                 span,
-                format!("the spectrum says nothing of {nm} nm, where Mitsuba takes it for zero"),
-                "add pairs that reach so far, or choose the wavelengths: -D wavelengths_nm=550",
+                format!("the spectrum does not cover {nm} nm, where Mitsuba assumes zero"),
+                "extend the spectrum, or set the wavelengths, such as -D wavelengths_nm=550",
             );
         }
         Ok(match self.as_listed(pairs) {
@@ -276,7 +278,7 @@ impl<'a> Importer<'a> {
                 self.source.error(
                     &node.span,
                     format!("`{name}` is not a list of numbers"),
-                    "correct it",
+                    "give numbers separated by commas or spaces",
                 )
             })
         };
@@ -287,8 +289,8 @@ impl<'a> Importer<'a> {
                 if nm.len() != values.len() || !nm.is_sorted_by(|a, b| a < b) {
                     return self.error(
                         &node.span,
-                        "the spectrum is uneven",
-                        "give rising wavelengths, and as many values",
+                        "the spectrum is invalid",
+                        "give increasing wavelengths and as many values",
                     );
                 }
                 let pairs: Vec<[f64; 2]> = nm.into_iter().zip(values).map(|(a, b)| [a, b]).collect();
@@ -302,8 +304,8 @@ impl<'a> Importer<'a> {
                 if values.len() < 2 || first >= last {
                     return self.error(
                         &node.span,
-                        "the spectrum has no range",
-                        "give two values or more, and wavelength_min below wavelength_max",
+                        "the spectrum covers no range",
+                        "give at least two values, and wavelength_min below wavelength_max",
                     );
                 }
                 let nm = |i: usize| first + (last - first) * i as f64 / steps;
@@ -326,7 +328,11 @@ impl<'a> Importer<'a> {
                 let kelvin = node.float(self.source, "temperature")?.unwrap_or(5000.0);
                 let scale = node.float(self.source, "scale")?.unwrap_or(1.0);
                 if kelvin <= 0.0 {
-                    return self.error(&node.span, "the temperature is not above zero", "give kelvins");
+                    return self.error(
+                        &node.span,
+                        "the temperature is not above 0 K",
+                        "give a temperature in kelvins",
+                    );
                 }
                 self.spectral.set(true);
                 let values = self.wavelengths.iter().map(|nm| scale * planck(*nm, kelvin));
@@ -335,7 +341,7 @@ impl<'a> Importer<'a> {
             other => {
                 return self.error(
                     &node.span,
-                    format!("sunstone cannot express a spectrum of type `{other}`"),
+                    format!("unsupported spectrum `{other}`"),
                     "use uniform, regular, irregular, srgb, d65 or blackbody, or <spectrum name=\"…\" value=\"450:0.1, 550:0.2\"/>",
                 );
             }
@@ -357,8 +363,8 @@ impl<'a> Importer<'a> {
             None => Ok(()),
             Some(nm) => self.error(
                 &node.span,
-                format!("the spectrum says nothing of {nm} nm"),
-                "widen its range of wavelengths, or choose the wavelengths: -D wavelengths_nm=550",
+                format!("the spectrum does not cover {nm} nm"),
+                "extend its range, or set the wavelengths, such as -D wavelengths_nm=550",
             ),
         }
     }
@@ -376,8 +382,8 @@ impl<'a> Importer<'a> {
             Inside::Reference { id, span, .. } => self.ids.get(id.as_str()).copied().ok_or_else(|| {
                 self.source.error(
                     span,
-                    format!("nothing has the id `{id}`"),
-                    "correct the id, or define it",
+                    format!("unknown id `{id}`"),
+                    "correct the id, or add an element with this id",
                 )
             }),
         }

@@ -31,19 +31,23 @@ pub(super) fn scene(source: &Source, text: &str) -> Result<Node, InputError> {
         let at = e.range();
         source.error(
             &(at.start..at.end),
-            format!("this is no JSON: {}", e.kind()),
-            "write the dictionary with Python's json.dump; matrices as lists",
+            format!("invalid JSON: {}", e.kind()),
+            "write the dictionary with Python's json.dump, with matrices as lists",
         )
     })?;
     let Some(Json::Object(object)) = parsed.value else {
-        return Err(source.error(&(0..0), "there is no dictionary in the file", "write one as JSON"));
+        return Err(source.error(
+            &(0..0),
+            "the file contains no dictionary",
+            "write a scene dictionary as JSON",
+        ));
     };
     match plugin(source, &object, None, 0)? {
         node if node.kind == "scene" => Ok(node),
         node => Err(source.error(
             &node.span,
-            format!("the dictionary is a {}, not a scene", node.kind),
-            "give the dictionary of a whole scene: {\"type\": \"scene\", …}",
+            format!("expected a dictionary of type scene, got {}", node.kind),
+            "give the dictionary of a complete scene: {\"type\": \"scene\", …}",
         )),
     }
 }
@@ -70,19 +74,23 @@ fn plugin(
         return Err(source.error(
             &(whole.start..whole.start + 1),
             "the dictionary has no type",
-            "add \"type\": \"…\", the name of a plugin of Mitsuba",
+            "add \"type\": \"…\" with the name of a Mitsuba plugin",
         ));
     };
     let kind_at = object.get("type").map_or(whole, |p| place(&p.value));
     let Some(tag) = plugins::tag(kind) else {
         return Err(source.error(
             &kind_at,
-            format!("there is no plugin `{kind}`"),
-            "use a plugin of Mitsuba 3",
+            format!("unknown plugin `{kind}`"),
+            "use a Mitsuba 3 plugin",
         ));
     };
     if depth > DEEPEST {
-        return Err(source.error(&kind_at, "dictionaries are nested too deeply", "use references"));
+        return Err(source.error(
+            &kind_at,
+            "dictionaries are nested too deeply",
+            "replace nested dictionaries by references",
+        ));
     }
     let mut node = Node {
         tag: tag.to_owned(),
@@ -116,7 +124,7 @@ fn property(source: &Source, p: &ast::ObjectProp, node: &mut Node, depth: usize)
             Some("spectrum") => spectrum(source, object)?,
             Some("ref") => {
                 let Some(id) = text_of(object, "id") else {
-                    return Err(source.error(&span, "the reference names nothing", "add its id"));
+                    return Err(source.error(&span, "the reference has no id", "add the id"));
                 };
                 let reference = Inside::Reference {
                     id: id.to_owned(),
@@ -138,14 +146,20 @@ fn property(source: &Source, p: &ast::ObjectProp, node: &mut Node, depth: usize)
         Json::NumberLit(v) => match (v.value.parse::<i64>(), v.value.parse::<f64>()) {
             (Ok(v), _) => Value::Integer(v),
             (_, Ok(v)) if v.is_finite() => Value::Float(v),
-            _ => return Err(source.error(&span, format!("`{}` is no number", v.value), "correct it")),
+            _ => {
+                return Err(source.error(
+                    &span,
+                    format!("`{}` is not a number", v.value),
+                    "give a finite number",
+                ));
+            }
         },
         Json::Array(list) => {
             let Some(value) = vector(list).or_else(|| matrix(list)) else {
                 return Err(source.error(
                     &span,
-                    format!("`{name}` is a list that means nothing"),
-                    "give three numbers, or the rows of a matrix whose last is 0 … 0 1",
+                    format!("`{name}` is a list that is neither a vector nor a matrix"),
+                    "give three numbers, or the rows of a matrix with the last row 0 … 0 1",
                 ));
             };
             value
@@ -154,7 +168,7 @@ fn property(source: &Source, p: &ast::ObjectProp, node: &mut Node, depth: usize)
             return Err(source.error(
                 &span,
                 format!("`{name}` is null"),
-                "give a value, or leave it out",
+                "give a value, or remove the key",
             ));
         }
     };
@@ -238,7 +252,7 @@ fn spectrum(source: &Source, object: &ast::Object) -> Result<Value, InputError> 
         source.error(
             &place(object),
             "the spectrum has no values",
-            "add \"value\": [[nm, value], …] with rising wavelengths, or one number",
+            "add \"value\": [[nm, value], …] with increasing wavelengths, or a single number",
         )
     })
 }

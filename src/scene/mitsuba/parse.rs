@@ -21,8 +21,8 @@ pub(super) fn parse<'t>(
         let message = message.split(" at ").next().unwrap_or(&message);
         source.error(
             &(at..at),
-            format!("this is no XML: {message}"),
-            "fix the file; Mitsuba's documentation shows its form",
+            format!("invalid XML: {message}"),
+            "correct the file; see Mitsuba's documentation of the scene format",
         )
     })
 }

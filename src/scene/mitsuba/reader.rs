@@ -165,13 +165,13 @@ impl<'s> Reader<'s> {
             _ => {
                 return Err(self.source.error(
                     &self.start_tag(root),
-                    format!("the file is of Mitsuba's version `{version}`"),
-                    "give a scene of Mitsuba 0.x, 2 or 3, with its version: <scene version=\"3.0.0\">",
+                    format!("unsupported Mitsuba version `{version}`"),
+                    "give a scene of Mitsuba 0.x, 2 or 3 with its version, such as <scene version=\"3.0.0\">",
                 ));
             }
         };
         if self.old {
-            self.note("the file is of Mitsuba 0.x: names are upgraded as Mitsuba 3 does, and its defaults are those of Mitsuba 3");
+            self.note("the file has the format of Mitsuba 0.x: names are converted as by Mitsuba 3, and the defaults of Mitsuba 3 apply");
         }
         Ok(())
     }
@@ -196,7 +196,7 @@ impl<'s> Reader<'s> {
             return Err(self.source.error(
                 &span,
                 "elements are nested too deeply",
-                "name them by id, and use <ref>",
+                "give elements an id, and use <ref>",
             ));
         }
         let root = depth == 0;
@@ -237,8 +237,8 @@ impl<'s> Reader<'s> {
             if child.is_text() && !child.text().unwrap_or_default().trim().is_empty() {
                 return Err(self.source.error(
                     &self.moved(child.range()),
-                    "there is text between the elements",
-                    "values belong into attributes: value=\"…\"",
+                    "unexpected text between elements",
+                    "write values as attributes: value=\"…\"",
                 ));
             }
             if child.is_element()
@@ -258,8 +258,8 @@ impl<'s> Reader<'s> {
         if self.depth >= MOST_INCLUDES {
             return Err(self.source.error(
                 &span,
-                "files include each other too deeply, or in a circle",
-                "take the <include> away that closes the circle",
+                "includes are nested too deeply, or form a cycle",
+                "remove the <include> that closes the cycle",
             ));
         }
         // As in Mitsuba, search folders set in an included file apply to that file only.
@@ -270,7 +270,7 @@ impl<'s> Reader<'s> {
             self.source.error(
                 &span,
                 format!("cannot read {}: {e}", path.display()),
-                "correct the file name; files are looked for beside the scene and in the folders of <path>",
+                "correct the file name; files are searched next to the scene and in the folders of <path>",
             )
         })?;
         let start = self.source.add(&path, &text);
@@ -343,8 +343,8 @@ impl<'s> Reader<'s> {
                 if !folder.exists() {
                     return Err(self.source.error(
                         &span,
-                        format!("there is no folder {}", folder.display()),
-                        "correct the path: it is looked for beside the file",
+                        format!("folder {} does not exist", folder.display()),
+                        "correct the path; it is relative to the file",
                     ));
                 }
                 self.folders.prepend(folder);
@@ -368,8 +368,8 @@ impl<'s> Reader<'s> {
             _ => {
                 return Err(self.source.error(
                     &span,
-                    format!("sunstone cannot read <{tag}>"),
-                    "put what it stands for into the file itself",
+                    format!("unsupported element <{tag}>"),
+                    "replace it by its contents",
                 ));
             }
         }
@@ -382,7 +382,7 @@ impl<'s> Reader<'s> {
         if node.properties.iter().any(|p| p.name == name) {
             return Err(self
                 .source
-                .error(&span, format!("`{name}` is given twice"), "keep one of the two"));
+                .error(&span, format!("duplicate `{name}`"), "keep one of the two"));
         }
         let value = self.value(xml)?;
         node.properties.push(Property::new(name, value, span));
@@ -419,26 +419,26 @@ impl<'s> Reader<'s> {
         Ok(match tag {
             "integer" => match text.trim().parse() {
                 Ok(v) => Value::Integer(v),
-                Err(_) => return wrong("not a whole number"),
+                Err(_) => return wrong("not an integer"),
             },
             "boolean" => match text.trim().to_ascii_lowercase().as_str() {
                 "true" => Value::Boolean(true),
                 "false" => Value::Boolean(false),
-                _ => return wrong("neither true nor false"),
+                _ => return wrong("not true or false"),
             },
             "string" => Value::Text(text),
             "rgb" if text.starts_with('#') => match hexadecimal(&text) {
                 Some(rgb) => Value::Rgb(rgb),
-                None => return wrong("no colour as #rrggbb"),
+                None => return wrong("not a colour of the form #rrggbb"),
             },
             "rgb" => match numbers(&text).as_deref() {
                 Some([v]) => Value::Rgb([*v; 3]),
                 Some([r, g, b]) => Value::Rgb([*r, *g, *b]),
-                _ => return wrong("neither one number nor three"),
+                _ => return wrong("not one or three numbers"),
             },
             "spectrum" if text.contains(':') => match pairs(&text) {
                 Some(pairs) => Value::Pairs(pairs),
-                None => return wrong("not a list of pairs wavelength:value with rising wavelengths"),
+                None => return wrong("not a list of pairs wavelength:value with increasing wavelengths"),
             },
             _ => match number(&text) {
                 Some(v) => Value::Float(v),
@@ -451,7 +451,7 @@ impl<'s> Reader<'s> {
     fn spectrum_file(&self, xml: &roxmltree::Node, name: &str) -> Result<Vec<[f64; 2]>, InputError> {
         let path = self.folders.find(name);
         let wrong = |what: String| {
-            let fix = "give lines of a wavelength in nanometres and a value, wavelengths rising";
+            let fix = "give one wavelength in nanometres and one value per line, with increasing wavelengths";
             self.source.error(&self.start_tag(xml), what, fix)
         };
         let text = read_text(&path).map_err(|e| wrong(format!("cannot read {}: {e}", path.display())))?;
@@ -465,7 +465,7 @@ impl<'s> Reader<'s> {
         let pairs: Option<Vec<[f64; 2]>> = lines.filter(|l| !l.is_empty()).map(pair).collect();
         match pairs {
             Some(pairs) if !pairs.is_empty() && pairs.is_sorted_by(|a, b| a[0] < b[0]) => Ok(pairs),
-            _ => Err(wrong(format!("{} is no spectrum", path.display()))),
+            _ => Err(wrong(format!("{} is not a spectrum file", path.display()))),
         }
     }
 
@@ -481,7 +481,7 @@ impl<'s> Reader<'s> {
         Err(self.source.error(
             &self.start_tag(xml),
             "the transform is not finite",
-            "correct its numbers; axes and directions must have a length",
+            "correct the numbers; axes and directions must not be zero",
         ))
     }
 
@@ -511,13 +511,13 @@ impl<'s> Reader<'s> {
                 };
                 if (axis.length() - 1.0).abs() > 1e-4 {
                     self.note(
-                        "a <rotate> has an axis whose length is not 1: it scales and shears, as in Mitsuba 3",
+                        "the axis of a <rotate> is not a unit vector: the transform contains scale and shear, as in Mitsuba 3",
                     );
                 }
                 DAffine3::from_mat3(rotation(axis, angle.to_radians()))
             }
             "lookAt" if !self.old => {
-                return wrong(self, "a transform cannot hold <lookAt>", "write <lookat>");
+                return wrong(self, "a transform cannot contain <lookAt>", "write <lookat>");
             }
             "lookat" | "lookAt" => {
                 self.only(op, &["origin", "target", "up"])?;
@@ -538,7 +538,7 @@ impl<'s> Reader<'s> {
                     return wrong(
                         self,
                         "lookat does not define a pose",
-                        "target must differ from origin, and up must not be parallel to the view",
+                        "target must differ from origin, and up must not be parallel to the viewing direction",
                     );
                 };
                 let up = forward.cross(left);
@@ -569,7 +569,7 @@ impl<'s> Reader<'s> {
                 }
             }
             other => {
-                let message = format!("a transform cannot hold <{other}>");
+                let message = format!("a transform cannot contain <{other}>");
                 return wrong(self, &message, "use translate, rotate, scale, matrix or lookat");
             }
         })
@@ -634,8 +634,8 @@ impl<'s> Reader<'s> {
             let Some((name, value)) = known.max_by_key(|(name, _)| name.len()) else {
                 return Err(self.source.error(
                     &self.start_tag(xml),
-                    format!("`{text}` uses a parameter that has no value"),
-                    "give it with -D name=value, or add <default name=\"…\" value=\"…\"/> before it",
+                    format!("`{text}` uses an undefined parameter"),
+                    "define it with -D name=value, or add <default name=\"…\" value=\"…\"/> before this element",
                 ));
             };
             out.push_str(value);
@@ -652,8 +652,8 @@ impl<'s> Reader<'s> {
             let tag = xml.tag_name().name();
             self.source.error(
                 &self.start_tag(xml),
-                format!("<{tag}> lacks the attribute `{key}`"),
-                "add it",
+                format!("<{tag}> requires the attribute `{key}`"),
+                "add the attribute",
             )
         })
     }
@@ -663,8 +663,12 @@ impl<'s> Reader<'s> {
             None => Ok(()),
             Some(other) => Err(self.source.error(
                 &self.moved(other.range()),
-                format!("<{}> has no attribute `{}`", xml.tag_name().name(), other.name()),
-                &format!("use one of {}", known.join(", ")),
+                format!(
+                    "unknown attribute `{1}` of <{0}>",
+                    xml.tag_name().name(),
+                    other.name()
+                ),
+                &format!("use one of: {}", known.join(", ")),
             )),
         }
     }

@@ -102,8 +102,11 @@ impl Node {
     }
 
     fn mistyped<T>(&self, source: &Source, p: &Property, wanted: &str) -> Result<T, InputError> {
-        let message = format!("`{}` of {} `{}` is not {wanted}", p.name, self.tag, self.kind);
-        Err(source.error(&p.span, message, "correct the element's name and value"))
+        let message = format!(
+            "expected {wanted} for `{}` of {} `{}`",
+            p.name, self.tag, self.kind
+        );
+        Err(source.error(&p.span, message, "correct the name or the value of the element"))
     }
 
     pub fn float(&self, source: &Source, name: &str) -> Result<Option<f64>, InputError> {
@@ -122,7 +125,7 @@ impl Node {
             None => Ok(None),
             Some(p) => match p.value {
                 Value::Integer(v) => Ok(Some(v)),
-                _ => self.mistyped(source, p, "a whole number"),
+                _ => self.mistyped(source, p, "an integer"),
             },
         }
     }
@@ -184,11 +187,8 @@ impl Node {
         let unknown = |name: &str, span: &Range<usize>| {
             source.report(source.error(
                 span,
-                format!(
-                    "sunstone does not know what `{name}` of {} `{}` means",
-                    self.tag, self.kind
-                ),
-                "take it away, or export the scene without it",
+                format!("unsupported parameter `{name}` of {} `{}`", self.tag, self.kind),
+                "remove it, or export the scene without it",
             ));
         };
         for p in &self.properties {

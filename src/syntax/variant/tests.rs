@@ -145,32 +145,32 @@ fn mistakes_are_told_where_they_stand() {
     let cases: Vec<(String, &str, &str)> = vec![
         (
             at("materials.wal.diffuse.albedo"),
-            "there are glass, wall",
+            "known keys: glass, wall",
             "'materials.wal.diffuse.albedo'",
         ),
         (
             at("materials.wall.diffuse.albedo.0"),
-            "which has no parts",
+            "which has no keys",
             "'materials.wall.diffuse.albedo.0'",
         ),
         (
             at("objects.doll.material"),
-            "there are the doll",
+            "known keys: the doll",
             "'objects.doll.material'",
         ),
-        (at("nothing"), "there are camera", "'nothing'"),
-        (at("vary.p.path"), "what the scene is made of", "'vary.p.path'"),
-        (at("a = 1 #"), "keys with dots", "'a = 1 #'"),
-        (at(""), "keys with dots", "''"),
-        (listed("[]"), "one value or more", "[]"),
-        (listed("[0.1, nan]"), "nan and inf out", "[0.1, nan]"),
-        (listed("[[0.1, inf]]"), "nan and inf out", "[[0.1, inf]]"),
+        (at("nothing"), "known keys: camera", "'nothing'"),
+        (at("vary.p.path"), "affects the rendered scene", "'vary.p.path'"),
+        (at("a = 1 #"), "separated by dots", "'a = 1 #'"),
+        (at(""), "separated by dots", "''"),
+        (listed("[]"), "at least one value", "[]"),
+        (listed("[0.1, nan]"), "remove nan and inf", "[0.1, nan]"),
+        (listed("[[0.1, inf]]"), "remove nan and inf", "[[0.1, inf]]"),
         // Values of the wrong type, and of the right type but too large; both located in `[vary]`.
         (listed("[\"white\"]"), "", "\"white\""),
         (listed("[1.5]"), "", ""),
         (
             ranged("materials.wall.diffuse.albedo", "{ min = 1, max = 0 }"),
-            "min not above max",
+            "min <= max",
             "{ min = 1, max = 0 }",
         ),
         (
@@ -180,7 +180,7 @@ fn mistakes_are_told_where_they_stand() {
         ),
         (
             ranged("materials.wall.diffuse.albedo", "{ min = [1], max = [2] }"),
-            "the form",
+            "the same shape",
             "{ min = [1], max = [2] }",
         ),
         (
@@ -196,25 +196,29 @@ fn mistakes_are_told_where_they_stand() {
         (format!("[vary.p]\n{path}"), "values = [..]", ""),
         (
             format!("[vary.p]\n{path}\nvalues = [1]\nevery = 0"),
-            "1 or more",
+            "at least 1",
             "0",
         ),
         (
             format!("[vary.p]\n{path}\nvalues = [1]\nmost = 0"),
-            "names listed",
+            "listed names",
             "most",
         ),
-        ("[vary.p]\npath = []\nvalues = [1]".into(), "name the value", "[]"),
+        (
+            "[vary.p]\npath = []\nvalues = [1]".into(),
+            "path of the value",
+            "[]",
+        ),
         (
             format!(
                 "[vary.p]\n{path}\nvalues = [0, 1]\n[vary.q]\npath = \"media.milk.milk.concentration\"\nvalues = [0, 0.1, 0.2]"
             ),
-            "one length",
+            "equal length",
             "[0, 1]",
         ),
         (
             format!("[vary.p]\n{path}\nvalues = [0]\n[vary.q]\npath = \"materials.wall\"\nvalues = [0]"),
-            "leave one of them out",
+            "remove one of the two paths",
             "\"materials.wall\"",
         ),
     ];

@@ -26,25 +26,27 @@ pub struct Mesh {
 /// Reasons why a mesh is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MeshError {
-    #[error("has no triangles of non-zero area; export it with faces, or leave it out")]
+    #[error("no triangles of non-zero area; export the mesh with faces, or remove it")]
     Empty,
-    #[error("has {found} {what} for {vertices} vertices; give every vertex one, or none at all")]
+    #[error("{found} {what} for {vertices} vertices; give one per vertex, or none")]
     Length {
         what: &'static str,
         found: usize,
         vertices: usize,
     },
-    #[error("{what} of vertex {vertex} is not finite; repair the mesh where it was made")]
+    #[error("{what} of vertex {vertex} is not finite; correct the mesh and export it again")]
     NonFinite { what: &'static str, vertex: usize },
-    #[error("normal of vertex {vertex} has length zero; leave all normals out for flat shading")]
+    #[error("the normal of vertex {vertex} is zero; correct it, or remove all normals for flat shading")]
     ZeroNormal { vertex: usize },
-    #[error("triangle {triangle} uses vertex {index}, but there are only {vertices} (counted from 0)")]
+    #[error(
+        "triangle {triangle} uses vertex {index} (counted from 0), but the mesh has only {vertices} vertices"
+    )]
     Index {
         triangle: usize,
         index: u32,
         vertices: usize,
     },
-    #[error("has {0} vertices, more than 32-bit indices can name; split it")]
+    #[error("{0} vertices exceed the range of 32-bit indices; split the mesh")]
     TooLarge(usize),
 }
 

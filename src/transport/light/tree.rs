@@ -332,7 +332,7 @@ impl LightTree {
 
 fn bounds_of(items: &[(u32, Bounds)]) -> Bounds {
     let [(_, first), rest @ ..] = items else {
-        unreachable!("groups are divided into two that are not empty");
+        unreachable!("a group is split into two non-empty groups");
     };
     rest.iter().fold(*first, |all, (_, b)| all.union(b))
 }

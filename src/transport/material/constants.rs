@@ -46,7 +46,7 @@ pub struct OpticalConstants {
 /// Reasons why a lookup fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstantsError {
-    #[error("there are no optical constants of `{name}`; known are {known}")]
+    #[error("unknown optical constants `{name}`; known names: {known}")]
     Unknown { name: String, known: String },
     #[error("the optical constants of {name} cover {first} to {last} nm, not {nm} nm")]
     Range {
@@ -61,7 +61,7 @@ pub enum ConstantsError {
 #[must_use]
 pub fn all() -> &'static [OpticalConstants] {
     static ALL: OnceLock<Vec<OpticalConstants>> = OnceLock::new();
-    ALL.get_or_init(|| parse(TABLE).expect("the table is part of the program, and a test reads it"))
+    ALL.get_or_init(|| parse(TABLE).expect("the built-in table is valid"))
 }
 
 fn parse(text: &str) -> Result<Vec<OpticalConstants>, csv::Error> {

@@ -21,9 +21,9 @@ pub enum BulkError {
     #[error(transparent)]
     Size(#[from] SizeError),
     /// The amount of particles is negative, NaN, or fills more than the volume.
-    #[error("particles fill {0} of the volume; it must lie in 0..1")]
+    #[error("the volume fraction of the particles must be in 0..1, got {0}")]
     Amount(f64),
-    #[error("a density of {0} kg/m³; give 0.001 to 1e6")]
+    #[error("the density must be in 0.001..1e6 kg/m³, got {0} kg/m³")]
     Density(f64),
     #[error(transparent)]
     Constants(#[from] crate::material::constants::ConstantsError),

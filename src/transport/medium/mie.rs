@@ -33,10 +33,12 @@ pub const LARGEST_PHASE: f64 = 1e5;
 /// Reasons why a sphere cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MieError {
-    #[error("a particle of size parameter 2π·radius·index/wavelength = {0:.4e} is outside 1e-6..3000")]
+    #[error("the size parameter 2π·radius·index/wavelength of a particle must be in 1e-6..3000, got {0:.4e}")]
     Size(f64),
     /// The index is not that of a passive material, or extreme.
-    #[error("the relative refractive index {0} + {1} i is not computable (n > 0.001, k ≥ 0, |m| x ≤ 1e5)")]
+    #[error(
+        "the relative refractive index {0} + {1} i is outside the supported range (n > 0.001, k ≥ 0, |m| x ≤ 1e5)"
+    )]
     Index(f64, f64),
 }
 

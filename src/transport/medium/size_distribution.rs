@@ -36,13 +36,13 @@ pub enum SizeDistribution {
 /// Reasons why a distribution is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SizeError {
-    #[error("a radius is {0} m; it must lie in 1e-12..0.01 m")]
+    #[error("radius is {0} m; expected 1e-12..0.01 m")]
     Radius(f64),
-    #[error("sigma is {0}; it must lie in 0.001..2")]
+    #[error("sigma is {0}; expected 0.001..2")]
     Sigma(f64),
-    #[error("the effective variance is {0}; it must lie in 0.001..0.45")]
+    #[error("the effective variance is {0}; expected 0.001..0.45")]
     Variance(f64),
-    #[error("the list of sizes is empty, or has a weight that is negative or not finite")]
+    #[error("the list of sizes is empty, or a weight is negative or not finite")]
     List,
 }
 

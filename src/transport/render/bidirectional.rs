@@ -164,7 +164,7 @@ impl Plan {
                     made?;
                     plan.light = Some(light.clone());
                 }
-                Err(e) => light.warn("kept in", &e),
+                Err(e) => light.warn("stored in", &e),
             }
         }
         if parts.count > 1 && plan.light.is_none() && plan.has_splats(scene) {
@@ -182,8 +182,8 @@ impl Plan {
             match made {
                 Ok(spill) => plan.spill = Some(spill?),
                 Err(e) => tracing::warn!(
-                    "the points of walks from the light cannot be kept in {}: {e}; all walks are made again for each of {} \
-                     parts of the image. Name a folder with more room by TMPDIR",
+                    "cannot store the vertices of light paths in {}: {e}; the light paths are traced again for each of {} parts \
+                     of the image. To avoid this, set TMPDIR to a folder with more free space",
                     std::env::temp_dir().display(),
                     parts.count
                 ),
@@ -216,7 +216,7 @@ impl Plan {
             told => {
                 if let Some(Err(e)) = told {
                     tracing::warn!(
-                        "the points of walks from the light cannot be read back: {e}; they are made again"
+                        "cannot read the stored vertices of light paths: {e}; the paths are traced again"
                     );
                 }
                 Splats::new(

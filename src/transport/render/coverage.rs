@@ -15,8 +15,8 @@ pub fn missing(scene: &Scene) -> Vec<String> {
     let mut out = vec![];
     if !scene.lights.distant.is_empty() && scene.materials.any_redirecting() {
         out.push(
-            "beams and directional light shine straight on surfaces alone: where mirrors, smooth glass or crystals send that \
-             light is not found; use a spot or a shining surface"
+            "light of beam and directional emitters is found only on directly illuminated surfaces, not after reflection or \
+             refraction by mirrors, smooth glass or crystals; to include it, use a spot or an area light"
                 .to_owned(),
         );
     }
@@ -28,30 +28,30 @@ pub fn missing(scene: &Scene) -> Vec<String> {
     let both = scene.settings.integrator.walks_from_light();
     if !both && lit.mirror + lit.split > 0.0 {
         out.push(format!(
-            "{} of the projector's pixels shine on mirrors or crystals, and integrator = \"path\" does not find where that \
-             light goes; leave out integrator, or set \"caustics\"",
+            "{} of the projector's pixels illuminate mirrors or crystals, and integrator = \"path\" does not find the light \
+             redirected there; remove `integrator`, or set it to \"caustics\"",
             percent(lit.mirror + lit.split)
         ));
     }
     if !both && lit.interface > 0.0 {
         out.push(if scene.settings.manifold {
             format!(
-                "{} of the projector's pixels shine on smooth interfaces; of that light, what is reflected there is not \
-                 found; leave out integrator",
+                "{} of the projector's pixels illuminate smooth interfaces; the light reflected there is not found; remove \
+                 `integrator`",
                 percent(lit.interface)
             )
         } else {
             format!(
-                "{} of the projector's pixels shine on smooth interfaces, and integrator = \"path\" does not find where that \
-                 light goes; leave out integrator, or set manifold = true for what passes straight through",
+                "{} of the projector's pixels illuminate smooth interfaces, and integrator = \"path\" does not find the light \
+                 redirected there; remove `integrator`, or set manifold = true to find the transmitted light",
                 percent(lit.interface)
             )
         });
     }
     if both && lit.any() && !scene.settings.manifold && meets(scene, &scene.camera).any() {
         out.push(
-            "surfaces that are lit and seen over mirrors or through smooth interfaces, without a second rough surface or a medium \
-             in between, stay dark; set manifold = true"
+            "light that is redirected by mirrors or smooth interfaces both before and after a single rough surface is not \
+             found; set manifold = true"
                 .to_owned(),
         );
     }

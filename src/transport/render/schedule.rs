@@ -18,7 +18,7 @@ use tensor::target::TILE_SAMPLES;
 
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError<E: std::error::Error + 'static> {
-    #[error("the scene keeps nothing of T; add at least one [[slices]] to it")]
+    #[error("the scene has no slices; add at least one [[slices]] table")]
     NoSlices,
     /// The image has no such part, or the part's settings are inconsistent.
     #[error("{0}")]
@@ -66,7 +66,7 @@ impl Share<'_> {
             && counts.len() != tiles as usize
         {
             return Err(format!(
-                "samples of {} tiles are given, and the image has {tiles}",
+                "expected samples for {tiles} tiles, got {}",
                 counts.len()
             ));
         }
@@ -84,7 +84,7 @@ impl Share<'_> {
             return Ok(None);
         };
         let Some(Part::Share { number, of }) = self.part else {
-            return Err("walks from the light are shared by parts of one number: give part K of N".into());
+            return Err("sharing light paths requires a part K/N, not a range of tiles".into());
         };
         // No other program reads the key, so the standard library's hash suffices.
         let mut hash = DefaultHasher::new();

@@ -53,7 +53,7 @@ impl SharedLight {
 
     pub(super) fn warn(&self, what: &str, e: &io::Error) {
         tracing::warn!(
-            "the points of walks from the light cannot be {what} {}: {e}; all walks are made here",
+            "the vertices of light paths cannot be {what} {}: {e}; this part traces all light paths itself",
             self.folder.display()
         );
     }

@@ -136,7 +136,7 @@ pub(super) fn write<T: Send>(
         }
         if n > 0 && n % 16 == 0 {
             tracing::info!(
-                "{first} of {} walks from the light, {} MB of points",
+                "{first} of {} light paths traced, {} MB of vertices",
                 walks.end,
                 at / 1_000_000
             );

@@ -18,7 +18,7 @@ const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
     (
         "irradiance = 2.5",
         "irradiance = 2.5\ncx = 3",
-        "principal point off the centre",
+        "off-centre principal point",
     ),
     (
         "albedo = 0.3",
@@ -35,8 +35,16 @@ const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
         "albedo = 0.3\nx.partial_depolarizer = { material = \"grey\", fraction = 0.5 }",
         "a partial depolarizer",
     ),
-    ("tilt = \"cosine\"", "tilt = \"plate\"", "how the retardance"),
-    ("tilt = \"cosine\"", "tilt = \"constant\"", "how the retardance"),
+    (
+        "tilt = \"cosine\"",
+        "tilt = \"plate\"",
+        "dependence of the retardance",
+    ),
+    (
+        "tilt = \"cosine\"",
+        "tilt = \"constant\"",
+        "dependence of the retardance",
+    ),
     (
         "angle_deg = -20",
         "axis = [1, 0, 0]",
@@ -47,7 +55,11 @@ const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
         "axis = [1, 0, 0]",
         "an axis in world space (material `polarizer`)",
     ),
-    ("angle_deg = 33", "extinction = 0.01", "some of the blocked light"),
+    (
+        "angle_deg = 33",
+        "extinction = 0.01",
+        "a polarizer with extinction",
+    ),
     ("specular = 0.7", "interreflection = true", "interreflection"),
     (
         "specular = 0.7",
@@ -57,7 +69,7 @@ const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
     (
         "image = \"normals.png\"",
         "image = \"normals.png\", strength = 2",
-        "a strength of normals",
+        "the strength of a normal map",
     ),
     (
         "front = \"rough\", back",
@@ -67,7 +79,7 @@ const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
     (
         "material = \"plastic\"\n[[",
         "material = \"polarizer\"\n[[",
-        "a disk of a material with a direction",
+        "a disk with an anisotropic material",
     ),
     (
         "{ radius = 0.4 }",
@@ -77,14 +89,18 @@ const INEXPRESSIBLE: &[(&str, &str, &str)] = &[
     (
         "material = \"spotted\"",
         "material = \"spotted\"\ntransform = { scale = [1, 2, 1], rotate_deg = [0, 0, 50] }",
-        "a tube that is not round",
+        "elliptic or oblique",
     ),
     (
         "wavelengths_nm = [550]",
         "wavelengths_nm = [450, 550]",
-        "refractive index that differs between wavelengths (material `frosted`)",
+        "wavelength-dependent refractive index (material `frosted`)",
     ),
-    ("irradiance = 2.5", "irradiance = [1, 2]", "an oblong projector"),
+    (
+        "irradiance = 2.5",
+        "irradiance = [1, 2]",
+        "a non-square projector",
+    ),
 ];
 
 #[test]
@@ -142,7 +158,7 @@ fn differences_of_models_are_said() {
     let notes = exported(folder.path(), &text).unwrap().notes.join("\n");
     for word in [
         "`frosted`: Mitsuba's roughdielectric",
-        "`rough`: Mitsuba masks",
+        "`rough`: Mitsuba uses separable masking",
         "retarder",
         "twosided",
         "`bumpy`",
@@ -150,7 +166,7 @@ fn differences_of_models_are_said() {
         assert!(notes.contains(word), "{word}: {notes}");
     }
     let notes = exported(folder.path(), ALL).unwrap().notes.join("\n");
-    assert!(!notes.contains("masks"), "{notes}");
+    assert!(!notes.contains("masking"), "{notes}");
 }
 
 #[test]

@@ -128,7 +128,7 @@ fn grids_of_distances_become_their_surface() {
     }
     let textured = "<shape type=\"sdfgrid\"><string name=\"filename\" value=\"ball.vol\"/><emitter type=\"area\"/></shape>";
     let e = imported(folder.path(), &text(textured)).unwrap_err();
-    assert!(e.to_string().contains("no emitter"), "{e}");
+    assert!(e.to_string().contains("unsupported emitter"), "{e}");
 }
 
 /// Each message gives the location in the scene, the file and the fault.
@@ -140,9 +140,9 @@ fn broken_curves_and_grids_are_refused_with_their_place() {
     for (kind, file, says) in [
         ("linearcurve", "curve.txt", "curve.txt:2"),
         ("linearcurve", "none.txt", "none.txt"),
-        ("bsplinecurve", "curve.txt", "below 0"),
-        ("sdfgrid", "ball.vol", "holds 213 numbers"),
-        ("sdfgrid", "curve.txt", "does not begin"),
+        ("bsplinecurve", "curve.txt", "at least 0"),
+        ("sdfgrid", "ball.vol", "the 213 values"),
+        ("sdfgrid", "curve.txt", "does not start"),
     ] {
         let shape = format!("\n<shape type=\"{kind}\"><string name=\"filename\" value=\"{file}\"/></shape>");
         let e = imported_whole(folder.path(), &text(&shape))

@@ -78,18 +78,23 @@ fn a_scene_by_hand_is_read() {
 /// A change of [`HAND`], the line of the fault, words of the message.
 const UNREADABLE: &[(&str, &str, usize, &str)] = &[
     ("version=\"3.0.0\"", "version=\"4.0.0\"", 1, "version `4.0.0`"),
-    ("</scene>", "", 1, "this is no XML"),
-    ("type=\"path\"", "type=\"depth\"", 3, "no integrator `depth`"),
+    ("</scene>", "", 1, "invalid XML"),
+    (
+        "type=\"path\"",
+        "type=\"depth\"",
+        3,
+        "unsupported integrator `depth`",
+    ),
     (
         "type=\"perspective\"",
         "type=\"thinlens\"",
         4,
         "no aperture_radius",
     ),
-    ("$fov", "$angle", 5, "`$angle` uses a parameter"),
+    ("$fov", "$angle", 5, "`$angle` uses an undefined parameter"),
     ("value=\"smaller\"", "value=\"wide\"", 4, "fov_axis is `wide`"),
-    ("type=\"diffuse\"", "type=\"hair\"", 10, "no material `hair`"),
-    ("0.1, 0.2, 0.3", "0.1, 0.2", 10, "neither one number nor three"),
+    ("type=\"diffuse\"", "type=\"hair\"", 10, "unsupported bsdf `hair`"),
+    ("0.1, 0.2, 0.3", "0.1, 0.2", 10, "not one or three numbers"),
     ("0.1, 0.2, 0.3", "0.1, 0.2, 1.3", 10, "albedo is 1.3"),
     (
         "name=\"reflectance\"",
@@ -101,19 +106,19 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         "value=\"Au\"",
         "value=\"Unobtainium\"",
         11,
-        "no optical constants of `Unobtainium`",
+        "unknown optical constants `Unobtainium`",
     ),
     (
         "<ref id=\"gold\"/>",
         "<ref id=\"golf\"/>",
         12,
-        "nothing has the id `golf`",
+        "unknown id `golf`",
     ),
     (
         "type=\"sphere\"",
         "type=\"ellipsoids\"",
         12,
-        "no shape `ellipsoids`",
+        "unsupported shape `ellipsoids`",
     ),
     (
         "name=\"radius\"",
@@ -131,14 +136,29 @@ const UNREADABLE: &[(&str, &str, usize, &str)] = &[
         "<ref id=\"gold\"/>",
         "<emitter type=\"directionalarea\"/>",
         12,
-        "no shapes with an emitter `directionalarea`",
+        "unsupported emitter `directionalarea`",
     ),
-    ("<scale x=\"2\"/>", "<scale x=\"0\"/>", 13, "squashes it flat"),
-    ("<scale x=\"2\"/>", "<shear x=\"2\"/>", 14, "cannot hold <shear>"),
-    ("400:1", "480:1", 17, "says nothing of 450 nm"),
-    ("type=\"point\"", "type=\"sunsky\"", 17, "no emitter `sunsky`"),
-    ("id=\"gold\"", "id=\"wall\"", 11, "id `wall` is given twice"),
-    ("id=\"plate\"", "ID=\"plate\"", 13, "no attribute `ID`"),
+    ("<scale x=\"2\"/>", "<scale x=\"0\"/>", 13, "zero extent"),
+    (
+        "<scale x=\"2\"/>",
+        "<shear x=\"2\"/>",
+        14,
+        "cannot contain <shear>",
+    ),
+    ("400:1", "480:1", 17, "does not cover 450 nm"),
+    (
+        "type=\"point\"",
+        "type=\"sunsky\"",
+        17,
+        "unsupported emitter `sunsky`",
+    ),
+    (
+        "id=\"gold\"",
+        "id=\"wall\"",
+        11,
+        "id `wall` is used more than once",
+    ),
+    ("id=\"plate\"", "ID=\"plate\"", 13, "unknown attribute `ID`"),
     (
         "<bsdf type=\"twosided\"",
         "<include filename=\"x.xml\"/><bsdf type=\"twosided\"",
@@ -169,7 +189,7 @@ fn what_is_not_understood_is_told_with_its_place() {
         "<bsdf type=\"blendbsdf\"><float name=\"weight\" value=\"0.5\"/><ref id=\"wall\"/><ref id=\"gold\"/>",
     );
     let e = imported(folder.path(), &text).unwrap_err();
-    assert!(e.message.contains("made of itself"), "{e}");
+    assert!(e.message.contains("refers to itself"), "{e}");
     let deep = "<bsdf type=\"twosided\">".repeat(50_000) + &"</bsdf>".repeat(50_000);
     let e = imported(folder.path(), &HAND.replace("</scene>", &(deep + "</scene>"))).unwrap_err();
     assert!(e.message.contains("nested too deeply"), "{}", e.message);
@@ -434,7 +454,7 @@ fn paths_are_searched_as_in_mitsuba() {
         &HAND.replace("</scene>", "<path value=\"none\"/></scene>"),
     )
     .unwrap_err();
-    assert!(e.message.contains("there is no folder"), "{e}");
+    assert!(e.message.contains("does not exist"), "{e}");
 }
 
 /// A rotation about an axis that is not of unit length scales and shears as in Mitsuba 3, which is noted.
@@ -554,7 +574,7 @@ fn directed_roughness_and_encoded_numbers_become_what_is_nearest() {
             "alpha = 0.5",
             "alpha_u and alpha_v",
         ),
-        (number("alpha", 0.0), "alpha = 0.001", "an alpha below 0.001"),
+        (number("alpha", 0.0), "alpha = 0.001", "alpha below 0.001"),
         (
             squares("alpha_u", 0.25, 0.0625) + &squares("alpha_v", 1.0, 0.25),
             // Mitsuba exchanges the squares where a number is required.

@@ -142,21 +142,21 @@ fn what_groups_cannot_be_is_told() {
             "<ref id=\"tree\"/>",
             "<ref id=\"bush\"/>",
             15,
-            "nothing has the id `bush`",
+            "unknown id `bush`",
         ),
         (
             "<shape type=\"shapegroup\" id=\"tree\">",
             "<shape type=\"shapegroup\" id=\"tree\"><shape type=\"instance\"/>",
             9,
-            "`instance` within a shapegroup",
+            "a shapegroup cannot contain `instance`",
         ),
         (
             "<shape type=\"shapegroup\" id=\"tree\">",
             "<shape type=\"shapegroup\" id=\"tree\"><ref id=\"wall\"/>",
             9,
-            "a bsdf does nothing in a shapegroup",
+            "a bsdf in a shapegroup has no effect",
         ),
-        ("<scale x=\"-1\"/>", "<scale x=\"0\"/>", 17, "squashed flat"),
+        ("<scale x=\"-1\"/>", "<scale x=\"0\"/>", 17, "zero extent"),
         (
             "<shape type=\"instance\"><ref",
             "<shape type=\"shapegroup\" id=\"none\"/><shape type=\"instance\"><ref",
@@ -275,12 +275,15 @@ fn places_are_lists_or_arrays() {
         assert_ne!(scene.sha256, listed.sha256, "the hash is of the files too");
     }
     for (bytes, message) in [
-        (b"1 2 3\n".to_vec(), "trees.txt, line 1: 3 numbers"),
-        (b"# nothing\n".to_vec(), "trees.txt lists no places"),
-        (TREES.replace("-2", "x").into_bytes(), "line 2: `x` is no number"),
+        (b"1 2 3\n".to_vec(), "line 1: expected 12 or 16 numbers, got 3"),
+        (b"# nothing\n".to_vec(), "trees.txt contains no placements"),
+        (
+            TREES.replace("-2", "x").into_bytes(),
+            "line 2: `x` is not a number",
+        ),
         (
             TREES.replace("-2", "inf").into_bytes(),
-            "line 2: inf is not a number",
+            "line 2: inf is not a finite number",
         ),
         (
             TREES.replace("0,0,0,1 #", "0,0,1,1 #").into_bytes(),
@@ -288,11 +291,11 @@ fn places_are_lists_or_arrays() {
         ),
         (
             TREES.replace("0.7", "0").into_bytes(),
-            "copy 2 of the group is squashed flat",
+            "copy 2 of the group has zero extent",
         ),
-        (vec![0xff, 0xfe, 0], "neither text nor"),
-        (npy("(2, 12)", false, &rows), "its shape is [2, 12]"),
-        (npy("(2000000000, 3, 4)", false, &rows), "it ends too early"),
+        (vec![0xff, 0xfe, 0], "expected a text file or a .npy file"),
+        (npy("(2, 12)", false, &rows), "got [2, 12]"),
+        (npy("(2000000000, 3, 4)", false, &rows), "the file is truncated"),
         (npy("(3, 3, 4)", false, &rows), "trees.txt: "),
     ] {
         write(&bytes);
@@ -302,13 +305,9 @@ fn places_are_lists_or_arrays() {
     }
     write(TREES.as_bytes());
     for (from, to, message) in [
-        (
-            "group = \"stone\"",
-            "group = \"rock\"",
-            "there is no group `rock`",
-        ),
-        ("scale = [1, -2, 0.5]", "scale = 0", "squashed flat"),
-        ("scale = [1, -2, 0.5]", "scale = 1e13", "reaches to infinity"),
+        ("group = \"stone\"", "group = \"rock\"", "unknown group `rock`"),
+        ("scale = [1, -2, 0.5]", "scale = 0", "zero extent"),
+        ("scale = [1, -2, 0.5]", "scale = 1e13", "is too large"),
         ("group = \"stone\"\n", "", "missing field `group`"),
         (
             "[[groups.stone.objects]]\nshape.sphere = { radius = 0.3 }\nmaterial = \"grey\"",
@@ -318,7 +317,7 @@ fn places_are_lists_or_arrays() {
         (
             "material = \"tree\"",
             "material = \"leaf\"",
-            "there is no material `leaf`",
+            "unknown material `leaf`",
         ),
         (
             "[[groups.stone.objects]]",

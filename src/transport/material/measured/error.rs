@@ -3,35 +3,35 @@
 /// Reasons why a table is refused. The message gives the fix after a semicolon; the caller prepends the path.
 #[derive(Debug, thiserror::Error)]
 pub enum PbsdfError {
-    #[error("cannot be read: {0}; correct the path, or make it a readable file")]
+    #[error("cannot read the file: {0}; check that the path is correct and the file is readable")]
     Read(std::io::Error),
     #[error(
-        "is not a tensor file (it does not begin with `tensor_file`); give a .pbsdf file of the KAIST set"
+        "not a tensor file (it does not start with `tensor_file`); give a .pbsdf file in the KAIST format"
     )]
     Magic,
-    #[error("is a tensor file of version {0}.{1}; only version 1.0 is known, so write it again as that")]
+    #[error("expected tensor file version 1.0, got {0}.{1}; convert the file to version 1.0")]
     Version(u8, u8),
-    #[error("ends inside its header; fetch it again, it is cut short or damaged")]
+    #[error("the header is truncated or damaged; download the file again")]
     Header,
-    #[error("has no field `{0}`; a table has phi_d, theta_d, theta_h, wvls and M")]
+    #[error("missing field `{0}`; a table requires phi_d, theta_d, theta_h, wvls and M")]
     Missing(&'static str),
-    #[error("has the field `{0}` twice; write it again with one of them")]
+    #[error("duplicate field `{0}`; write the file with one field of this name")]
     Twice(&'static str),
-    #[error("holds `{field}` as elements of type {found}; write it again as {want}")]
+    #[error("field `{field}` has elements of type {found}; write the field as {want}")]
     Type {
         field: &'static str,
         found: String,
         want: &'static str,
     },
-    #[error("holds `{field}` in shape {found}; it must be {want}")]
+    #[error("field `{field}` has shape {found}; expected shape {want}")]
     Shape {
         field: &'static str,
         found: String,
         want: String,
     },
     #[error(
-        "is too short: `{field}` should fill bytes {start}..{end}, the file has {size}; fetch it again, it is \
-         cut short"
+        "the file is truncated: `{field}` occupies bytes {start}..{end}, but the file has {size} bytes; download the \
+         file again"
     )]
     Truncated {
         field: &'static str,
@@ -39,35 +39,35 @@ pub enum PbsdfError {
         end: u128,
         size: usize,
     },
-    #[error("has an empty axis `{0}`; set even_axes = true to take evenly spaced angles")]
+    #[error("axis `{0}` is empty; set even_axes = true to use evenly spaced angles")]
     EmptyAxis(&'static str),
-    #[error("has {1} entries on axis `{0}`; two or more are needed to interpolate")]
+    #[error("axis `{0}` has {1} entries; at least two are required for interpolation")]
     ShortAxis(&'static str, usize),
-    #[error("cannot be written: {sources} sets of four bands for {bands} bands; give one set for every four")]
+    #[error("{sources} sets of four bands for {bands} bands; give one set for every four bands")]
     Sources { bands: usize, sources: usize },
-    #[error("lists no wavelengths; `wvls` needs one entry or more")]
+    #[error("the file has no wavelengths; `wvls` requires at least one entry")]
     NoWavelengths,
     /// An axis value that is not finite, or outside the range of its angle (radians).
-    #[error("has the value {value} on axis `{axis}`; angles are radians in {low:.4}..{high:.4}")]
+    #[error("value {value} on axis `{axis}` is out of range; expected radians in {low:.4}..{high:.4}")]
     Angle {
         axis: &'static str,
         value: f32,
         low: f32,
         high: f32,
     },
-    #[error("has {before} followed by {after} on axis `{axis}`; its values must rise strictly")]
+    #[error("{before} followed by {after} on axis `{axis}`; values must be strictly increasing")]
     Order {
         axis: &'static str,
         before: f64,
         after: f64,
     },
-    #[error("has phi_d from {0} to {1} alone; the axis must go all the way round, from -π to π")]
+    #[error("phi_d covers only {0} to {1}; the axis must cover the full circle from -π to π")]
     HalfCircle(f32, f32),
-    #[error("holds no valid entry (M00 is NaN everywhere); fetch it again, or take the inpainted variant")]
+    #[error("no valid entry (M00 is NaN everywhere); download the file again, or use the inpainted variant")]
     Empty,
     /// The table to write is too large for the address space.
-    #[error("would hold more elements than can be counted; use shorter axes")]
+    #[error("the table has too many elements; use shorter axes")]
     TooLarge,
-    #[error("cannot be written: {0}; check the folder and the space on it")]
+    #[error("cannot write the file: {0}; check that the folder exists and that its disk is not full")]
     Write(std::io::Error),
 }

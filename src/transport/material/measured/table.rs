@@ -143,7 +143,7 @@ impl Table {
             return Err(shape_error(
                 "M",
                 &m,
-                "(phi_d, theta_d, theta_h, wvls, 4, 4), none of them 0",
+                "(phi_d, theta_d, theta_h, wvls, 4, 4) without zeros",
             ));
         }
         // M is inside the file, so no product of its extents overflows.
@@ -153,7 +153,7 @@ impl Table {
         let mut angles = [const { Vec::new() }; 3];
         for (k, (name, ..)) in ANGLES.into_iter().enumerate() {
             let field = file.field(name, Dtype::F32)?;
-            let want = format!("(1, {}), as M has it", extent[k]);
+            let want = format!("(1, {}), the length in M", extent[k]);
             if field.shape().len() != 2 || field.shape().nth(1) != Some(extent[k] as u64) {
                 return Err(shape_error(name, &field, want));
             }
@@ -170,7 +170,7 @@ impl Table {
             return Err(shape_error(
                 "wvls",
                 &wvls,
-                format!("({}), as M has it", extent[3]),
+                format!("({}), the length in M", extent[3]),
             ));
         }
         let (pairs, _) = bytes[wvls.range.clone()].as_chunks::<2>();
@@ -361,7 +361,7 @@ fn bytes_of(path: &Path) -> io::Result<Mmap> {
     // process.
     let map = unsafe { MmapOptions::new().map_copy_read_only(&file) }?;
     if file.metadata()?.len() != map.len() as u64 {
-        return Err(io::Error::other("it changed while it was opened"));
+        return Err(io::Error::other("the file changed while it was opened"));
     }
     Ok(map)
 }
@@ -374,13 +374,13 @@ fn lanes(bands: &[u16], wavelengths: &Wavelengths, path: &Path) -> [Band; 4] {
         let (band, beyond) = band(bands, nm);
         *lane = band;
         if beyond {
-            outside.push(format!("{nm} nm takes the band at {} nm", bands[band.low]));
+            outside.push(format!("{nm} nm uses the band at {} nm", bands[band.low]));
         }
     }
     if !outside.is_empty() {
         let (first, last) = (bands[0], bands[bands.len() - 1]);
         tracing::warn!(
-            "{} holds {first} to {last} nm: {}",
+            "{}: wavelengths outside the bands of the table ({first} to {last} nm): {}",
             path.display(),
             outside.join(", ")
         );
