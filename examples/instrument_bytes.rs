@@ -140,27 +140,27 @@ fn scpi_laser(path: &str) {
         Ok(laser) => laser,
         Err(e) => return println!("connect\t{e}"),
     };
-    let told = |step: &str, what: Result<String, sunstone::rig::instrument::Failure>| match what {
+    let answer = |step: &str, what: Result<String, sunstone::rig::instrument::Failure>| match what {
         Ok(text) => println!("{step}\t{text}"),
         Err(e) => println!("{step}\t{e}"),
     };
     let done = |()| "done".to_owned();
-    told(
+    describe(
         "identify",
         laser
             .identify(within)
             .map(|i| format!("{} {} {} {}", i.maker, i.model, i.serial, i.firmware)),
     );
-    told("on", laser.emit(true, 2.5e6, within).map(done));
-    told(
+    describe("on", laser.emit(true, 2.5e6, within).map(done));
+    describe(
         "state on",
         laser
             .state(within)
             .map(|s| format!("{} {} {}", s.emitting, s.rate_hz, s.power)),
     );
-    told("too fast", laser.emit(true, 7e7, within).map(done));
-    told("off", laser.emit(false, 0.0, within).map(done));
-    told(
+    describe("too fast", laser.emit(true, 7e7, within).map(done));
+    describe("off", laser.emit(false, 0.0, within).map(done));
+    describe(
         "state off",
         laser
             .state(within)

@@ -728,11 +728,11 @@ fn said(words: &[&str], paths: &[&Path]) -> String {
 }
 
 /// A value and its error from a printed line.
-fn stated(told: &str, name: &str) -> [f64; 2] {
-    let line = told
+fn stated(message: &str, name: &str) -> [f64; 2] {
+    let line = message
         .lines()
         .find(|l| l.starts_with(name))
-        .unwrap_or_else(|| panic!("{name}: {told}"));
+        .unwrap_or_else(|| panic!("{name}: {message}"));
     let words: Vec<f64> = line[name.len()..]
         .split([' ', ','])
         .filter_map(|w| w.parse().ok())
@@ -775,17 +775,17 @@ fn a_scanned_plane_calibrates_the_counter() {
     assert!(output.status.success(), "{}", text(&output));
     let (store, out) = (bench.path("plane.zarr"), bench.path("counter.toml"));
     let distance = format!("--distance={metres}");
-    let told = said(
+    let message = said(
         &["calibrate", "counter", &distance],
         &[&store, Path::new("-o"), &out],
     );
-    println!("{told}");
+    println!("{message}");
     for (name, truth) in [
         ("width (FWHM)", 61.0),
         ("tail fraction", 0.3),
         ("tail time constant", 150.0),
     ] {
-        let [value, sigma] = stated(&told.replace(" ps", "").replace('±', ""), name);
+        let [value, sigma] = stated(&message.replace(" ps", "").replace('±', ""), name);
         assert!(
             (value - truth).abs() < 5.0 * sigma && sigma < 0.1 * truth,
             "{name}: {value} ± {sigma}"
@@ -806,11 +806,11 @@ fn a_scanned_plane_calibrates_the_counter() {
     assert!(z2 < 16.0 + 5.0 * 32.0_f64.sqrt(), "{z2}");
     // For a plane that is 3 mm nearer, time zeros are 20 ps late, which must be detected.
     let wrong = format!("--distance={}", metres - 3e-3);
-    let told = said(
+    let message = said(
         &["calibrate", "counter", &wrong],
         &[&store, Path::new("-o"), &bench.path("wrong.toml")],
     );
-    let late = stated(&told.replace(" ps", ""), "time zero")[0];
+    let late = stated(&message.replace(" ps", ""), "time zero")[0];
     assert!((late - 20.01).abs() < 1.0, "{late}");
     std::fs::write(
         bench.path("rig.toml"),
@@ -831,7 +831,7 @@ fn a_scanned_plane_calibrates_the_counter() {
             vec!["calibrate", "counter", "--distance=1,2"],
             "one distance per run, 1 in total",
         ),
-        (vec!["calibrate", "sensor"], "it is of a scan"),
+        (vec!["calibrate", "sensor"], "this is a scan"),
     ] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sunstone"));
         let output = command
@@ -885,12 +885,12 @@ fn still_frames_calibrate_the_sensor() {
     let output = bench.run("plan.toml", "still.zarr", &[]);
     assert!(output.status.success(), "{}", text(&output));
     let out = bench.path("sensor.toml");
-    let told = said(
+    let message = said(
         &["calibrate", "sensor"],
         &[&bench.path("still.zarr"), Path::new("-o"), &out],
     );
-    println!("{told}");
-    let plain = told
+    println!("{message}");
+    let plain = message
         .replace(['±'], "")
         .replace(" e/DN", "")
         .replace(" e/s", "")
@@ -905,8 +905,8 @@ fn still_frames_calibrate_the_sensor() {
     }
     // With 120 pixels, 32 frames and 16 exposures each: noise of the mean black level 0.006 DN, of the
     // current 8 e/s.
-    assert!((stated(&plain, "black level")[0] - 40.0).abs() < 0.05, "{told}");
-    assert!((stated(&plain, "dark current")[0] - 300.0).abs() < 40.0, "{told}");
+    assert!((stated(&plain, "black level")[0] - 40.0).abs() < 0.05, "{message}");
+    assert!((stated(&plain, "dark current")[0] - 300.0).abs() < 40.0, "{message}");
     let rig = format!("calibration = [\"sensor.toml\"]\n{RIG}{detectors}");
     std::fs::write(bench.path("rig.toml"), rig).expect("writes");
     assert!(bench.run("plan.toml", "again.zarr", &[]).status.success());
@@ -996,7 +996,7 @@ fn one_file_for_all(bench: &Bench, file: &Path) {
 }
 
 fn text_has(output: &Output, words: &[&str]) -> bool {
-    let told = text(output);
-    assert!(words.iter().all(|w| told.contains(w)), "{told}");
+    let message = text(output);
+    assert!(words.iter().all(|w| message.contains(w)), "{message}");
     true
 }

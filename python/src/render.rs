@@ -113,7 +113,7 @@ impl Sink for Kept {
 }
 
 /// Returns the summary of a render as JSON for Python.
-fn told(summary: &Summary) -> String {
+fn describe(summary: &Summary) -> String {
     json!({
         "complete": summary.complete,
         "tiles_done": summary.tiles_done,
@@ -169,7 +169,7 @@ pub fn render_store(
             .to_target(&target)
             .map_err(|e| if is_of_system(&e) { failed(e) } else { input(e) })
     })?;
-    Ok(told(&summary))
+    Ok(describe(&summary))
 }
 
 /// Render into arrays. Return each slice's name, attributes and fields; sample counts; attributes; summary.
@@ -211,6 +211,6 @@ pub fn render_arrays<'py>(
     all.set_item("slices", slices)?;
     all.set_item("samples", PyArray1::from_vec(py, kept.arrays.samples()))?;
     all.set_item("attributes", Value::Object(kept.attributes).to_string())?;
-    all.set_item("summary", told(&summary))?;
+    all.set_item("summary", describe(&summary))?;
     Ok(all)
 }

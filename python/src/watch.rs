@@ -99,10 +99,10 @@ pub fn looked_on<T: Send>(
         loop {
             let ended = py.detach(|| shared.wait());
             let first = fault.is_none();
-            let told = py
+            let message = py
                 .check_signals()
                 .and_then(|()| if first { tell(&shared, progress) } else { Ok(()) });
-            match told {
+            match message {
                 Err(e) if first => {
                     shared.stop.store(true, Ordering::Relaxed);
                     fault = Some(e);

@@ -279,12 +279,12 @@ mod tests {
             ("[camera\n", "c.toml:1:"),
         ] {
             std::fs::write(&path, text).expect("writes");
-            let told = put(&path, Part::Sensor, TEXTS[2].1)
+            let answer = put(&path, Part::Sensor, TEXTS[2].1)
                 .expect_err("a fault")
                 .to_string();
             assert!(
-                told.contains(words) && told.contains("another file name"),
-                "{text}: {told}"
+                answer.contains(words) && answer.contains("another file name"),
+                "{text}: {answer}"
             );
             assert_eq!(std::fs::read_to_string(&path).expect("reads"), text);
         }

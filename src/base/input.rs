@@ -76,9 +76,9 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 fn memory() -> u64 {
     #[cfg(target_os = "linux")]
     {
-        let told = rustix::system::sysinfo();
+        let answer = rustix::system::sysinfo();
         #[allow(clippy::useless_conversion)] // 32 bits on some systems
-        u64::try_from(told.totalram).map_or(u64::MAX, |n| n.saturating_mul(u64::from(told.mem_unit)))
+        u64::try_from(answer.totalram).map_or(u64::MAX, |n| n.saturating_mul(u64::from(answer.mem_unit)))
     }
     #[cfg(not(target_os = "linux"))]
     {

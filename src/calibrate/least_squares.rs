@@ -42,8 +42,8 @@ impl Fit {
     /// Returns the standard deviation of a parameter, or `None` if it is part of an undetermined direction.
     #[must_use]
     pub fn sigma(&self, i: usize) -> Option<f64> {
-        let told = self.untold.iter().all(|d| d[i].abs() < NAMED);
-        told.then(|| self.covariance[(i, i)].max(0.0).sqrt())
+        let message = self.untold.iter().all(|d| d[i].abs() < NAMED);
+        message.then(|| self.covariance[(i, i)].max(0.0).sqrt())
     }
 
     /// Describes the undetermined directions by the parameters' names.
@@ -108,10 +108,10 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
         if !cost(&r).is_finite() {
             return Err(FitError::NotFinite);
         }
-        let told = Told::of(&jacobian(&x))?;
+        let message = Told::of(&jacobian(&x))?;
         let mut better = false;
         while damping < 1e12 {
-            let step = told.step(&r, damping);
+            let step = message.step(&r, damping);
             let next = &x + &step;
             let after = of(&next);
             if cost(&after) <= cost(&r) * (1.0 + 1e-14) {
@@ -133,12 +133,12 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
     if !settled {
         return Err(FitError::Unsettled);
     }
-    let told = Told::of(&jacobian(&x))?;
+    let message = Told::of(&jacobian(&x))?;
     Ok(Fit {
-        covariance: told.covariance(),
+        covariance: message.covariance(),
         chi_squared: cost(&r),
-        freedom: r.len() - told.rank,
-        untold: told.untold(),
+        freedom: r.len() - message.rank,
+        untold: message.untold(),
         values: x,
     })
 }

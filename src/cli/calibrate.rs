@@ -276,12 +276,12 @@ fn search(images: &[(String, Image)], board: &Board) -> Vec<Option<Found>> {
         .par_iter()
         .map(|(_, image)| corners::find(image, board))
         .collect();
-    let told = found.into_iter().zip(images).map(|(found, (name, _))| {
+    let message = found.into_iter().zip(images).map(|(found, (name, _))| {
         found
             .map_err(|why| eprintln!("note: {name} excluded: {why}"))
             .ok()
     });
-    told.collect()
+    message.collect()
 }
 
 /// Loads the images of one camera, which must have the same size and orientation.

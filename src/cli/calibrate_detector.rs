@@ -137,11 +137,11 @@ pub fn counter(a: &Counter) -> Result<(), Failure> {
         toml::Value::try_from(&found),
         &json!({"spad": spad}),
     )?;
-    super::output::print(told(&found).trim_end())?;
+    super::output::print(describe(&found).trim_end())?;
     super::output::print(&a.output.display().to_string())
 }
 
-fn told(found: &Temporal) -> String {
+fn describe(found: &Temporal) -> String {
     let r = found.response;
     let values = [
         (

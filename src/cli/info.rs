@@ -63,8 +63,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
             line(format!("  {key:18} {shown}"));
         }
     }
-    if let Some(told) = attributes.get(target::ATTRIBUTE).and_then(reached) {
-        line(format!("  {:18} {told}", target::ATTRIBUTE));
+    if let Some(message) = attributes.get(target::ATTRIBUTE).and_then(reached) {
+        line(format!("  {:18} {message}", target::ATTRIBUTE));
     }
     if let Some(part) = store.part() {
         line(format!(

@@ -19,8 +19,8 @@ pub fn run(a: &Arguments) -> Result<(), Failure> {
     let failed = |e: RemoveError| Failure::of_system(e.is_of_system(), e);
     for store in &a.stores {
         let was_there = remove(store).map_err(failed)?;
-        let told = if was_there { "removed" } else { "not found" };
-        super::output::print(&format!("{}: {told}", store.display()))?;
+        let message = if was_there { "removed" } else { "not found" };
+        super::output::print(&format!("{}: {message}", store.display()))?;
     }
     Ok(())
 }

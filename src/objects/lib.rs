@@ -51,11 +51,11 @@ fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> 
             "close other programs",
         )
     })?;
-    let (tell, told) = mpsc::sync_channel(1);
+    let (tell, message) = mpsc::sync_channel(1);
     runtime.spawn(async move {
         let _ = tell.send(future.await);
     });
-    told.recv()
+    message.recv()
         .map_err(|_| Refusal::new("the request was interrupted", "try again"))
 }
 

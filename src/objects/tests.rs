@@ -97,10 +97,10 @@ fn errors_say_what_is_to_be_done() {
         ("301 Moved Permanently", "s3", "another region", "AWS_REGION"),
         ("what\nnobody knows", "s3", "what nobody knows", "check"),
     ] {
-        let told = refusal(scheme, &generic(text));
+        let message = refusal(scheme, &generic(text));
         assert!(
-            told.what.contains(what) && told.fix.contains(fix),
-            "{text}: {told}"
+            message.what.contains(what) && message.fix.contains(fix),
+            "{text}: {message}"
         );
     }
 }
@@ -114,10 +114,10 @@ fn addresses_that_cannot_be_are_refused() {
         ("ftp://host/a", "s3://"),
     ] {
         let scheme = store::place::scheme(Path::new(address)).expect("a scheme");
-        let told = Objects::open(scheme, Path::new(address))
+        let message = Objects::open(scheme, Path::new(address))
             .expect_err("refused")
             .to_string();
-        assert!(told.contains(word), "{address}: {told}");
+        assert!(message.contains(word), "{address}: {message}");
     }
 }
 
@@ -176,12 +176,12 @@ fn what_fails_is_asked_again() {
 
 #[test]
 fn web_servers_are_read_only() {
-    let told = below("https://host/s.zarr")
+    let message = below("https://host/s.zarr")
         .may_be_written()
         .expect_err("refused");
     assert!(
-        told.what.contains("read-only") && told.fix.contains("s3://"),
-        "{told}"
+        message.what.contains("read-only") && message.fix.contains("s3://"),
+        "{message}"
     );
     assert_eq!(below("s3://bucket/s.zarr").may_be_written(), Ok(()));
 }

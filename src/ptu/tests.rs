@@ -321,9 +321,9 @@ fn damage_is_told_in_words() {
     // Truncated within the last record.
     let cut = open(&whole[..whole.len() - 6]).expect("opens");
     assert_eq!(cut.records(), 8);
-    let told = cut.mismatch().expect("told").to_string();
+    let message = cut.mismatch().expect("a mismatch").to_string();
     assert_eq!(
-        told,
+        message,
         "the header states 10 records, but the file contains 8 and 2 bytes of an incomplete one"
     );
     let plan = Plan {

@@ -303,16 +303,16 @@ impl ToError<'_> {
     /// Pools the rounds, and removes them.
     fn finish(&self, folder: &Path, standing: &Standing, target: &Target) -> Result<(), RoundsError> {
         let stores: Vec<PathBuf> = (0..standing.round).map(|n| round_store(folder, n)).collect();
-        let mut told = standing.to_json();
-        if let (Some(told), Value::Object(goal)) = (told.as_object_mut(), self.goal.to_json()) {
-            let reached = told.remove("error").unwrap_or_default();
-            let rounds = told.remove("round").unwrap_or_default();
-            told.remove("next");
-            told.insert("reached".into(), reached);
-            told.insert("rounds".into(), rounds);
-            told.extend(goal);
+        let mut message = standing.to_json();
+        if let (Some(message), Value::Object(goal)) = (message.as_object_mut(), self.goal.to_json()) {
+            let reached = message.remove("error").unwrap_or_default();
+            let rounds = message.remove("round").unwrap_or_default();
+            message.remove("next");
+            message.insert("reached".into(), reached);
+            message.insert("rounds".into(), rounds);
+            message.extend(goal);
         }
-        let extra = Map::from_iter([(ATTRIBUTE.to_owned(), told)]);
+        let extra = Map::from_iter([(ATTRIBUTE.to_owned(), message)]);
         rounds::pool(&stores, &target.path, &extra, target.replace)?;
         remove(folder)
     }

@@ -146,7 +146,7 @@ impl<'a> Studio<'a> {
         scene.settings.replicates = scene.settings.replicates.min(REPLICATES);
         let path = self.renders.join(file_name(&scene, number, seed));
         let begun = Instant::now();
-        let mut told = false;
+        let mut message = false;
         let summary = loop {
             let target = Target {
                 resume: path.exists(),
@@ -157,9 +157,9 @@ impl<'a> Studio<'a> {
                 // The holder of the lock renders the same data, and releases the lock whenever its process
                 // ends.
                 Err(e) if is_locked(&e) => {
-                    if !told && begun.elapsed() > PATIENCE {
+                    if !message && begun.elapsed() > PATIENCE {
                         tracing::warn!("waiting for another process that is rendering {}", path.display());
-                        told = true;
+                        message = true;
                     }
                     std::thread::sleep(PAUSE);
                 }

@@ -116,15 +116,15 @@ fn what_cannot_be_captured_is_refused() {
     .expect("writes");
     let scenes = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("scenes");
     let scenes = scenes.to_str().expect("UTF-8");
-    let told = |more: &[&str]| {
+    let message = |more: &[&str]| {
         let fixed = ["apply", "metamerism", "--preview", "--scenes", scenes];
         stderr(&run(at, &[&fixed[..], more].concat(), 2))
     };
-    assert!(told(&["--capture", "nowhere.toml"]).contains("cannot read the chain"));
-    assert!(told(&["--capture", "chain.toml"]).contains("chain.toml:2:1"));
-    assert!(told(&["--sweep", "photons"]).contains("--capture"));
-    assert!(told(&["--capture", "chain.toml", "--sweep", "photos"]).contains("photons, extinction"));
-    assert!(told(&["--capture", "chain.toml", "--captures", "0-3"]).contains("1-16"));
+    assert!(message(&["--capture", "nowhere.toml"]).contains("cannot read the chain"));
+    assert!(message(&["--capture", "chain.toml"]).contains("chain.toml:2:1"));
+    assert!(message(&["--sweep", "photons"]).contains("--capture"));
+    assert!(message(&["--capture", "chain.toml", "--sweep", "photos"]).contains("photons, extinction"));
+    assert!(message(&["--capture", "chain.toml", "--captures", "0-3"]).contains("1-16"));
     for example in std::fs::read_dir(Path::new(scenes).join("../rigs/chains")).expect("examples") {
         let path = example.expect("an example").path();
         sunstone::apply::chain::file::load(&path).expect("a chain");

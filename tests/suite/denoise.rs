@@ -308,10 +308,10 @@ fn it_is_marked_and_no_truth() {
         &["denoise", "d.zarr", "-o", "m.zarr"],
     ];
     for arguments in refused {
-        let told = stderr(&run(at, arguments, 2));
+        let message = stderr(&run(at, arguments, 2));
         assert!(
-            told.contains("is denoised") && told.contains("a.zarr"),
-            "{arguments:?}: {told}"
+            message.contains("is denoised") && message.contains("a.zarr"),
+            "{arguments:?}: {message}"
         );
         assert!(!at.join("m.zarr").exists(), "{arguments:?}");
     }
@@ -348,8 +348,8 @@ fn what_cannot_be_denoised_is_refused() {
     render(at, "1", "4", "a.zarr");
     render(at, "2", "4", "b.zarr");
     let refused = |arguments: &[&str], says: &str| {
-        let told = stderr(&run(at, arguments, 2));
-        assert!(told.contains(says), "{arguments:?}: {told}");
+        let message = stderr(&run(at, arguments, 2));
+        assert!(message.contains(says), "{arguments:?}: {message}");
     };
     refused(&["denoise", "a.zarr", "-o", "a.zarr", "--force"], "both an input");
     refused(&["denoise", "a.zarr", "a.zarr", "-o", "d.zarr"], "seed 1");

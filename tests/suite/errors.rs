@@ -218,8 +218,8 @@ fn outputs_are_not_overwritten_by_mistake() {
     };
     run(at, &["render", "s.toml", "-o", "a.zarr"], 0);
     let before = files(&at.join("a.zarr"));
-    let told = first(&["render", "s.toml", "-o", "a.zarr", "--seed", "9"], 2);
-    assert!(told.starts_with("error: ") && told.contains("a.zarr"), "{told}");
+    let message = first(&["render", "s.toml", "-o", "a.zarr", "--seed", "9"], 2);
+    assert!(message.starts_with("error: ") && message.contains("a.zarr"), "{message}");
     assert!(files(&at.join("a.zarr")) == before, "the store is as it was");
     run(
         at,

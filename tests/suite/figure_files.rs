@@ -328,7 +328,7 @@ fn renders_are_shared_and_damage_is_told() {
     }
     let render = std::fs::read_dir(at.join("r")).expect("renders").next();
     let render = render.expect("one").expect("an entry").path();
-    let told = |what: &str| {
+    let message = |what: &str| {
         let said = stderr(&run(at, &[&fixed[..], &["d.svg"]].concat(), 2));
         let name = render.file_name().expect("a name").to_str().expect("UTF-8");
         assert!(
@@ -338,16 +338,16 @@ fn renders_are_shared_and_damage_is_told() {
         assert!(!at.join("d.svg").exists(), "{what}");
     };
     std::fs::write(render.join("zarr.json"), "{").expect("damage");
-    told("cut short");
+    message("cut short");
     std::fs::remove_file(render.join("zarr.json")).expect("damage");
-    told("lost");
+    message("lost");
     std::fs::remove_dir_all(&render).expect("damage");
     std::fs::create_dir(&render).expect("a folder");
-    told("an empty folder");
+    message("an empty folder");
     std::fs::remove_dir(&render).expect("damage");
     std::fs::write(&render, "x").expect("a file");
-    told("a file");
-    std::fs::remove_file(&render).expect("as told");
+    message("a file");
+    std::fs::remove_file(&render).expect("removes");
     run(at, &[&fixed[..], &["d.svg"]].concat(), 0);
     assert!(
         std::fs::read(at.join("d.svg")).expect("a picture")

@@ -145,12 +145,12 @@ fn other_paths_are_not_mixed() {
     render(at, "scene.toml", "1", "a.zarr");
     let path = ["render", "scene.toml", "--no-figures", "--integrator", "path"];
     run(at, &[&path[..], &["--seed", "2", "-o", "b.zarr"]].concat(), 0);
-    let told = stderr(&run(at, &["merge", "a.zarr", "b.zarr", "-o", "ab.zarr"], 2));
-    assert!(told.contains("different `integrator`s"), "{told}");
+    let message = stderr(&run(at, &["merge", "a.zarr", "b.zarr", "-o", "ab.zarr"], 2));
+    assert!(message.contains("different `integrator`s"), "{message}");
     assert!(!at.join("ab.zarr").exists());
     let again = [&path[..], &["--seed", "1", "-o", "a.zarr", "--resume"]].concat();
-    let told = stderr(&run(at, &again, 2));
-    assert!(told.contains("integrator"), "{told}");
-    let told = stderr(&run(at, &["render", "scene.toml", "--integrator", "photon"], 2));
-    assert!(told.contains("auto, path, caustics, bidirectional"), "{told}");
+    let message = stderr(&run(at, &again, 2));
+    assert!(message.contains("integrator"), "{message}");
+    let message = stderr(&run(at, &["render", "scene.toml", "--integrator", "photon"], 2));
+    assert!(message.contains("auto, path, caustics, bidirectional"), "{message}");
 }

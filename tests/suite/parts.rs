@@ -222,8 +222,8 @@ fn a_part_is_no_finished_render() {
     let at = folder.path();
     std::fs::write(at.join("scene.toml"), room("path")).expect("a scene");
     let out = run(at, &["render", "scene.toml", "--part", "2/3", "-o", "p2"], 0);
-    let told = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(told.contains("part 2 of 3, 12 tiles"), "{told}");
+    let message = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(message.contains("part 2 of 3, 12 tiles"), "{message}");
     let info = run(at, &["info", "p2"], 0);
     let info = String::from_utf8_lossy(&info.stdout).into_owned();
     assert!(

@@ -69,7 +69,7 @@ const CASES: &[Case] = &[
 #[test]
 fn every_broken_file_is_told_where_and_how_to_fix_it() {
     let folder = tempfile::tempdir().expect("a folder");
-    let told = |case: &Case| {
+    let message = |case: &Case| {
         let from = case.1;
         // The medium with the fault: the last heading above it.
         let above = &MEDIA[..MEDIA.find(from).expect("the passage")];
@@ -80,7 +80,7 @@ fn every_broken_file_is_told_where_and_how_to_fix_it() {
         let arguments = ["phase", "eval", "m.toml", "--name", name, "-o", "out.csv"];
         fault(folder.path(), "m.toml", MEDIA, case, &arguments)
     };
-    let faults: Vec<String> = CASES.iter().filter_map(told).collect();
+    let faults: Vec<String> = CASES.iter().filter_map(message).collect();
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
@@ -185,8 +185,8 @@ fn matrices_are_printed_as_csv() {
         assert_eq!(numbers(&eval(&format!("{name} --angles 2")))[1].len(), 6);
     }
     // To a file, with the same content as the printed output.
-    let told = eval("air --angles 5 -o air.csv");
-    assert_eq!(told.trim(), "air.csv");
+    let message = eval("air --angles 5 -o air.csv");
+    assert_eq!(message.trim(), "air.csv");
     let written = std::fs::read_to_string(folder.path().join("air.csv")).expect("a file");
     assert_eq!(written.trim_end(), eval("air --angles 5").trim_end());
 }

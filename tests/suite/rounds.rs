@@ -124,14 +124,14 @@ fn however_it_is_made_it_is_the_same() {
         assert!(!folder_of(&at("whole")).exists());
         assert!(verify(&at("whole")).expect("a store").faults.is_empty());
         let store = TensorStore::open(&at("whole")).expect("a store");
-        let told = store.attributes()["target"].clone();
-        let number = |key: &str| told[key].as_f64().expect("a number");
-        assert!(number("rounds") >= 2.0 && number("reached") <= 0.08, "{told}");
+        let message = store.attributes()["target"].clone();
+        let number = |key: &str| message[key].as_f64().expect("a number");
+        assert!(number("rounds") >= 2.0 && number("reached") <= 0.08, "{message}");
         let counts = store.read_samples([0, 0], [24, 24]).expect("counts");
         let mean = counts.iter().map(|n| f64::from(*n)).sum::<f64>() / 576.0;
         assert!(
             (mean - number("mean_samples_per_pixel")).abs() < 0.1,
-            "{mean} {told}"
+            "{mean} {message}"
         );
         assert!(counts.iter().max() > counts.iter().min());
 
@@ -309,9 +309,9 @@ fn errors_are_honest() {
             let run = to_error(goal(0.05, 0.7), &Unwatched);
             run.render(&mut scene, &target(&path, false)).expect("a render");
             let store = TensorStore::open(&path).expect("a store");
-            let told = &store.attributes()["target"];
-            mean += told["mean_samples_per_pixel"].as_f64().unwrap_or(0.0) / SEEDS as f64;
-            rounds += told["rounds"].as_f64().unwrap_or(0.0) / SEEDS as f64;
+            let message = &store.attributes()["target"];
+            mean += message["mean_samples_per_pixel"].as_f64().unwrap_or(0.0) / SEEDS as f64;
+            rounds += message["rounds"].as_f64().unwrap_or(0.0) / SEEDS as f64;
             // Of the first pixel of each tile.
             let samples = store.read_samples([0, 0], [32, 32]).expect("counts");
             counts.push(
@@ -410,17 +410,17 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
     ];
     let with = |more: &[&str], code| run(folder.path(), &[&words[..], more].concat(), code);
     let out = with(&["--spp", "32", "-o", "s"], 0);
-    let told = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(told.contains("median") && told.contains("rounds"), "{told}");
+    let message = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(message.contains("median") && message.contains("rounds"), "{message}");
     let out = run(folder.path(), &["info", "s"], 0);
-    let told = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(told.contains("target") && told.contains("slice sum"), "{told}");
+    let message = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(message.contains("target") && message.contains("slice sum"), "{message}");
     let most = ["--most-spp", "64", "-o", "most"];
     let out = run(folder.path(), &[&words[..6], &["0.001"][..], &most].concat(), 0);
-    let told = String::from_utf8_lossy(&out.stdout).into_owned();
+    let message = String::from_utf8_lossy(&out.stdout).into_owned();
     assert!(
-        told.contains("--most-spp 64") && told.contains("above the target of 0.10 %"),
-        "{told}"
+        message.contains("--most-spp 64") && message.contains("above the target of 0.10 %"),
+        "{message}"
     );
     for (more, fix) in [
         (&["--target-slice", "none"][..], "sum, mueller, flight"),
@@ -453,17 +453,17 @@ fn nothing_else_is_removed_and_one_renders() {
     let with = |more: &[&str], code| run(folder.path(), &[&words[..], more].concat(), code);
     std::fs::create_dir_all(at("s.rounds")).expect("a folder");
     std::fs::write(at("s.rounds/thesis.tex"), "years of work").expect("a file");
-    let told = stderr(&with(&["s", "--force"], 2));
+    let message = stderr(&with(&["s", "--force"], 2));
     assert!(
-        told.contains("thesis.tex") && told.contains("another name"),
-        "{told}"
+        message.contains("thesis.tex") && message.contains("another name"),
+        "{message}"
     );
     assert!(at("s.rounds/thesis.tex").exists() && !at("s").exists());
     // While a process writes them, --force removes nothing.
     std::fs::create_dir_all(at("t.rounds/0.zarr")).expect("a folder");
     let held = sunstone::base::lock::Lock::take(&at("t.rounds")).expect("nobody is there");
-    let told = stderr(&with(&["t", "--force"], 2));
-    assert!(told.contains("being written by process"), "{told}");
+    let message = stderr(&with(&["t", "--force"], 2));
+    assert!(message.contains("being written by process"), "{message}");
     assert!(at("t.rounds/0.zarr").exists());
     drop(held);
     with(&["t", "--force"], 0);

@@ -119,14 +119,14 @@ fn variants_are_rendered_told_apart_and_not_mixed() {
     let said = stderr(&render("plain.toml", &["--variant", "0", "-o", "no.zarr"], 2));
     assert!(said.contains("no [vary]"), "{said}");
     assert!(!at.join("no.zarr").exists());
-    let told = run(at, &["info", "varied.toml"], 0);
-    let told = String::from_utf8_lossy(&told.stdout).into_owned();
+    let message = run(at, &["info", "varied.toml"], 0);
+    let message = String::from_utf8_lossy(&message.stdout).into_owned();
     assert!(
-        told.contains("vary shade") && told.contains("0.25, 0.75, 0.5, 1.5"),
-        "{told}"
+        message.contains("vary shade") && message.contains("0.25, 0.75, 0.5, 1.5"),
+        "{message}"
     );
-    let told = run(at, &["info", "out/s_variant1.zarr"], 0);
-    assert!(String::from_utf8_lossy(&told.stdout).contains("\"number\":1"));
+    let message = run(at, &["info", "out/s_variant1.zarr"], 0);
+    assert!(String::from_utf8_lossy(&message.stdout).contains("\"number\":1"));
 }
 
 /// Every scene of an application has what the application requires, for every variant that it uses.

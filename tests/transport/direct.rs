@@ -205,7 +205,7 @@ fn offset_projector(camera: &Device, projector: &Device, seed: u32) {
     assert!(unique >= 300, "only {unique} pixels have a single s'");
     assert!(
         used.len() >= 12,
-        "only {} projector pixels are told apart",
+        "only {} projector pixels are distinguished",
         used.len()
     );
 }

@@ -17,7 +17,7 @@ impl Thrown {
     /// `OSError` (including the errors of pyserial and PyUSB) maps to disconnected; all others are reported
     /// to the user, because a retry does not fix a program.
     pub fn failure(&self, py: Python<'_>, instrument: &str, method: &str, error: PyErr) -> Failure {
-        let failure = told(py, instrument, &error).unwrap_or_else(|| {
+        let failure = describe(py, instrument, &error).unwrap_or_else(|| {
             let fault = if error.is_instance_of::<PyTimeoutError>(py) || of_name(py, &error, "TimeoutError") {
                 Fault::Timeout
             } else if error.is_instance_of::<PyConnectionError>(py) || error.is_instance_of::<PyOSError>(py) {
@@ -62,7 +62,7 @@ pub fn exception(py: Python<'_>, failure: &Failure, rest: &str) -> PyErr {
 }
 
 /// Reads the failure from an `InstrumentError`.
-fn told(py: Python<'_>, instrument: &str, error: &PyErr) -> Option<Failure> {
+fn describe(py: Python<'_>, instrument: &str, error: &PyErr) -> Option<Failure> {
     let class = py.import(HOME).ok()?.getattr("InstrumentError").ok()?;
     let value = error.value(py);
     if !value.is_instance(&class).ok()? {

@@ -258,8 +258,8 @@ pub fn rig_run<'py>(
         let steps = prepared.steps(rig).map_err(Ended::Prepare)?;
         let begun = prepared.begin(&output, &steps, existing, sample);
         let (store, recovered) = begun.map_err(Ended::Prepare)?;
-        let told = &mut |p: &run::Progress<'_>| seen.tell(p.done, p.frames);
-        let outcome = run::run(rig, &steps, store, recovered, seen.stop(), told).map_err(Ended::Run)?;
+        let message = &mut |p: &run::Progress<'_>| seen.tell(p.done, p.frames);
+        let outcome = run::run(rig, &steps, store, recovered, seen.stop(), message).map_err(Ended::Run)?;
         run_store::finish(&output, &steps).map_err(|e| Ended::Disk(e.to_string()))?;
         Ok(outcome)
     })?;

@@ -305,7 +305,7 @@ mod tests {
     const WHOLE: &str = "scheme = { kind = \"drr\", captures = 36 }\noptics = { axis_error_deg = 0.5 }\n\
                          calibration = [\"exact\"]\nexposure = { meter = \"mean\", electrons = 100 }\n[cmos]\nread_noise_e = 3\n";
 
-    fn told(text: &str) -> String {
+    fn describe(text: &str) -> String {
         from_toml(Path::new("c.toml"), text)
             .expect_err("a fault")
             .to_string()
@@ -340,7 +340,7 @@ mod tests {
             ("scheme", "shceme", "unknown field `shceme`"),
         ] {
             let text = WHOLE.replace(from, to);
-            assert!(told(&text).contains(words), "{to}: {}", told(&text));
+            assert!(describe(&text).contains(words), "{to}: {}", describe(&text));
         }
     }
 

@@ -344,6 +344,6 @@ fn what_no_camera_sees_is_refused() {
     dark.mean.data.fill(0.0);
     let light = Light::of(&dark).expect("light");
     let real = Scheme::drr(36, false).expect("a scheme");
-    let told = lab.exposed(&[&light], &real).expect_err("no light").to_string();
-    assert!(told.contains("no exposure"), "{told}");
+    let message = lab.exposed(&[&light], &real).expect_err("no light").to_string();
+    assert!(message.contains("no exposure"), "{message}");
 }

@@ -172,7 +172,7 @@ fn scores(method: &'static str, probe: Probe, seen: &Seen, floor: f64) -> Vec<Sc
     let n = all.len() as f64;
     let mut sizes: Vec<f64> = all.iter().map(|[e, _]| e.abs().to_degrees()).collect();
     sizes.sort_by(f64::total_cmp);
-    let told = (0..seen.pixels.len()).into_par_iter().filter(|i| {
+    let message = (0..seen.pixels.len()).into_par_iter().filter(|i| {
         let known: Option<Vec<[f64; 2]>> = seen
             .found(probe, *i)
             .iter()
@@ -199,7 +199,7 @@ fn scores(method: &'static str, probe: Probe, seen: &Seen, floor: f64) -> Vec<Sc
         sizes.get(sizes.len() / 2).copied().unwrap_or(f64::NAN),
         sizes.iter().sum::<f64>() / n,
         n / (seen.pixels.len() * seen.wavelengths.len()) as f64,
-        told.count() as f64 / seen.pixels.len() as f64,
+        message.count() as f64 / seen.pixels.len() as f64,
         stated / n,
     ];
     Score::each(method, seen.variant, &METRICS, values).collect()

@@ -70,7 +70,7 @@ impl Seen {
         let mineral = o.words.get("mineral").and_then(|name| Mineral::named(name));
         let mineral = mineral.ok_or_else(|| missing("known mineral in the parameter", "mineral"))?;
         let axis = Vector3::new(value("axis_x")?, value("axis_y")?, -1.0).normalize();
-        let told = Slab {
+        let message = Slab {
             mineral,
             axis,
             thickness: value("thickness")?,
@@ -97,7 +97,7 @@ impl Seen {
                 });
             }
         }
-        let pixels = told.pixels(&rig.camera, o, &wavelengths)?;
+        let pixels = message.pixels(&rig.camera, o, &wavelengths)?;
         if pixels.is_empty() {
             return Err(ApplyError::Empty(format!(
                 "variant {} has no pixel that shows the slab from face to face; render it at a higher resolution",

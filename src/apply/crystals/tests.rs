@@ -54,7 +54,7 @@ fn name_of(variant: u64) -> &'static str {
 fn observation(variant: u64, case: Case) -> Observation {
     let (camera, mineral) = (camera(), Mineral::named(name_of(variant)).expect("known"));
     let thickness = if mineral == Mineral::Quartz { 0.008 } else { 0.0005 };
-    let told = Slab {
+    let message = Slab {
         mineral,
         axis: Vector3::new(0.05, -0.03, -1.0).normalize(),
         thickness,
@@ -87,7 +87,7 @@ fn observation(variant: u64, case: Case) -> Observation {
         .into(),
         ..Observation::default()
     };
-    let pixels = told.pixels(&camera, &o, &NM).expect("pixels");
+    let pixels = message.pixels(&camera, &o, &NM).expect("pixels");
     assert_eq!(pixels.len(), SIZE * SIZE);
     let plate = Matrix4::from_diagonal(&[1.0, 1.0, -1.0, -1.0].into()) * retarder(3, 1, case.plate);
     let light = |there: bool, slab: bool| {

@@ -103,7 +103,7 @@ fn stated_errors_are_those_that_are_made() {
             let covariance = found.fit.covariance.view((0, 0), (n, n)).into_owned();
             scores.add_whitened("all together", &off, &covariance);
             for (f, want) in found.found.iter().zip(values) {
-                scores.add(&f.name, f.value - want, f.sigma.expect("told"));
+                scores.add(&f.name, f.value - want, f.sigma.expect("an error estimate"));
             }
             chi += found.fit.chi_squared;
             freedom += found.fit.freedom as f64;
@@ -128,7 +128,7 @@ fn air_alone_cannot_tell_a_common_rotation() {
         words.contains("polarizer_1 axis offset") && words.contains("together"),
         "{words}"
     );
-    let told = |name: &str| {
+    let message = |name: &str| {
         found
             .found
             .iter()
@@ -136,8 +136,8 @@ fn air_alone_cannot_tell_a_common_rotation() {
             .expect("a parameter")
             .sigma
     };
-    assert_eq!(told("retarder_2 axis offset"), None);
-    assert!(told("retarder_2 retardance error").is_some());
+    assert_eq!(message("retarder_2 axis offset"), None);
+    assert!(message("retarder_2 retardance error").is_some());
 }
 
 /// Returns one arm of an ideal 50:50 beamsplitter.
@@ -247,7 +247,7 @@ fn dispersion_is_found_with_its_errors() {
         let covariance = found.fit.covariance.view((0, 0), (n, n)).into_owned();
         scores.add_whitened("all together", &off, &covariance);
         for (f, want) in found.found.iter().zip(values) {
-            scores.add(&f.name, f.value - want, f.sigma.expect("told"));
+            scores.add(&f.name, f.value - want, f.sigma.expect("an error estimate"));
         }
     }
     scores.hold("two wavelengths");
@@ -256,7 +256,7 @@ fn dispersion_is_found_with_its_errors() {
     let galvo = |s: &Scheme| s.coaxial.as_ref().and_then(|c| c.galvo.clone()).expect("a galvo");
     let sigma = |p: Parameter, nm: f64| {
         let of = |f: &&Found| f.parameter == p && f.nm == Some(nm);
-        found.found.iter().find(of).and_then(|f| f.sigma).expect("told")
+        found.found.iter().find(of).and_then(|f| f.sigma).expect("an error estimate")
     };
     let (was, is) = (galvo(real), galvo(&found.scheme));
     for nm in WAVELENGTHS {

@@ -98,8 +98,8 @@ impl Transfer {
             chi_squared = sum(&|p| (p.1 - found.0 - found.1 * p.0).powi(2));
             (offset, slope) = (found.0.max(1e-12), found.1.max(0.0));
         }
-        let told = slope.is_finite() && slope > 5.0 * covariance[2].sqrt();
-        if !told {
+        let message = slope.is_finite() && slope > 5.0 * covariance[2].sqrt();
+        if !message {
             return Err(
                 "gain: the noise does not increase with the light; take more frames or use more light".into(),
             );

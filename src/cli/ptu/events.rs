@@ -193,10 +193,10 @@ pub fn write(a: &FromText) -> Result<(), Failure> {
     if let Some(e) = wrong {
         return Err(e.into());
     }
-    done.map_err(|e| told(&a.output, &e))?;
+    done.map_err(|e| describe(&a.output, &e))?;
     output::print(&a.output.display().to_string())
 }
 
-fn told(path: &Path, e: &std::io::Error) -> Failure {
+fn describe(path: &Path, e: &std::io::Error) -> Failure {
     Failure::failed(format!("{}: {e}", path.display()))
 }

@@ -16,10 +16,10 @@ pub(super) fn in_doubt(path: &Path) -> Result<String, Failure> {
             && doubt.share() > most.0
         {
             let percent = 100.0 * doubt.share();
-            let told = format!(
+            let message = format!(
                 ", {percent:.1} % unreliable error estimates (too few samples) in slice {name} (see sunstone info)"
             );
-            most = (doubt.share(), told);
+            most = (doubt.share(), message);
         }
     }
     Ok(most.1)

@@ -92,7 +92,7 @@ pub(super) fn run(
             summary.tiles, summary.samples, summary.wall_s
         ),
         (None, None) => format!("{store}: already complete"),
-        (None, Some(standing)) => told(&summary, &standing, &goal, scene, a, target)?,
+        (None, Some(standing)) => describe(&summary, &standing, &goal, scene, a, target)?,
     })?;
     if !a.no_figures && a.target.round.is_none() {
         figure::draw_all(&target.path, None)?;
@@ -101,7 +101,7 @@ pub(super) fn run(
 }
 
 /// Formats the summary of a render.
-fn told(
+fn describe(
     summary: &Summary,
     standing: &Standing,
     goal: &Goal,

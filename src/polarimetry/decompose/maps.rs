@@ -360,7 +360,7 @@ mod tests {
         let draws = 4000;
         for m in all.chunks(16) {
             let sigmas: Vec<f64> = (0..16).map(|k| 1e-4 * m[0] * (1.0 + f64::from(k % 5))).collect();
-            let told = errors(m, &sigmas);
+            let message = errors(m, &sigmas);
             let mut stream = Stream::new(11, 0, 0);
             let mut noisy = vec![];
             for _ in 0..draws {
@@ -372,16 +372,16 @@ mod tests {
             }
             let (found, missing) = maps(&noisy, &WITH_ERRORS);
             assert_eq!(missing, 0);
-            for ((map, told), q) in found.iter().zip(&told).zip(WITH_ERRORS) {
+            for ((map, message), q) in found.iter().zip(&message).zip(WITH_ERRORS) {
                 let n = f64::from(draws);
                 let mean = map.iter().sum::<f64>() / n;
                 let sigma = (map.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
                 let unsure = 5.0 / (2.0 * n).sqrt() + 0.01;
                 assert!(
-                    (told[0] / sigma - 1.0).abs() < unsure,
+                    (message[0] / sigma - 1.0).abs() < unsure,
                     "{}: {} is not {sigma}",
                     q.name(),
-                    told[0]
+                    message[0]
                 );
             }
         }

@@ -34,7 +34,7 @@ impl TcpLine {
     }
 
     /// Converts a system error to a line error.
-    fn told(&mut self, e: &std::io::Error) -> LineError {
+    fn describe(&mut self, e: &std::io::Error) -> LineError {
         match e.kind() {
             ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted => LineError::Timeout,
             _ => self.gone(e),
@@ -47,7 +47,7 @@ impl Line for TcpLine {
         let Some(stream) = &mut self.stream else {
             return Err(LineError::Gone(self.address.clone()));
         };
-        stream.write_all(bytes).map_err(|e| self.told(&e))
+        stream.write_all(bytes).map_err(|e| self.describe(&e))
     }
 
     fn receive(&mut self, within: Duration) -> Result<Vec<u8>, LineError> {
@@ -62,7 +62,7 @@ impl Line for TcpLine {
         match got {
             Ok(0) => Err(self.gone("the other side closed the connection")),
             Ok(n) => Ok(buffer[..n].to_vec()),
-            Err(e) => Err(self.told(&e)),
+            Err(e) => Err(self.describe(&e)),
         }
     }
 

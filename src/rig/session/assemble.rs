@@ -157,8 +157,8 @@ fn dlpc350(
     (flash, leds, triggers): (Flash, u8, Triggers),
     period: Duration,
 ) -> Result<Box<dyn PatternProjector>, AssembleError> {
-    let told = |e: String| AssembleError(format!("`projector`: {e}; check the cable and the power"));
-    let line = HidRaw::open(DLPC350).map_err(|e| told(e.to_string()))?;
+    let message = |e: String| AssembleError(format!("`projector`: {e}; check the cable and the power"));
+    let line = HidRaw::open(DLPC350).map_err(|e| message(e.to_string()))?;
     let projector = Dlpc350::new("projector", Box::new(line), flash, leds, period);
     let projector = projector.and_then(|p| p.with_triggers(triggers));
     Ok(Box::new(projector.map_err(|e| AssembleError(e.to_string()))?))
@@ -206,10 +206,10 @@ pub fn assemble(plan: &RigPlan, world: Option<&Shared>) -> Result<Rig, AssembleE
                     AssembleError(format!("`{name}`: unknown model `{known}`; supported: PRM1-Z8"))
                 })?;
                 let port = file.port.as_deref().unwrap_or_default();
-                let told =
+                let message =
                     |e: String| AssembleError(format!("`{name}`: {e}; check the cable, or correct `port`"));
-                let line = SerialLine::open(port, 115_200, true).map_err(|e| told(e.to_string()))?;
-                Box::new(AptStage::new(name, Box::new(line), model).map_err(|e| told(e.to_string()))?)
+                let line = SerialLine::open(port, 115_200, true).map_err(|e| message(e.to_string()))?;
+                Box::new(AptStage::new(name, Box::new(line), model).map_err(|e| message(e.to_string()))?)
             }
             other => return missing(name, other),
         };

@@ -211,8 +211,8 @@ mod tests {
             (&still, [None; 2], "have the same position"),
         ];
         for (text, sizes, words) in cases {
-            let told = read(&[text], sizes).expect_err("a fault");
-            assert!(told.contains(words), "{text}: {told}");
+            let answer = read(&[text], sizes).expect_err("a fault");
+            assert!(answer.contains(words), "{text}: {answer}");
         }
     }
 

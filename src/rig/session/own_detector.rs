@@ -153,14 +153,14 @@ impl Run {
         let bits = self.bits();
         let times = self.store.layout().axes[2].coords.clone();
         let stack = |shot: usize, e: usize, light: f64| -> Result<Stack, ImageError> {
-            let told =
+            let message =
                 |e: crate::calibrate::radiometric::RadiometricError| ImageError(format!("{path}: {e}"));
             let mut stack =
-                Stack::new(height * width, times[e], light, ((1_u64 << bits) - 1) as u32).map_err(told)?;
+                Stack::new(height * width, times[e], light, ((1_u64 << bits) - 1) as u32).map_err(message)?;
             for k in 0..captures {
                 let n = (k * shots + shot) * exposures + e;
                 let frame = self.store.read_chunk(n).map_err(|e| ImageError(e.to_string()))?;
-                stack.add(&frame).map_err(told)?;
+                stack.add(&frame).map_err(message)?;
             }
             Ok(stack)
         };

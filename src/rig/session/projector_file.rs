@@ -78,8 +78,8 @@ mod tests {
                 "unknown variant `up`",
             ),
         ] {
-            let told = read(projector).expect_err("a fault");
-            assert!(told.contains(words), "{projector}: {told}");
+            let message = read(projector).expect_err("a fault");
+            assert!(message.contains(words), "{projector}: {message}");
         }
     }
 }

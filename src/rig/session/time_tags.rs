@@ -361,10 +361,10 @@ mod tests {
     #[test]
     fn what_no_card_sends_is_refused() {
         let photon = |sync: u32, dtime: u32| sync | dtime << 10;
-        let told = |words: &[u32], pulses| Tags::new(words, RECORD, pulses).expect_err("a fault");
-        assert!(told(&[photon(5, 1)], 5).contains("pulse 5 of 5"));
-        assert!(told(&[photon(5, 1), photon(4, 1)], 9).contains("order"));
-        assert!(told(&[0xC000_0000], 9).contains("unknown type"));
+        let message = |words: &[u32], pulses| Tags::new(words, RECORD, pulses).expect_err("a fault");
+        assert!(message(&[photon(5, 1)], 5).contains("pulse 5 of 5"));
+        assert!(message(&[photon(5, 1), photon(4, 1)], 9).contains("order"));
+        assert!(message(&[0xC000_0000], 9).contains("unknown type"));
         let good = Tags::new(&[photon(5, 1), photon(5, 2)], RECORD, 6).expect("tags");
         assert_ne!(
             good.checksum(),

@@ -345,11 +345,11 @@ mod tests {
             let slices = [(layout.clone(), Map::new())];
             let store = TensorStore::create(&path, &slices, &attributes, None, false).expect("a store");
             store.finish().expect("a manifest");
-            let told = Scenery::open(&path, "m", 550.0).err().unwrap_or_default();
+            let message = Scenery::open(&path, "m", 550.0).err().unwrap_or_default();
             assert_eq!(
-                told.contains("is denoised") && told.contains("a.zarr"),
+                message.contains("is denoised") && message.contains("a.zarr"),
                 denoised,
-                "{told}"
+                "{message}"
             );
         }
     }

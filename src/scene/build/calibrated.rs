@@ -292,8 +292,8 @@ mod tests {
             ),
         ];
         for (text, calibration, words) in cases {
-            let told = scene(&text, &calibration).err().expect("a fault");
-            assert!(told.contains(words) && told.contains("fix:"), "{words}: {told}");
+            let message = scene(&text, &calibration).err().expect("a fault");
+            assert!(message.contains(words) && message.contains("fix:"), "{words}: {message}");
         }
     }
 

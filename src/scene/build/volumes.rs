@@ -128,8 +128,8 @@ pub(crate) fn overlaps(ctx: &Context, volumes: &[Volume]) -> Result<(), InputErr
     for (i, b) in volumes.iter().enumerate() {
         for a in &volumes[..i] {
             let apart = a.low.cmpgt(b.high).any() || b.low.cmpgt(a.high).any();
-            let told = a.filling.priority != b.filling.priority || a.filling.medium == b.filling.medium;
-            if apart || told || !(a.cuts(b) || b.cuts(a)) {
+            let message = a.filling.priority != b.filling.priority || a.filling.medium == b.filling.medium;
+            if apart || message || !(a.cuts(b) || b.cuts(a)) {
                 continue;
             }
             let other = match &a.object.name {

@@ -84,8 +84,8 @@ impl Source {
     /// Records an error, so that reading can continue.
     pub fn report(&self, e: InputError) {
         let mut problems = self.problems.borrow_mut();
-        let told = |p: &InputError| p.file == e.file && p.span == e.span && p.message == e.message;
-        if problems.len() < MOST_PROBLEMS && !problems.iter().any(told) {
+        let answer = |p: &InputError| p.file == e.file && p.span == e.span && p.message == e.message;
+        if problems.len() < MOST_PROBLEMS && !problems.iter().any(answer) {
             problems.push(e);
         }
     }

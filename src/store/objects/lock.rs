@@ -202,9 +202,9 @@ fn acquire(objects: &Objects, owner: &Owner) -> Result<(Version, Instant), NoLoc
         if owner.wrote(&bytes) {
             return Ok((seen, begun));
         }
-        let told = parse(&bytes);
-        let holder = told["owner"].as_str().unwrap_or("another process").to_owned();
-        let lease = told["lease_s"].as_f64().map_or(LEASE, believed);
+        let message = parse(&bytes);
+        let holder = message["owner"].as_str().unwrap_or("another process").to_owned();
+        let lease = message["lease_s"].as_f64().map_or(LEASE, believed);
         tracing::warn!(
             "the store is locked by {holder}: waiting {} s to see whether the lock is renewed",
             lease.as_secs_f64()

@@ -247,8 +247,8 @@ mod tests {
             ("codecs", json!(["bytes", "gzip"]), "codecs"),
             ("codecs", json!(["bytes"]), "endian"),
         ] {
-            let told = read(key, value).unwrap_err();
-            assert!(told.contains(word), "{key}: {told}");
+            let message = read(key, value).unwrap_err();
+            assert!(message.contains(word), "{key}: {message}");
         }
     }
 }

@@ -182,7 +182,7 @@ impl<T: Number> ChunkedArray<T> {
     }
 
     /// Returns `n` coordinates from the array's metadata, if it contains them.
-    pub(super) fn told(&self, n: u64) -> Option<Vec<f64>> {
+    pub(super) fn describe(&self, n: u64) -> Option<Vec<f64>> {
         coordinates::read(&self.array.attributes, n as usize)
     }
 

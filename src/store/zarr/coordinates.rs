@@ -15,7 +15,7 @@ const MOST: usize = 16;
 
 /// Returns an attribute that represents these coordinates bit for bit, if a short one does. Values are lists
 /// of numbers, which other formats support too.
-pub(super) fn told(coords: &[f64]) -> Option<(String, Value)> {
+pub(super) fn describe(coords: &[f64]) -> Option<(String, Value)> {
     let regular = match coords {
         [start, next, ..] => Some((REGULAR, json!([start, next - start]))),
         _ => None,
@@ -63,14 +63,14 @@ mod tests {
             .map(|i| f64::from(i) / 3.0 + 1e-3 * f64::from(i * i))
             .collect();
         for coords in [&bins[..], &[450.0, 550.0, 660.0], &[7.0], &[0.0, 1.0], &thirds] {
-            let told = told(coords).expect("is told");
-            assert!(told.1.to_string().len() < 400);
-            let attributes = Map::from_iter([told]);
+            let message = describe(coords).expect("evenly spaced");
+            assert!(message.1.to_string().len() < 400);
+            let attributes = Map::from_iter([message]);
             assert_eq!(read(&attributes, coords.len()).expect("is read"), coords);
             assert!(tell(&Value::Object(attributes)));
         }
         let odd: Vec<f64> = (0..40).map(|i| f64::from(i * i)).collect();
-        assert_eq!(told(&odd), None);
+        assert_eq!(describe(&odd), None);
         for other in [
             json!({}),
             json!({"values": [1.0, 2.0]}),

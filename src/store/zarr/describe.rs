@@ -150,7 +150,7 @@ fn create_coordinates(
         }
         _ => {}
     }
-    attributes.extend(tell.then(|| coordinates::told(&axis.coords)).flatten());
+    attributes.extend(tell.then(|| coordinates::describe(&axis.coords)).flatten());
     let node = format!("/{slice}/{}", kind.name());
     let description = Description {
         shape: vec![axis.len()],
@@ -204,7 +204,7 @@ fn read_axis(
     let coords: Vec<f64> = if is_index(kind) {
         let array = ChunkedArray::<i64>::open(storage, &node)?;
         let n = length(array.shape())?;
-        if let Some(coords) = array.told(n) {
+        if let Some(coords) = array.describe(n) {
             return checked(coords);
         }
         let values = array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?;
@@ -212,7 +212,7 @@ fn read_axis(
     } else {
         let array = ChunkedArray::<f64>::open(storage, &node)?;
         let n = length(array.shape())?;
-        if let Some(coords) = array.told(n) {
+        if let Some(coords) = array.describe(n) {
             return checked(coords);
         }
         array.read(&[0], &[n]).map_err(|e| damaged(e.to_string()))?

@@ -133,7 +133,7 @@ fn fill(root: &Path, set: &LayerSet, attributes: &Map<String, Value>) -> Result<
     write_json(&root.join("zarr.json"), &group)
 }
 
-fn told(units: &str, long_name: &str, labels: Option<Value>) -> Map<String, Value> {
+fn describe(units: &str, long_name: &str, labels: Option<Value>) -> Map<String, Value> {
     let mut attributes = Map::new();
     attributes.insert("units".into(), json!(units));
     attributes.insert("long_name".into(), json!(long_name));
@@ -156,7 +156,7 @@ fn coordinate<T: Number>(
         shape: vec![n],
         chunk: vec![n],
         names: vec![name],
-        attributes: told(units, long_name, labels),
+        attributes: describe(units, long_name, labels),
         sharding: None,
     };
     put(storage, name, description, values)
@@ -179,7 +179,7 @@ fn array<T: Number>(
         chunk: shape.iter().map(|n| (*n).min(CHUNK)).collect(),
         shape,
         names,
-        attributes: told(
+        attributes: describe(
             layer.units,
             layer.long_name,
             layer.labels.as_ref().map(|l| json!(l)),

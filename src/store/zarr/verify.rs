@@ -73,11 +73,11 @@ pub fn verify(path: &Path) -> Result<Verified, OpenError> {
     let faults: BTreeSet<String> = entries
         .par_iter()
         .filter_map(|(name, entry)| {
-            let told = match Place::read_file(&path.join(name)) {
+            let message = match Place::read_file(&path.join(name)) {
                 Ok(bytes) => fault(name, bytes.as_deref(), *entry, &shards)?,
                 Err(e) => format!("cannot be read: {e}"),
             };
-            Some(format!("{name}: {told}"))
+            Some(format!("{name}: {message}"))
         })
         .collect();
     Ok(Verified {
@@ -125,8 +125,8 @@ fn verify_objects(path: &Path, objects: &Objects) -> Result<Verified, OpenError>
         for batch in batches(&names, &entries) {
             let found = objects.get_many(batch).map_err(refused)?;
             for (name, bytes) in batch.iter().zip(found) {
-                let told = fault(name, bytes.as_deref(), entries[name], &shards);
-                faults.extend(told.map(|told| format!("{name}: {told}")));
+                let message = fault(name, bytes.as_deref(), entries[name], &shards);
+                faults.extend(message.map(|message| format!("{name}: {message}")));
                 let json = bytes.filter(|_| name.ends_with("zarr.json"));
                 read.extend(json.and_then(|b| Some((name.as_str(), serde_json::from_slice(&b).ok()?))));
             }

@@ -137,8 +137,8 @@ pub fn sentences(metric: Metric, links: &Links, verdicts: &[Verdict]) -> Vec<Str
     };
     let of_series = verdicts.chunk_by(|a, b| a.series == b.series);
     let sentence = |of: &[Verdict]| {
-        let told: Vec<String> = of.iter().map(|v| format!("{} {}", v.baseline, v.words)).collect();
-        format!("{}, {}: {beats} {}", metric.name, of[0].series, told.join("; "))
+        let message: Vec<String> = of.iter().map(|v| format!("{} {}", v.baseline, v.words)).collect();
+        format!("{}, {}: {beats} {}", metric.name, of[0].series, message.join("; "))
     };
     of_series.map(sentence).collect()
 }
@@ -394,21 +394,21 @@ mod tests {
                 all.push(point(value, name, Some([less, 0.1])));
             }
         }
-        let told = |metric, part, want: [&str; 4]| {
+        let message = |metric, part, want: [&str; 4]| {
             let all = of_values(metric, part, &all);
             let words: Vec<&str> = all.iter().map(|v| v.words.as_str()).collect();
             assert_eq!(words, want);
         };
         let photons = ["down to 1000 e⁻", "always", "at 100 e⁻ alone", "never"];
-        told(METRIC, Part::Photons, photons);
+        describe(METRIC, Part::Photons, photons);
         // For axes, small errors come first.
-        told(
+        describe(
             METRIC,
             Part::Axis,
             ["at 1000° alone", "always", "at 100° alone", "never"],
         );
         let less = Metric::new("m", "", false);
-        told(less, Part::Photons, ["never", "never", "never", "always"]);
+        describe(less, Part::Photons, ["never", "never", "never", "always"]);
     }
 
     #[test]
@@ -422,9 +422,9 @@ mod tests {
         .expect("a chain");
         let links = Links::Few(chain, 1..=2);
         let drawn = named(all, &links);
-        let told: Vec<(&str, f64)> = drawn.iter().map(|(name, p)| (name.as_str(), p.value)).collect();
+        let message: Vec<(&str, f64)> = drawn.iter().map(|(name, p)| (name.as_str(), p.value)).collect();
         assert_eq!(
-            told,
+            message,
             [("theirs, all captures", 1.0), ("nominal", 2.0), ("nominal", 1.0)]
         );
         assert_eq!(axis(&links).named, [(1.0, "1".to_owned()), (2.0, "2".to_owned())]);

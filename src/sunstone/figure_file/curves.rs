@@ -173,10 +173,10 @@ pub fn tile(
         )
     })?;
     let mut values = vec![("metric".to_owned(), Value::Text(metric.name.to_owned()))];
-    let told = || fit.verdicts.iter().filter(|v| v.metric == metric.name);
-    let first = told().next().map(|v| v.series.clone());
+    let answer = || fit.verdicts.iter().filter(|v| v.metric == metric.name);
+    let first = answer().next().map(|v| v.series.clone());
     let of_first = if few { first } else { belief };
-    for v in told() {
+    for v in answer() {
         let words = || Value::Text(v.words.clone());
         if Some(&v.series) == of_first.as_ref() {
             values.push((format!("beats {}", v.baseline), words()));

@@ -213,8 +213,8 @@ impl Plan {
         }
         self.splats = match self.spill.as_mut().map(|s| s.part(part)) {
             Some(Ok(splats)) => splats,
-            told => {
-                if let Some(Err(e)) = told {
+            message => {
+                if let Some(Err(e)) = message {
                     tracing::warn!(
                         "cannot read the stored vertices of light paths: {e}; the paths are traced again"
                     );

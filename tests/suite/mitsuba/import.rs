@@ -210,17 +210,17 @@ fn all_problems_are_told_at_once() {
         text = text.replacen(from, to, 1);
     }
     let e = imported_whole(folder.path(), &text).unwrap_err();
-    let told: Vec<_> =
+    let answer: Vec<_> =
         e.0.iter()
             .filter_map(|e| Some((e.line_column()?.0, e.message.clone())))
             .collect();
     for (_, _, line, message) in &faults {
         assert!(
-            told.iter().any(|(l, m)| l == line && m.contains(message)),
-            "{message}: {told:#?}"
+            answer.iter().any(|(l, m)| l == line && m.contains(message)),
+            "{message}: {answer:#?}"
         );
     }
-    assert!(told.is_sorted_by_key(|t| t.0), "{told:#?}");
+    assert!(answer.is_sorted_by_key(|t| t.0), "{answer:#?}");
 }
 
 #[test]

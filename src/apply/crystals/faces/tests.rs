@@ -38,9 +38,9 @@ fn is_face(pixel: usize) -> bool {
     (1..SIZE - 1).contains(&(pixel % SIZE))
 }
 
-/// Faces are tilted by `lean` degrees, and the truth map has `told`; the surface reflects `shine` times as
+/// Faces are tilted by `lean` degrees, and the truth map has `truth`; the surface reflects `shine` times as
 /// much as glass.
-fn observation(variant: u64, [lean, told]: [f64; 2], shine: f64) -> Observation {
+fn observation(variant: u64, [lean, truth]: [f64; 2], shine: f64) -> Observation {
     let rig = Rig {
         camera: device(-0.02),
         projector: device(0.02),
@@ -86,7 +86,7 @@ fn observation(variant: u64, [lean, told]: [f64; 2], shine: f64) -> Observation 
         values: [("roughness".to_owned(), ALPHA)].into(),
         truth: [
             ("crystal", map(1, &|p| vec![f64::from(u8::from(is_face(p)))])),
-            ("normal", map(3, &|p| vector(normal(p, told)))),
+            ("normal", map(3, &|p| vector(normal(p, truth)))),
             ("position", map(3, &|p| vector(point(p)))),
         ]
         .map(|(name, m)| (name.to_owned(), m))

@@ -103,10 +103,10 @@ fn calibrations_are_schemes() {
         toml(&format!("{FULL}{others}")).expect("a scheme"),
         toml(FULL).expect("a scheme")
     );
-    let told = fault(others);
+    let answer = fault(others);
     assert!(
-        told.contains("missing field `sensor`") && told.contains("rig calibrate"),
-        "{told}"
+        answer.contains("missing field `sensor`") && answer.contains("rig calibrate"),
+        "{answer}"
     );
     assert!(fault(&format!("{FULL}[cameras]\n")).contains("unknown field `cameras`"));
 }

@@ -97,7 +97,7 @@ impl Emulator {
 
 impl State {
     /// Executes a command; returns `None` if it is unknown or not allowed in this state.
-    fn told(&mut self, code: u16, data: &[u8]) -> Option<()> {
+    fn describe(&mut self, code: u16, data: &[u8]) -> Option<()> {
         let is = |c: &Command| c.code() == code;
         let first = *data.first()?;
         // While a sequence runs, only stopping it and switching LEDs is allowed.
@@ -221,7 +221,7 @@ impl HidLine for Emulator {
                 if message.read {
                     state.asked(code)
                 } else {
-                    state.told(code, data).map(|()| vec![])
+                    state.describe(code, data).map(|()| vec![])
                 }
             }
             _ => None,

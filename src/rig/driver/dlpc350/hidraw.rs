@@ -39,8 +39,8 @@ pub fn find(class: &Path, [maker, product]: [u16; 2]) -> Vec<PathBuf> {
     let mut found: Vec<PathBuf> = entries
         .flatten()
         .filter(|e| {
-            let told = std::fs::read_to_string(e.path().join("device/uevent")).unwrap_or_default();
-            let id = told.lines().find_map(|l| l.strip_prefix("HID_ID="));
+            let message = std::fs::read_to_string(e.path().join("device/uevent")).unwrap_or_default();
+            let id = message.lines().find_map(|l| l.strip_prefix("HID_ID="));
             id.is_some_and(|id| id.to_ascii_uppercase().ends_with(&wanted))
         })
         .map(|e| Path::new("/dev").join(e.file_name()))

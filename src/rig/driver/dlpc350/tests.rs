@@ -214,8 +214,8 @@ fn triggers_are_the_guides() {
         .collect();
     assert!(faults.is_empty(), "{faults:?}");
     let refused = |triggers: Triggers, words: &str| {
-        let told = emulated().0.with_triggers(triggers).err().expect("a fault");
-        assert!(told.fault == Fault::Limit && told.what.contains(words), "{told}");
+        let text = emulated().0.with_triggers(triggers).err().expect("a fault");
+        assert!(text.fault == Fault::Limit && text.what.contains(words), "{text}");
     };
     let output = |rise_us, fall_us| {
         Some(Output {
@@ -264,11 +264,11 @@ fn triggers_are_the_guides() {
         Duration::from_micros(300),
     );
     let input = triggers.input;
-    let told = fast.expect("a projector").with_triggers(Triggers {
+    let text = fast.expect("a projector").with_triggers(Triggers {
         input,
         ..Triggers::default()
     });
-    assert!(told.err().expect("a fault").what.contains("230 µs of black"));
+    assert!(text.err().expect("a fault").what.contains("230 µs of black"));
 }
 
 #[test]

@@ -43,11 +43,11 @@ impl Nodes {
     /// # Errors
     /// [`Failure`]: disconnected, timeout, refused (camera in use, or invalid XML).
     pub fn open(name: &str, mut control: Control) -> Result<Self, Failure> {
-        let told = |e: ControlError| Failure::new(of_control(&e), name, e.to_string());
+        let message = |e: ControlError| Failure::new(of_control(&e), name, e.to_string());
         if !control.is_opened() {
-            control.open().map_err(told)?;
+            control.open().map_err(message)?;
         }
-        let xml = control.genapi().map_err(told)?;
+        let xml = control.genapi().map_err(message)?;
         let context = NoCacheGenApiCtxt::from_xml(&xml).map_err(|e| {
             let what = format!("cannot parse the device description: {e}");
             Failure::new(Fault::Refused, name, what)

@@ -130,8 +130,8 @@ fn tables_are_checked() {
     ] {
         let changed = good.replace(from, to);
         assert_ne!(changed, good, "{from} is in the table");
-        let told = LaserTable::parse(&changed).expect_err("is wrong");
-        assert!(told.contains(word), "{told}");
+        let message = LaserTable::parse(&changed).expect_err("is wrong");
+        assert!(message.contains(word), "{message}");
     }
     let missing = LaserTable::parse(&Emulator::table("127.0.0.1:1")).expect("a table");
     let failure = ScpiLaser::connect("laser", missing)
@@ -149,7 +149,7 @@ fn another_vendors_words_do() {
     let table = "address = \"192.0.2.7:5025\"\nnm = 635\nrate_hz = [1e-3, 1e7]\non = \"TSRC 0\"\noff = \"TSRC 5\"\n\
                  set_rate = \"TRAT {hz}\"\nask_on = \"TSRC?\"\non_answers = [\"0\"]\nask_rate = \"TRAT?\"\nerrors = \"LERR?\"\n";
     let (ours, mut theirs) = MemoryLine::pair();
-    let told = std::thread::spawn(move || {
+    let message = std::thread::spawn(move || {
         let (mut all, mut source) = (vec![], 5);
         while let Ok(bytes) = theirs.receive(LONG) {
             let line = String::from_utf8(bytes).expect("text");
@@ -177,9 +177,9 @@ fn another_vendors_words_do() {
     );
     laser.emit(true, 25_000.0, LONG).expect("shines");
     drop(laser);
-    let told = told.join().expect("ends");
+    let message = message.join().expect("ends");
     assert_eq!(
-        told.concat(),
+        message.concat(),
         "TRAT 2.5E4\n*OPC?\nLERR?\nTSRC 0\n*OPC?\nLERR?\nTSRC?\n"
     );
 }

@@ -84,7 +84,7 @@ impl Th260Counter {
     }
 
     /// Converts an error code of the library to a failure.
-    fn told(&mut self, doing: &str, number: i32) -> Failure {
+    fn describe(&mut self, doing: &str, number: i32) -> Failure {
         let words = self.library.explain(number);
         let what = format!("{doing}: error {number} ({words}){}", code::fix(number));
         self.failure(code::fault(number), what)
@@ -100,14 +100,14 @@ impl Th260Counter {
 
     fn tell(&mut self, order: Order) -> Result<(), Failure> {
         self.opened()?;
-        let told = self.library.tell(self.device, order);
-        told.map_err(|e| self.told(&format!("{order:?}"), e))
+        let message = self.library.tell(self.device, order);
+        message.map_err(|e| self.describe(&format!("{order:?}"), e))
     }
 
     fn ask(&mut self, question: Question) -> Result<i32, Failure> {
         self.opened()?;
         let answer = self.library.ask(self.device, question);
-        answer.map_err(|e| self.told(&format!("{question:?}"), e))
+        answer.map_err(|e| self.describe(&format!("{question:?}"), e))
     }
 
     /// Finds the board, initializes it and configures its inputs.
@@ -138,7 +138,7 @@ impl Th260Counter {
                 );
                 return Err(self.failure(Fault::Disconnected, what));
             }
-            return Err(self.told("cannot open a board", worst));
+            return Err(self.describe("cannot open a board", worst));
         };
         (self.device, self.serial) = (device, serial);
         self.tell(Order::Initialize(code::MODE_HISTOGRAM))?;
@@ -146,9 +146,9 @@ impl Th260Counter {
         self.hardware = self
             .library
             .hardware(device)
-            .map_err(|e| self.told("hardware", e))?;
+            .map_err(|e| self.describe("hardware", e))?;
         let base = self.library.base_resolution(device);
-        let (finest_ps, binnings) = base.map_err(|e| self.told("base resolution", e))?;
+        let (finest_ps, binnings) = base.map_err(|e| self.describe("base resolution", e))?;
         if !(finest_ps > 0.0 && finest_ps < 1e6 && (1..64).contains(&binnings)) {
             let what = format!("invalid base resolution: {finest_ps} ps with {binnings} binnings");
             return Err(self.failure(Fault::Disconnected, what));
@@ -214,10 +214,10 @@ impl Th260Counter {
             return Err(self.failure(Fault::Saturated, "a bin is full; reduce the dwell time"));
         }
         let elapsed = self.library.elapsed_ms(self.device);
-        let elapsed = elapsed.map_err(|e| self.told("elapsed time", e))?;
+        let elapsed = elapsed.map_err(|e| self.describe("elapsed time", e))?;
         let pulses = f64::from(self.sync_rate()?) * elapsed / 1e3;
         let counts = self.library.histogram(self.device, self.settings.channel);
-        let mut counts = counts.map_err(|e| self.told("histogram", e))?;
+        let mut counts = counts.map_err(|e| self.describe("histogram", e))?;
         counts.truncate(measurement.bins);
         self.taken += 1;
         Ok(Histogram {
@@ -244,9 +244,9 @@ impl Instrument for Th260Counter {
     fn identify(&mut self, _within: Duration) -> Result<Identity, Failure> {
         self.opened()?;
         let hardware = self.library.hardware(self.device);
-        let hardware = hardware.map_err(|e| self.told("hardware", e))?;
+        let hardware = hardware.map_err(|e| self.describe("hardware", e))?;
         let version = self.library.version();
-        let version = version.map_err(|e| self.told("version", e))?;
+        let version = version.map_err(|e| self.describe("version", e))?;
         Ok(Identity {
             maker: "PicoQuant".into(),
             model: format!("{} ({})", hardware.model, hardware.part),

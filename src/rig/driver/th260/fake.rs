@@ -12,7 +12,7 @@ pub struct State {
     /// Model: `P` or `N`.
     pub model: &'static str,
     /// All commands received, in order.
-    pub told: Vec<Order>,
+    pub reported: Vec<Order>,
     /// Prefix of a call's `Debug` text, and the error code with which such calls fail.
     pub fails: Option<(&'static str, i32)>,
     pub flags: i32,
@@ -33,7 +33,7 @@ impl Fake {
         Self(Arc::new(Mutex::new(State {
             serials: vec!["1000001"],
             model,
-            told: vec![],
+            reported: vec![],
             fails: None,
             flags: 0,
             sync_rate: 20_000_000,
@@ -74,7 +74,7 @@ impl Th260 for Fake {
 
     fn tell(&mut self, _device: i32, order: Order) -> Result<(), i32> {
         let mut state = self.check(&format!("{order:?}"))?;
-        state.told.push(order);
+        state.reported.push(order);
         match order {
             Order::Start(ms) => {
                 state.until = Some(Instant::now() + Duration::from_millis(ms as u64));

@@ -197,19 +197,19 @@ functions! {
 /// A message with the files tried, the reason why each failed, and where to get the library.
 pub fn load(given: Option<&Path>) -> Result<Loaded, String> {
     let tried = given.map_or_else(names, |p| vec![p.to_owned()]);
-    let mut told = vec![];
+    let mut message = vec![];
     for name in &tried {
         // SAFETY: loading runs the initializers of PicoQuant's library or of the user's replacement.
         let found = unsafe { Library::new(name) };
         match found.map_err(|e| words(&e)).and_then(Loaded::table) {
             Ok(library) => return Ok(library),
-            Err(e) => told.push(format!("{}: {e}", name.display())),
+            Err(e) => message.push(format!("{}: {e}", name.display())),
         }
     }
     Err(format!(
         "cannot load PicoQuant's library for the TimeHarp 260 ({}); it is part of PicoQuant's TH260Lib package (a free download from \
          their site, not shipped with Sunstone); install it, or set library = \"…\"",
-        told.join("; ")
+        message.join("; ")
     ))
 }
 
@@ -251,8 +251,8 @@ impl Th260 for Loaded {
     fn explain(&mut self, code: i32) -> String {
         let mut buffer: Buffer = [0; 256];
         // SAFETY: writes at most 40 characters into a buffer of 256.
-        let told = good(unsafe { (self.get_error)(chars(&mut buffer), code) });
-        told.map_or_else(|_| "no description".into(), |()| text(&buffer))
+        let message = good(unsafe { (self.get_error)(chars(&mut buffer), code) });
+        message.map_or_else(|_| "no description".into(), |()| text(&buffer))
     }
 
     fn open(&mut self, device: i32) -> Result<String, i32> {

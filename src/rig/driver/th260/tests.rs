@@ -44,7 +44,7 @@ fn a_board_is_told_what_the_manual_says() {
     let fake = Fake::new("P");
     let mut board = counter(&fake);
     assert_eq!(
-        std::mem::take(&mut fake.state().told),
+        std::mem::take(&mut fake.state().reported),
         [
             Order::Initialize(0),
             Order::SyncDivider(1),
@@ -57,7 +57,7 @@ fn a_board_is_told_what_the_manual_says() {
     board.begin().expect("begins");
     let histogram = board.finish(WITHIN).expect("counts");
     assert_eq!(
-        std::mem::take(&mut fake.state().told),
+        std::mem::take(&mut fake.state().reported),
         [
             Order::Binning(1),
             Order::Offset(10),
@@ -70,7 +70,7 @@ fn a_board_is_told_what_the_manual_says() {
     assert_eq!(histogram.counts, (1000..1400).collect::<Vec<u32>>());
     assert_eq!(histogram.pulses, 40_000);
     drop(board);
-    assert_eq!(fake.state().told, [Order::Close]);
+    assert_eq!(fake.state().reported, [Order::Close]);
 
     let fake = Fake::new("N");
     let inputs = Th260Settings {
@@ -82,9 +82,9 @@ fn a_board_is_told_what_the_manual_says() {
         ..Th260Settings::default()
     };
     let board = Th260Counter::new("counter", Box::new(fake.clone()), inputs).expect("a counter");
-    let told = std::mem::take(&mut fake.state().told);
+    let message = std::mem::take(&mut fake.state().reported);
     assert_eq!(
-        told[1..4],
+        message[1..4],
         [
             Order::SyncDivider(4),
             Order::SyncEdge(200, 1),
@@ -247,7 +247,7 @@ fn boards_are_told_apart() {
     fake.state().serials = vec!["1000001", "1000002"];
     let mut board = Th260Counter::new("counter", Box::new(fake.clone()), named("1000002")).expect("it");
     assert_eq!(board.identify(WITHIN).expect("answers").serial, "1000002");
-    assert_eq!(fake.state().told[..2], [Order::Close, Order::Initialize(0)]);
+    assert_eq!(fake.state().reported[..2], [Order::Close, Order::Initialize(0)]);
     let failure = Th260Counter::new("counter", Box::new(fake.clone()), named("7"))
         .err()
         .expect("none");
@@ -324,10 +324,10 @@ fn a_library_that_is_not_there_is_told() {
         }
     }
     // If the real library is installed, there is no error to check.
-    if let Err(told) = load(None) {
+    if let Err(message) = load(None) {
         assert!(
-            names().iter().all(|n| told.contains(&*n.to_string_lossy())),
-            "{told}"
+            names().iter().all(|n| message.contains(&*n.to_string_lossy())),
+            "{message}"
         );
     }
 }

@@ -167,11 +167,11 @@ fn check_complete(set: &[(Part, TensorStore)], tiles: u32) -> Result<(), JoinErr
         return Ok(());
     }
     let parts: Vec<Part> = set.iter().map(|(part, _)| *part).collect();
-    Err(told(&parts, &missing))
+    Err(describe(&parts, &missing))
 }
 
 /// Returns the error for missing shares, if all parts are shares of one number, otherwise for missing tiles.
-fn told(parts: &[Part], missing: &[u32]) -> JoinError {
+fn describe(parts: &[Part], missing: &[u32]) -> JoinError {
     if let Part::Share { of, .. } = parts[0]
         && parts
             .iter()
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn what_is_missing_is_named() {
         let share = |number| Part::Share { number, of: 8 };
-        let text = |parts: &[Part], missing: &[u32]| told(parts, missing).to_string();
+        let text = |parts: &[Part], missing: &[u32]| describe(parts, missing).to_string();
         let two = text(&[1, 2, 4, 6, 7, 8].map(share), &[2, 4, 10]);
         assert!(
             two.starts_with("parts 3 and 5 of 8 are missing") && two.contains("--part K/8"),

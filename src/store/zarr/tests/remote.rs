@@ -111,31 +111,31 @@ fn damage_is_found() {
         let slice = store.slice("steady")?;
         Ok::<_, OpenError>(slice.read_all(Field::Mean).map(drop))
     };
-    let told = || match read() {
+    let message = || match read() {
         Ok(Ok(())) => "nothing".to_owned(),
         Ok(Err(e)) => e.to_string(),
         Err(e) => e.to_string(),
     };
     let faults = || verify(&address).expect("a store").faults;
-    assert_eq!(told(), "nothing");
+    assert_eq!(message(), "nothing");
     let mut spoilt = sound.clone();
     let middle = spoilt.len() / 2;
     spoilt[middle] ^= 1;
     put(&objects, &key, spoilt);
-    assert!(told().contains("chunk [1, 1, 0"), "{}", told());
+    assert!(message().contains("chunk [1, 1, 0"), "{}", message());
     assert_eq!(faults(), [format!("{chunk}: was changed after it was written")]);
     remove(&objects, &key);
-    assert!(told().contains("missing"), "{}", told());
+    assert!(message().contains("missing"), "{}", message());
     assert_eq!(faults(), [format!("{chunk}: is missing")]);
     put(&objects, &key, sound.clone());
-    assert_eq!(told(), "nothing");
+    assert_eq!(message(), "nothing");
     // All files except the manifest are from a later render.
     let root = std::fs::read(folder.path().join("zarr.json")).expect("reads");
     let later = String::from_utf8(root.clone())
         .expect("JSON")
         .replace("abc", "abd");
     put(&objects, "a/out.zarr/zarr.json", later.into_bytes());
-    assert!(told().contains("differs from the one written"), "{}", told());
+    assert!(message().contains("differs from the one written"), "{}", message());
     put(&objects, "a/out.zarr/zarr.json", root);
     put(&objects, "a/out.zarr/steady/mean/c.9.9", vec![1]);
     assert_eq!(faults().len(), 1);
@@ -144,7 +144,7 @@ fn damage_is_found() {
         "a/out.zarr/manifest.txt",
         b"sunstone manifest 1: 0 files\n".to_vec(),
     );
-    assert!(told().contains("manifest.txt is damaged"), "{}", told());
+    assert!(message().contains("manifest.txt is damaged"), "{}", message());
 }
 
 #[test]

@@ -139,10 +139,10 @@ fn damage_is_found_by_ranges() {
         ("another shard", file(1)),
     ] {
         put(&objects, &place(0), bytes);
-        let told = read().expect_err(what);
+        let message = read().expect_err(what);
         assert!(
-            told.contains("timed/mean") && told.contains("cannot read"),
-            "{what}: {told}"
+            message.contains("timed/mean") && message.contains("cannot read"),
+            "{what}: {message}"
         );
         let faults = verify(&address).expect("a store").faults;
         assert!(

@@ -131,13 +131,13 @@ pub(super) fn kill_everywhere(
         let name = format!("{name}{n}");
         let path = address("mortal", &name);
         let life = left(&name, n);
-        let told = make(&path);
+        let message = make(&path);
         life.store(1 << 40, Ordering::Relaxed);
         let seen = objects_of(&name);
         let finished = TensorStore::open(&path).is_ok_and(|s| s.is_finished() || s.is_finished_part());
         let has_all = expected.iter().all(|(name, bytes)| seen.get(name) == Some(bytes));
         assert_eq!(finished, has_all, "{n}");
-        assert!(finished || !told, "{n}");
+        assert!(finished || !message, "{n}");
         // The lease has expired.
         remove(&memory(&name), LOCK);
         assert!(again(&path), "{n}");
@@ -313,14 +313,14 @@ fn who_lost_the_lock_writes_no_more() {
     store.write_samples([0, 0], [1, 1], &[1]).expect("writes");
     put(&memory("lost"), LOCK, b"{}".to_vec());
     let begun = std::time::Instant::now();
-    let told = loop {
+    let message = loop {
         if let Err(e) = store.write_samples([0, 0], [1, 1], &[1]) {
             break e.to_string();
         }
         assert!(begun.elapsed() < Duration::from_secs(30), "it is not noticed");
         std::thread::sleep(Duration::from_millis(20));
     };
-    assert!(told.contains("lock") && told.contains("--resume"), "{told}");
+    assert!(message.contains("lock") && message.contains("--resume"), "{message}");
     assert!(store.finish().is_err());
     assert!(!TensorStore::open(&address).expect("opens").is_finished());
     drop(store);

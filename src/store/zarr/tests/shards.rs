@@ -111,8 +111,8 @@ fn values_are_the_same_to_the_bit() {
     assert!(after < before, "{after} files of {before}");
     // Sharded stores are read-only.
     let mean = store.slice("timed").expect("a slice");
-    let told = mean.write(Field::Mean, &[0; 8], &[1; 8], &[1.0]);
-    assert!(told.is_err());
+    let message = mean.write(Field::Mean, &[0; 8], &[1; 8], &[1.0]);
+    assert!(message.is_err());
 }
 
 /// The same command gives the same bytes; larger limits give fewer files with the same values.
@@ -160,10 +160,10 @@ fn merges_of_shards_are_those_of_chunks() {
 fn what_cannot_be_sharded_is_refused() {
     let (dir, [plain, sharded]) = both();
     let out = dir.path().join("out");
-    let told = |input: &Path, out: &Path| shard(input, out, false).expect_err("refused").to_string();
-    assert!(told(&plain, &plain).contains("another `-o`"));
-    assert!(told(&sharded, &out).contains("already"));
-    assert!(told(&plain, &sharded).contains("--force"));
+    let message = |input: &Path, out: &Path| shard(input, out, false).expect_err("refused").to_string();
+    assert!(message(&plain, &plain).contains("another `-o`"));
+    assert!(message(&sharded, &out).contains("already"));
+    assert!(message(&plain, &sharded).contains("--force"));
     assert!(matches!(
         shard(&dir.path().join("none"), &out, false),
         Err(ShardError::Open(_))
@@ -172,7 +172,7 @@ fn what_cannot_be_sharded_is_refused() {
         .expect("opens")
         .unfinish()
         .expect("is writable");
-    assert!(told(&plain, &out).contains("not finished"));
+    assert!(message(&plain, &out).contains("not finished"));
     assert!(!out.exists());
 }
 
@@ -192,10 +192,10 @@ fn damage_is_found_and_named() {
         .filter(|(name, _)| name.starts_with("timed/mean"))
         .collect();
     let found = |name: &Path, what: &str| {
-        let told = read(&sharded).expect_err(what);
+        let message = read(&sharded).expect_err(what);
         assert!(
-            told.contains("timed/mean") && told.contains("cannot read"),
-            "{what}: {told}"
+            message.contains("timed/mean") && message.contains("cannot read"),
+            "{what}: {message}"
         );
         let faults = verify(&sharded).expect("a store").faults;
         assert_eq!(faults.len(), 1, "{what}: {faults:?}");
@@ -203,7 +203,7 @@ fn damage_is_found_and_named() {
             faults[0].starts_with(name.to_str().expect("text")),
             "{what}: {faults:?}"
         );
-        told
+        message
     };
     for (name, frames) in &all {
         let file = sharded.join(name);
@@ -217,8 +217,8 @@ fn damage_is_found_and_named() {
             let mut bytes = sound.clone();
             bytes[at] ^= 4;
             std::fs::write(&file, bytes).expect("writes");
-            let told = found(name, &format!("byte {at} of {}, tail at {tail}", sound.len()));
-            assert!(at < tail || told.contains("shard ["), "{told}");
+            let message = found(name, &format!("byte {at} of {}, tail at {tail}", sound.len()));
+            assert!(at < tail || message.contains("shard ["), "{message}");
         }
         for length in [0, 3, tail / 2, sound.len() - 1] {
             std::fs::write(&file, &sound[..length]).expect("writes");
