@@ -905,8 +905,14 @@ fn still_frames_calibrate_the_sensor() {
     }
     // With 120 pixels, 32 frames and 16 exposures each: noise of the mean black level 0.006 DN, of the
     // current 8 e/s.
-    assert!((stated(&plain, "black level")[0] - 40.0).abs() < 0.05, "{message}");
-    assert!((stated(&plain, "dark current")[0] - 300.0).abs() < 40.0, "{message}");
+    assert!(
+        (stated(&plain, "black level")[0] - 40.0).abs() < 0.05,
+        "{message}"
+    );
+    assert!(
+        (stated(&plain, "dark current")[0] - 300.0).abs() < 40.0,
+        "{message}"
+    );
     let rig = format!("calibration = [\"sensor.toml\"]\n{RIG}{detectors}");
     std::fs::write(bench.path("rig.toml"), rig).expect("writes");
     assert!(bench.run("plan.toml", "again.zarr", &[]).status.success());

@@ -105,8 +105,8 @@ def main():
             numbers[f"workers_{name}"] = result_file.rounds(two, "s")
             numbers[f"efficiency_{name}"] = result_file.ratio(one, two)
             numbers[f"processor_{name}"] = result_file.ratio(one_used, two_used)
-            told = [numbers[f"{kind}_{name}"]["median"] for kind in ("efficiency", "processor")]
-            print(f"{name:14} efficiency {told[0]:.3f}, of processor time {told[1]:.3f}; one process {one}, workers {two}", flush=True)
+            reported = [numbers[f"{kind}_{name}"]["median"] for kind in ("efficiency", "processor")]
+            print(f"{name:14} efficiency {reported[0]:.3f}, of processor time {reported[1]:.3f}; one process {one}, workers {two}", flush=True)
     if options.record:
         measures = [*result_file.TRACER, "python", "src/cli", "scenes/mirror_room", "validation/clusters.py"]
         result_file.write("clusters", __file__, measures, numbers, {"dask": dask.__version__, "distributed": distributed.__version__})

@@ -254,10 +254,10 @@ def reads(server, work):
             there = ask(server, question, address)
             seconds = time.monotonic() - begun
             proxy = server.proxy
-            told = f"{len(proxy.requests)} requests {dict(proxy.kinds())}, {proxy.bytes / 1e3:.1f} kB, {seconds:.2f} s"
+            reported = f"{len(proxy.requests)} requests {dict(proxy.kinds())}, {proxy.bytes / 1e3:.1f} kB, {seconds:.2f} s"
             if share:
-                told += f", {proxy.failed} of them failed"
-            check(f"{name}{', with failures' if share else ''}", here[0] == 0 and here[:2] == there[:2], told + there[2])
+                reported += f", {proxy.failed} of them failed"
+            check(f"{name}{', with failures' if share else ''}", here[0] == 0 and here[:2] == there[:2], reported + there[2])
             if not share:
                 check(f"{name}: two requests open the store", proxy.kinds()["opening"] == 2)
     server.proxy.reset(SHARE, seed=2)
@@ -314,7 +314,7 @@ def same_render(what, here, there):
     check(f"{what}: the same bytes", held, f"{len(there)} files {' '.join(differ[:3])}")
 
 
-def told(server, seconds, done=None):
+def reported(server, seconds, done=None):
     proxy = server.proxy
     text = f"{len(proxy.requests)} requests {dict(proxy.kinds())}, {proxy.sent / 1e3:.0f} kB there, {proxy.bytes / 1e3:.0f} kB back, {seconds:.1f} s"
     if proxy.share:
@@ -326,7 +326,7 @@ def timed(server, share, work, seed=3):
     server.proxy.reset(share, seed)
     begun = time.monotonic()
     done = work()
-    return done, told(server, time.monotonic() - begun, done)
+    return done, reported(server, time.monotonic() - begun, done)
 
 
 def killed(server, process, address, at):

@@ -242,9 +242,9 @@ def main():
             holds, table, floor, air = check_scheme(folder, name, kind, captures, array)
             z = sigmas(table, array)
             worst = max(z, key=lambda n: abs(z[n]))
-            told = len(z)
-            print(f"            {told} imperfections found; the worst is {worst}, off by {z[worst]:+.1f} sigma")
-            good &= holds and abs(z[worst]) < 5 and told >= 6
+            reported = len(z)
+            print(f"            {reported} imperfections found; the worst is {worst}, off by {z[worst]:+.1f} sigma")
+            good &= holds and abs(z[worst]) < 5 and reported >= 6
             if options.ci and not array:
                 good &= power(folder, floor, air)
         good &= check_coaxial(folder / "coaxial")

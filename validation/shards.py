@@ -73,9 +73,9 @@ def makes(server, work):
         begun = time.monotonic()
         done = sunstone(server, "shard", f"s3://{BUCKET}/stores/plain.zarr", "-o", f"s3://{BUCKET}/{name}")
         proxy = server.proxy
-        told = f"{len(proxy.requests)} requests {dict(proxy.kinds())}, {proxy.sent / 1e3:.0f} kB there, {proxy.bytes / 1e3:.0f} kB back"
-        told += f", {proxy.failed} failed, {time.monotonic() - begun:.1f} s"
-        check(f"from address to address, {share:.0%} of requests failed", done.returncode == 0, told + done.stderr.decode())
+        reported = f"{len(proxy.requests)} requests {dict(proxy.kinds())}, {proxy.sent / 1e3:.0f} kB there, {proxy.bytes / 1e3:.0f} kB back"
+        reported += f", {proxy.failed} failed, {time.monotonic() - begun:.1f} s"
+        check(f"from address to address, {share:.0%} of requests failed", done.returncode == 0, reported + done.stderr.decode())
         check("the same bytes as in a folder", same(server.files(name)))
     server.proxy.reset()
 
@@ -143,8 +143,8 @@ assert (profile == a["flight/mean"].isel(y=50, x=30).values).all()
         server.proxy.reset()
         _, errors = process.communicate(b"\n", timeout=300)
         proxy = server.proxy
-        told = f"{opened} requests to open a slice, a profile {len(proxy.requests)} ({proxy.ranges} of ranges), {proxy.bytes / 1e3:.1f} kB"
-        check(f"xarray reads it, {store}", process.returncode == 0, told + errors.decode()[-300:])
+        reported = f"{opened} requests to open a slice, a profile {len(proxy.requests)} ({proxy.ranges} of ranges), {proxy.bytes / 1e3:.1f} kB"
+        check(f"xarray reads it, {store}", process.returncode == 0, reported + errors.decode()[-300:])
 
 
 def kills(server, work):

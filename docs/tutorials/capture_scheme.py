@@ -47,8 +47,8 @@ len(truth)
 
 # %%
 for scheme in (ps.Scheme.drr(16), ps.Scheme.drr(36), ps.Scheme.qrpr(36), ps.Scheme.drr(9, polarizer_array=True)):
-    told = scheme.quality()
-    print(f"{scheme!r}: rank {told['rank']:.0f}, error variance {told['error_variance'] / scheme.bound:.2f} of its bound")
+    reported = scheme.quality()
+    print(f"{scheme!r}: rank {reported['rank']:.0f}, error variance {reported['error_variance'] / scheme.bound:.2f} of its bound")
 
 # %% [markdown]
 # ## Capture and reconstruction

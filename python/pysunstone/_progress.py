@@ -9,13 +9,13 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["Progress", "told"]
+__all__ = ["Progress", "reporting"]
 
 Progress = Callable[[int, int], object]
 
 
 @contextmanager
-def told(progress: bool | Progress | None, unit: str = "tile") -> Generator[Progress | None, None, None]:
+def reporting(progress: bool | Progress | None, unit: str = "tile") -> Generator[Progress | None, None, None]:
     """Yield the callback for progress, which is called with the finished and total numbers of tiles (or other units).
 
     ``True`` selects a tqdm bar, or lines on stderr if tqdm is not installed.

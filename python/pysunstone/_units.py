@@ -110,8 +110,8 @@ class Made:
     samples: int
 
 
-def _samples(told: str) -> int:
-    samples = re.search(r" tiles, (\d+) samples", told)
+def _samples(reported: str) -> int:
+    samples = re.search(r" tiles, (\d+) samples", reported)
     return int(samples[1]) if samples else 0
 
 
@@ -129,15 +129,15 @@ class Unit:
         if "://" in self.place:
             # A store at an address appears under its final name immediately and is locked while it is written. Resuming keeps the
             # part that an earlier attempt finished.
-            told = self._render(self.place, "--resume")
-            return Made(time.perf_counter() - begun, _samples(told))
+            reported = self._render(self.place, "--resume")
+            return Made(time.perf_counter() - begun, _samples(reported))
         if os.path.isdir(self.place):
             return Made(0.0, 0)
         os.makedirs(os.path.dirname(self.place), exist_ok=True)
         # The name is unique, so that concurrent attempts at the same unit do not conflict.
         fresh = f"{self.place}.{uuid.uuid4().hex}.tmp"
         try:
-            told = self._render(fresh)
+            reported = self._render(fresh)
             try:
                 os.rename(fresh, self.place)
             except OSError:
@@ -146,7 +146,7 @@ class Unit:
                     raise
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
-        return Made(time.perf_counter() - begun, _samples(told))
+        return Made(time.perf_counter() - begun, _samples(reported))
 
     def _render(self, into: str, *more: str) -> str:
         words = (*self.command.words, *more, "--threads", str(self.threads), "-o", into)
@@ -198,10 +198,10 @@ class Meter:
     def made(self, finished: int, units: int, made: Made) -> None:
         self.samples += made.samples
         rate = self.samples / max(time.perf_counter() - self.begun, 1e-9)
-        told = Metrics(finished, units, self.samples, rate, self.round, self.error, self.target_error)
-        self.client.log_event(TOPIC, {"store": self.store, **asdict(told)})
+        reported = Metrics(finished, units, self.samples, rate, self.round, self.error, self.target_error)
+        self.client.log_event(TOPIC, {"store": self.store, **asdict(reported)})
         if self.report is not None:
-            self.report(told)
+            self.report(reported)
 
 
 def finish(client: Any, units: Sequence[Unit], progress: Callable[[int, int], None] | None, meter: Meter) -> None:
@@ -218,9 +218,9 @@ def finish(client: Any, units: Sequence[Unit], progress: Callable[[int, int], No
 
 def once(client: Any, command: Command) -> str:
     """Run a command on a worker and return its output."""
-    told: list[str] = []
-    _make(client, [(uuid.uuid4().hex[:16], command.words[0], command)], lambda _, __, text: told.append(text))
-    return told[0]
+    reported: list[str] = []
+    _make(client, [(uuid.uuid4().hex[:16], command.words[0], command)], lambda _, __, text: reported.append(text))
+    return reported[0]
 
 
 def _make(client: Any, tasks: Sequence[tuple[str, str, Callable[[], Any]]], made: Callable[[int, int, Any], None]) -> None:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from pysunstone import _native
 from pysunstone._arrays import real
 from pysunstone._native import InputError
-from pysunstone._progress import Progress, told
+from pysunstone._progress import Progress, reporting
 from pysunstone.scene import Scene
 
 __all__ = [
@@ -168,7 +168,7 @@ def run(
     """
     text = [None if path is None else os.fspath(path) for path in (scenes, capture, output)]
     asked = _Asked(name, text[0], os.fspath(renders), preview, seeds, text[1], text[2])
-    with told(progress) as tell:
+    with reporting(progress) as tell:
         document, pictures = _native.run_application(asked, tell)
     found = json.loads(document)
     return Report(

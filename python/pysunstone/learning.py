@@ -13,7 +13,7 @@ import numpy.typing as npt
 from pysunstone import _native
 from pysunstone._arrays import real
 from pysunstone._native import InputError
-from pysunstone._progress import Progress, told
+from pysunstone._progress import Progress, reporting
 from pysunstone.capture import Scheme
 
 __all__ = ["Descent", "Learned", "Materials", "learn"]
@@ -252,7 +252,7 @@ def learn(
         seed,
     )
     data = _materials(materials)._native if matters else None  # pyright: ignore[reportPrivateUsage]
-    with told(progress, "descent") as tell:
+    with reporting(progress, "descent") as tell:
         scheme, (unseen, spread, seen), descents = _native.learn(
             template._native,  # pyright: ignore[reportPrivateUsage]
             data,

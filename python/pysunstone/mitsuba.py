@@ -72,8 +72,8 @@ def from_mitsuba(
     places: list[str] | None = None
     notes: list[str] = []
     if isinstance(scene, Mapping):
-        told = _Dict(files, notes)
-        plain = told.plain(scene, "")
+        reported = _Dict(files, notes)
+        plain = reported.plain(scene, "")
         places = []
         text = _lines(plain, places)
         path = os.path.join(folder or ".", "scene in a dict")

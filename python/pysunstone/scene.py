@@ -15,7 +15,7 @@ from pysunstone import _native
 from pysunstone._arrays import plain
 from pysunstone._documents import json_of
 from pysunstone._native import InputError
-from pysunstone._progress import Progress, told
+from pysunstone._progress import Progress, reporting
 
 __all__ = ["Scene", "Slice", "Slices"]
 
@@ -313,11 +313,11 @@ class Scene:
         if output is None:
             if resume or force:
                 raise InputError("resume and force need a store: give an output")
-            with told(progress) as tell:
+            with reporting(progress) as tell:
                 return _slices(_native.render_arrays(self._native, asked, tell), self.resolution)
         if resume and force:
             raise InputError("give resume or force, not both")
-        with told(progress) as tell:
+        with reporting(progress) as tell:
             return json.loads(_native.render_store(self._native, asked, output, resume, force, tell))
 
 

@@ -357,9 +357,9 @@ def _without_camera(root: xr.Dataset) -> xr.Dataset:
 def _told(data: xr.Dataset, name: str, attributes: Mapping[str, Any]) -> xr.Dataset:
     """Add the attributes that a slice and its arrays need when they are separated from the tree."""
     data = data.assign_attrs(slice=name, **{key: attributes[key] for key in _OF_SLICES if key in attributes})
-    told = {key: data.attrs[key] for key in _OF_ARRAYS if key in data.attrs}
+    reported = {key: data.attrs[key] for key in _OF_ARRAYS if key in data.attrs}
     for array in data.data_vars.values():
-        array.attrs.update(told, slice=name)
+        array.attrs.update(reported, slice=name)
     return data
 
 

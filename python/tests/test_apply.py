@@ -26,11 +26,11 @@ def test_an_application_is_the_commands(tmp_path: Path) -> None:
     """Both use the renders of the first call, so that only the methods run twice."""
     known = {a["name"]: a for a in apply.applications()}
     assert [line.split()[0] for line in run("apply", "list").splitlines()] == list(known)
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     found = apply.run(
-        "metamerism", scenes=rendered.ROOT / "scenes", renders=tmp_path / "renders", progress=lambda *n: told.append(n)
+        "metamerism", scenes=rendered.ROOT / "scenes", renders=tmp_path / "renders", progress=lambda *n: reported.append(n)
     )
-    assert told
+    assert reported
     words = ["apply", "metamerism", "--preview", "--seeds", 1, "--scenes", rendered.ROOT / "scenes"]
     said = run(*words, "--renders", tmp_path / "renders", "-o", tmp_path / "out")
     assert "(0 new renders)" in said

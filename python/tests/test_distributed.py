@@ -124,18 +124,18 @@ def test_rounds_to_an_error_are_those_of_one_process(cluster: Any, client: Any, 
     one = tmp_path / "one.zarr"
     words = ["--spp", 32, "--target-error", 0.05, "--target-share", 0.6, "--integrator", "path", "--slices", "conventional"]
     sunstone("render", SCENE, *words, "--no-figures", "--threads", 1, "-o", one)
-    told: list[distributed.Metrics] = []
+    reported: list[distributed.Metrics] = []
     with Killer(cluster, 2.0):
-        path = distributed.render(SCENE, tmp_path / "many.zarr", parts=6, client=client, report=told.append, **goal)
+        path = distributed.render(SCENE, tmp_path / "many.zarr", parts=6, client=client, report=reported.append, **goal)
     assert_same(one, path)
     assert not (tmp_path / "many.zarr.parts").exists()
     reached = json.loads(Path(path, "zarr.json").read_text())["attributes"]["target"]
     assert reached["reached"] <= 0.05 and reached["rounds"] >= 2
-    assert [(t.round, t.finished) for t in told] == [(k, n) for k in range(reached["rounds"]) for n in range(1, 7)]
-    assert told[0].error is None and told[-1].error > 0.05 and told[-1].target_error == 0.05
-    assert told[5].samples == 256 * 256 * 32 and told[-1].samples > told[5].samples and told[-1].samples_per_s > 0
+    assert [(t.round, t.finished) for t in reported] == [(k, n) for k in range(reached["rounds"]) for n in range(1, 7)]
+    assert reported[0].error is None and reported[-1].error > 0.05 and reported[-1].target_error == 0.05
+    assert reported[5].samples == 256 * 256 * 32 and reported[-1].samples > reported[5].samples and reported[-1].samples_per_s > 0
     events = [event for _, event in client.get_events(distributed.TOPIC) if event["store"] == str(path)]
-    assert [event["samples"] for event in events] == [t.samples for t in told]
+    assert [event["samples"] for event in events] == [t.samples for t in reported]
     # Also with a round of one part.
     assert_same(one, distributed.render(SCENE, tmp_path / "single.zarr", parts=1, client=client, **goal))
     # An existing store is replaced only on request.

@@ -145,22 +145,22 @@ def test_scene_and_result_travel_while_workers_are_killed(
 def test_finished_parts_are_found_again(bucket: str, client: Any, whole: Path, tmp_path: Path) -> None:
     file = scene_in(tmp_path)
     address = f"{bucket}/again.zarr"
-    told: list[Metrics] = []
+    reported: list[Metrics] = []
 
     class Enough(Exception):
         pass
 
     def stop(metrics: Metrics) -> None:
-        told.append(metrics)
+        reported.append(metrics)
         raise Enough
 
     with pytest.raises(Enough):
         distributed.render(file, address, parts=3, client=client, command=command(), report=stop)
-    assert told[0].samples > 0 and names(f"{address}.parts")
+    assert reported[0].samples > 0 and names(f"{address}.parts")
     later: list[Metrics] = []
     distributed.render(file, address, parts=3, client=client, command=command(), report=later.append)
     all_samples = 20 * 16 * 64
-    assert later[-1].finished == 3 and later[-1].samples <= all_samples - told[0].samples
+    assert later[-1].finished == 3 and later[-1].samples <= all_samples - reported[0].samples
     assert_same(whole, download(address, tmp_path / "there.zarr"))
     assert names(f"{address}.parts") == []
     with pytest.raises(FileExistsError, match="overwrite"):

@@ -6,7 +6,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 
-def told() -> dict[str, set[str]]:
+def reported() -> dict[str, set[str]]:
     """Return the extras that pages name with the package, by file."""
     pages = [ROOT / "README.md", ROOT / "mkdocs.yml", *(ROOT / "docs").rglob("*.md"), *(ROOT / "validation").glob("*.py")]
     found = {page.name: re.findall(r"\./python\[([\w,]+)\]", page.read_text()) for page in pages}
@@ -17,7 +17,7 @@ def test_extras_that_pages_name_are_there() -> None:
     project = (ROOT / "python/pyproject.toml").read_text()
     section = project.split("[project.optional-dependencies]")[1].split("\n[")[0]
     there = set(re.findall(r"(?m)^(\w+) = \[", section))
-    named = told()
+    named = reported()
     assert "README.md" in named and len(there) >= 5
     wrong = {page: extras - there for page, extras in named.items() if extras - there}
     assert not wrong, wrong

@@ -35,9 +35,9 @@ def materials(n: int, seed: int) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 def test_learned_schemes_reach_the_bound() -> None:
     """No scheme of K captures of rank 16 has an error below 1600/K noise variances (440/K for a polarizer array)."""
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     for captures, array in ((16, False), (20, False), (8, True)):
-        found = ps.learn(captures, polarizer_array=array, seed=1, progress=lambda *n: told.append(n), **SHORT)
+        found = ps.learn(captures, polarizer_array=array, seed=1, progress=lambda *n: reported.append(n), **SHORT)
         best = found.scheme.bound
         assert best * captures == pytest.approx(440 if array else 1600)
         assert 0.9999 < found.loss / 5e-4**2 / best < 1.02
@@ -47,7 +47,7 @@ def test_learned_schemes_reach_the_bound() -> None:
         for descent in found.descents:
             assert descent.history.min() == pytest.approx(descent.loss, rel=1e-12) and descent.history[0] > descent.loss
         assert found.loss <= min(d.loss for d in found.descents) * 1.000001
-        assert told[-1] == (5, 5)
+        assert reported[-1] == (5, 5)
     # Negative control: a scheme that was not learned is far from the bound.
     assert ps.Scheme.drr(20).quality()["error_variance"] > 1.2 * ps.Scheme.drr(20).bound
 

@@ -163,9 +163,9 @@ def test_texts_and_files_are_read() -> None:
 def test_what_changes_on_the_way_is_told() -> None:
     scene = mi.cornell_box()
     scene["mesh"] = mi.load_dict({"type": "cube"})
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning) as reported:
         ps.from_mitsuba(scene)
-    said = [str(w.message) for w in told]
+    said = [str(w.message) for w in reported]
     assert any("mesh: a mesh does not expose its material" in s for s in said), said
 
 
@@ -203,10 +203,10 @@ def test_what_cannot_be_expressed_is_named_by_its_key() -> None:
         ("nothing.xml", r"nothing\.xml"),
         ("<scene version='3.0.0'><shape type='cone'/></scene>", "cone"),
     ):
-        with pytest.raises(ps.InputError, match=words) as told:
+        with pytest.raises(ps.InputError, match=words) as reported:
             ps.from_mitsuba(scene)
-        assert told.value.message and told.value.fix or "nothing.xml" in str(told.value) or "give the dict" in str(told.value)
+        assert reported.value.message and reported.value.fix or "nothing.xml" in str(reported.value) or "give the dict" in str(reported.value)
     # All faults are reported in one error.
-    with pytest.raises(ps.InputError) as told:
+    with pytest.raises(ps.InputError) as reported:
         ps.from_mitsuba(changed(ball=sphere, other={"type": "cone"}))
-    assert "ball" in str(told.value) and "other" in str(told.value)
+    assert "ball" in str(reported.value) and "other" in str(reported.value)

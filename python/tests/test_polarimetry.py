@@ -96,13 +96,13 @@ def test_captures_are_the_commands_and_reconstruct_what_was_captured(schemes: di
     assert one.dims == ("capture", "y", "x") and np.array_equal(one, many)
     text = schemes["drr36"].read_text()
 
-    class Told:
+    class Stub:
         def to_toml(self) -> str:
             return text
 
-    told = data.sunstone.capture(Told())
-    assert told.identical(data.sunstone.capture(schemes["drr36"]))
-    assert told.sunstone.reconstruct(Told(), noise=1e-3)["mean"].shape == (16, 20, 3, 4, 4)
+    reported = data.sunstone.capture(Stub())
+    assert reported.identical(data.sunstone.capture(schemes["drr36"]))
+    assert reported.sunstone.reconstruct(Stub(), noise=1e-3)["mean"].shape == (16, 20, 3, 4, 4)
     # Negative control: reconstruction with another scheme.
     wrong = data.sunstone.capture(schemes["drr36"]).isel(capture=slice(25)).sunstone.reconstruct(schemes["drr25"], noise=1e-3)
     right = data.sunstone.capture(schemes["drr36"]).isel(capture=slice(25, None)).assign_coords(capture=range(1, 12))

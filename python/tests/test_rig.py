@@ -172,12 +172,12 @@ def test_a_thermometer_that_fails_is_told_and_no_matter(tmp_path: Path, monkeypa
         def temperature_c(self) -> float | None:
             raise ValueError("no probe")
 
-    told: list[Any] = []
-    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    reported: list[Any] = []
+    monkeypatch.setattr(sys, "unraisablehook", reported.append)
     session = rig.Session(rigs.write(tmp_path) / "camera.toml")
     session["retarder_2"] = Feverish(session["retarder_2"])
     assert session.run(tmp_path / "s.zarr").retries == 0
-    assert [str(t.exc_value) for t in told] == ["no probe"]
+    assert [str(t.exc_value) for t in reported] == ["no probe"]
     noted = next(e["temperatures_c"] for e in rigs.journal(tmp_path / "s.zarr") if e["event"] == "frame")
     assert "retarder_2" not in dict(noted) and dict(noted)["retarder_3"] == 23.0
 
@@ -484,7 +484,7 @@ PLANTED: list[tuple[str, str, Callable[[Any], Any], set[str]]] = [
         "retarder_2",
         "read",
         lambda r: rig.StageReading(r.angle_deg, True, False),
-        {"reports homed, at rest and near zero after homing", "stops during a move"},
+        {"reports homed, stopped and near zero after homing", "stops during a move"},
     ),
     ("camera", "frame", lambda f: rig.Frame(f.pixels, 7), {"delivers frames with the configured region and format"}),
     ("camera", "frame", lambda f: f.pixels[:1, :1], {"delivers frames with the configured region and format", "refuses a second exposure during the first"}),

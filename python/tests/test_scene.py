@@ -213,9 +213,9 @@ def test_wrong_renders(folder: Path, tmp_path: Path) -> None:
 
 def test_progress_is_told_and_its_exceptions_end_the_render() -> None:
     scene = ps.Scene.from_toml(TEXT)
-    told: list[tuple[int, int]] = []
-    scene.render(progress=lambda done, tiles: told.append((done, tiles)))
-    assert told[-1] == (6, 6)
+    reported: list[tuple[int, int]] = []
+    scene.render(progress=lambda done, tiles: reported.append((done, tiles)))
+    assert reported[-1] == (6, 6)
 
     def refuse(done: int, tiles: int) -> None:
         raise KeyError("enough")

@@ -321,8 +321,8 @@ def test_a_store_in_shards_is_the_same(sharded: Path) -> None:
 @pytest.mark.parametrize("part", [False, True])
 def test_damage_of_a_shard_is_an_error(sharded: Path, fault: str, part: bool) -> None:
     shard = sorted((sharded / "full/mean").glob("c.*"))[0]
-    told = json.loads((sharded / "full/mean/zarr.json").read_text())
-    lengths = told["chunk_grid"]["configuration"]["chunk_shape"], told["codecs"][0]["configuration"]["chunk_shape"]
+    reported = json.loads((sharded / "full/mean/zarr.json").read_text())
+    lengths = reported["chunk_grid"]["configuration"]["chunk_shape"], reported["codecs"][0]["configuration"]["chunk_shape"]
     chunks = math.prod(s // c for s, c in zip(*lengths, strict=True))
     assert chunks > 1
     content = bytearray(shard.read_bytes())

@@ -108,7 +108,7 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
         if !cost(&r).is_finite() {
             return Err(FitError::NotFinite);
         }
-        let message = Told::of(&jacobian(&x))?;
+        let message = Reported::of(&jacobian(&x))?;
         let mut better = false;
         while damping < 1e12 {
             let step = message.step(&r, damping);
@@ -133,7 +133,7 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
     if !settled {
         return Err(FitError::Unsettled);
     }
-    let message = Told::of(&jacobian(&x))?;
+    let message = Reported::of(&jacobian(&x))?;
     Ok(Fit {
         covariance: message.covariance(),
         chi_squared: cost(&r),
@@ -144,7 +144,7 @@ pub fn fit(start: &[f64], steps: &[f64], residuals: &dyn Fn(&[f64]) -> Vec<f64>)
 }
 
 /// The singular value decomposition of a scaled Jacobian.
-struct Told {
+struct Reported {
     scale: DVector<f64>,
     u: DMatrix<f64>,
     s: DVector<f64>,
@@ -152,7 +152,7 @@ struct Told {
     rank: usize,
 }
 
-impl Told {
+impl Reported {
     fn of(j: &DMatrix<f64>) -> Result<Self, FitError> {
         if j.iter().any(|v| !v.is_finite()) {
             return Err(FitError::NotFinite);

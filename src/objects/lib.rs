@@ -55,7 +55,8 @@ fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static) -> 
     runtime.spawn(async move {
         let _ = tell.send(future.await);
     });
-    message.recv()
+    message
+        .recv()
         .map_err(|_| Refusal::new("the request was interrupted", "try again"))
 }
 

@@ -259,7 +259,7 @@ mod tests {
         let t = glass
             .specular(at(50.0, 20.0), Lobe::Transmitted)
             .expect("is specular")[0];
-        let out = t.outgoing.expect("goes on");
+        let out = t.outgoing.expect("leaves");
         let sine = f64::sin(out.theta_deg.to_radians()) * 1.5;
         assert!((sine - f64::sin(50_f64.to_radians())).abs() < 1e-6 && out.phi_deg == 200.0);
         let total = glass

@@ -97,7 +97,7 @@ pub fn rotation_stage(stage: &mut dyn RotationStage) -> Report {
     report.check("reports plausible limits", want(sane, || format!("{limits:?}")));
     report.check("finds its zero position", good(stage.home(LONG)));
     report.check(
-        "reports homed, at rest and near zero after homing",
+        "reports homed, stopped and near zero after homing",
         good(stage.read(SHORT)).and_then(|r| {
             want(r.homed && !r.moving && r.angle_deg.abs() < 1.0, || {
                 format!("{r:?}")

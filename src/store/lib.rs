@@ -1,9 +1,9 @@
 //! Storage of slices: Zarr v3 stores, probe, merge, shards, and NumPy and OpenEXR files.
 
-pub mod alike;
 pub mod denoised;
 pub mod doubt;
 pub mod exr;
+pub mod matching_stores;
 pub mod merge;
 pub mod npz_layers;
 pub mod numpy;

@@ -84,7 +84,7 @@ struct Part<'a> {
 pub(crate) struct Parts<'a> {
     parts: Vec<Part<'a>>,
     /// Whether each element belongs to one camera pixel.
-    alike: bool,
+    equal: bool,
 }
 
 /// Merges the stores `inputs` into a new store `out`; an existing store is replaced only with `replace`.
@@ -227,7 +227,7 @@ pub(crate) fn merge_samples(inputs: &[Input], merged: &TensorStore) -> Result<()
 pub(crate) fn parts<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
     let first = inputs[0].store.slice(name)?;
     let size = pixels_per_element(&first)?;
-    let alike = size == 1;
+    let equal = size == 1;
     let mut parts = Vec::with_capacity(inputs.len());
     for input in inputs {
         let fault = || MergeError::Layout {
@@ -242,10 +242,10 @@ pub(crate) fn parts<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, Me
         if !same_axes(slice.layout(), first.layout()) || pixels_per_element(&slice)? != size {
             return Err(fault());
         }
-        let pixels = pixels(input, &slice, alike)?;
+        let pixels = pixels(input, &slice, equal)?;
         parts.push(Part { slice, input, pixels });
     }
-    Ok(Parts { parts, alike })
+    Ok(Parts { parts, equal })
 }
 
 fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
@@ -259,7 +259,7 @@ fn pixels_per_element(slice: &StoredSlice) -> Result<u64, MergeError> {
 }
 
 /// Returns [`Part::pixels`].
-fn pixels(input: &Input, slice: &StoredSlice, alike: bool) -> Result<Option<[Ranges; 2]>, MergeError> {
+fn pixels(input: &Input, slice: &StoredSlice, equal: bool) -> Result<Option<[Ranges; 2]>, MergeError> {
     let layout = slice.layout();
     let camera = layout.find(AxisKind::Y).zip(layout.find(AxisKind::X));
     let (Some((shape, _)), Some((0, 1))) = (input.store.samples_shape(), camera) else {
@@ -278,7 +278,7 @@ fn pixels(input: &Input, slice: &StoredSlice, alike: bool) -> Result<Option<[Ran
             axis: layout.axes[axis].kind.name(),
             coordinate,
         };
-        let all = if alike {
+        let all = if equal {
             match coords.iter().find(|c| c.fract() != 0.0) {
                 Some(bad) => return Err(fault(*bad)),
                 None => coords.iter().map(|&c| (c as u32, c as u32)).collect(),
@@ -401,7 +401,7 @@ pub(crate) fn merged_attributes(inputs: &[Input]) -> Map<String, Value> {
 }
 
 fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(), MergeError> {
-    let alike = parts.alike;
+    let equal = parts.equal;
     for (mean, error) in [
         (Field::Mean, Field::StdError),
         (Field::Overflow, Field::OverflowStdError),
@@ -427,13 +427,13 @@ fn merge_slice(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<(),
                     let inner = n / counts.len().max(1);
                     let group = part.input.group;
                     for (i, pool) in pools.iter_mut().enumerate() {
-                        pool.add(counts[i / inner] / group, f64::from(m[i]), f64::from(e[i]), alike);
+                        pool.add(counts[i / inner] / group, f64::from(m[i]), f64::from(e[i]), equal);
                     }
                 }
                 let nothing = |p: &Pool| partial && p.n == 0.0;
                 let value = |p: &Pool, value: f64| if nothing(p) { f32::NAN } else { value as f32 };
                 let m: Vec<f32> = pools.iter().map(|p| value(p, p.mean)).collect();
-                let e: Vec<f32> = pools.iter().map(|p| value(p, p.std_error(alike))).collect();
+                let e: Vec<f32> = pools.iter().map(|p| value(p, p.std_error(equal))).collect();
                 merged.write(mean, start, shape, &m)?;
                 Ok(merged.write(error, start, shape, &e)?)
             })?;
@@ -463,12 +463,12 @@ fn merge_totals(parts: &Parts, merged: &StoredSlice, partial: bool) -> Result<()
             let elements = rows.flat_map(|y| (start[1]..start[1] + shape[1]).map(move |x| y * width + x));
             for (i, (pool, element)) in pools.iter_mut().zip(elements).enumerate() {
                 let n = counts[i / per_count] / part.input.group;
-                pool.add(n, means[element as usize], f64::from(errors[i]), parts.alike);
+                pool.add(n, means[element as usize], f64::from(errors[i]), parts.equal);
             }
         }
         let error = |pool: &Pool| match pool.n {
             0.0 if partial => f32::NAN,
-            _ => pool.std_error(parts.alike) as f32,
+            _ => pool.std_error(parts.equal) as f32,
         };
         let errors: Vec<f32> = pools.iter().map(error).collect();
         Ok(merged.write(field, start, shape, &errors)?)

@@ -12,8 +12,8 @@ use polarimetry::denoise::{HALO, REACH, STRENGTHS, Values};
 use serde_json::{Value, json};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use store::alike::Alike;
 use store::denoised::ATTRIBUTE;
+use store::matching_stores::MatchingStores;
 use store::merge::MergeError;
 use store::zarr::{AccessError, CreateError, OpenError, StoredSlice, TensorStore};
 use tensor::axes::{Axis, AxisKind, SliceLayout};
@@ -94,8 +94,8 @@ pub fn denoise_in_bands(
     if inputs.len() > 2 {
         return Err(DenoiseError::TooMany(inputs.len()));
     }
-    let alike = Alike::open(inputs)?;
-    let stores: Vec<&TensorStore> = alike.stores().collect();
+    let equal = MatchingStores::open(inputs)?;
+    let stores: Vec<&TensorStore> = equal.stores().collect();
     if let Some(unfinished) = stores.iter().find(|s| !s.is_finished()) {
         return Err(AccessError::unfinished(unfinished.path(), unfinished.part()).into());
     }
@@ -118,14 +118,14 @@ pub fn denoise_in_bands(
             (layout, all[0].attributes().clone())
         })
         .collect();
-    let mut attributes = alike.attributes();
+    let mut attributes = equal.attributes();
     attributes.insert(ATTRIBUTE.into(), mark(&stores, &slices));
     let mut outcomes = vec![];
     let fill = |made: &TensorStore| -> Result<(), DenoiseError> {
         for all in &slices {
             let target = made.slice(all[0].name())?;
             let error = if is_image(&all[0]) {
-                image(all, &alike.shares(), &target, band)?
+                image(all, &equal.shares(), &target, band)?
             } else {
                 copy(&all[0], &target)?;
                 None
@@ -133,10 +133,10 @@ pub fn denoise_in_bands(
             let slice = target.name().to_owned();
             outcomes.push(Outcome { slice, error });
         }
-        alike.write_samples(made)?;
+        equal.write_samples(made)?;
         Ok(made.finish()?)
     };
-    TensorStore::create_filled(out, &layouts, &attributes, alike.grid(), replace, fill)?;
+    TensorStore::create_filled(out, &layouts, &attributes, equal.grid(), replace, fill)?;
     Ok(outcomes)
 }
 

@@ -203,7 +203,7 @@ impl Choices {
     }
 }
 
-/// Returns the maximum number of threads: more than the machine can use, but not so many that they overload
+/// Returns the maximum number of threads: more than the machine can use, but few enough not to overload
 /// it.
 #[must_use]
 pub fn most_threads() -> usize {

@@ -196,7 +196,7 @@ fn what_is_no_board_is_refused() {
         assert!(!at.join("c.toml").exists());
     };
     board("grey.png", &[], "none of the 1 images");
-    board("bad.png", &[], "not PNG");
+    board("bad.png", &[], "as PNG");
     board("none.png", &[], "none.png");
     board(
         "grey.png",

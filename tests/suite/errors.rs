@@ -219,7 +219,10 @@ fn outputs_are_not_overwritten_by_mistake() {
     run(at, &["render", "s.toml", "-o", "a.zarr"], 0);
     let before = files(&at.join("a.zarr"));
     let message = first(&["render", "s.toml", "-o", "a.zarr", "--seed", "9"], 2);
-    assert!(message.starts_with("error: ") && message.contains("a.zarr"), "{message}");
+    assert!(
+        message.starts_with("error: ") && message.contains("a.zarr"),
+        "{message}"
+    );
     assert!(files(&at.join("a.zarr")) == before, "the store is as it was");
     run(
         at,

@@ -152,5 +152,8 @@ fn other_paths_are_not_mixed() {
     let message = stderr(&run(at, &again, 2));
     assert!(message.contains("integrator"), "{message}");
     let message = stderr(&run(at, &["render", "scene.toml", "--integrator", "photon"], 2));
-    assert!(message.contains("auto, path, caustics, bidirectional"), "{message}");
+    assert!(
+        message.contains("auto, path, caustics, bidirectional"),
+        "{message}"
+    );
 }

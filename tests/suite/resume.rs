@@ -191,7 +191,7 @@ fn an_interrupted_render_says_how_to_go_on() {
     let command = message
         .lines()
         .find_map(|l| l.strip_prefix("  sunstone "))
-        .expect("a command to go on with");
+        .expect("a command to resume with");
 
     // As a user would paste it into a shell.
     let shell = std::process::Command::new("sh")

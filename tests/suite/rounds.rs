@@ -411,10 +411,16 @@ fn the_command_says_what_was_reached_and_what_is_wrong() {
     let with = |more: &[&str], code| run(folder.path(), &[&words[..], more].concat(), code);
     let out = with(&["--spp", "32", "-o", "s"], 0);
     let message = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(message.contains("median") && message.contains("rounds"), "{message}");
+    assert!(
+        message.contains("median") && message.contains("rounds"),
+        "{message}"
+    );
     let out = run(folder.path(), &["info", "s"], 0);
     let message = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(message.contains("target") && message.contains("slice sum"), "{message}");
+    assert!(
+        message.contains("target") && message.contains("slice sum"),
+        "{message}"
+    );
     let most = ["--most-spp", "64", "-o", "most"];
     let out = run(folder.path(), &[&words[..6], &["0.001"][..], &most].concat(), 0);
     let message = String::from_utf8_lossy(&out.stdout).into_owned();

@@ -188,7 +188,7 @@ fn every_wavelength_has_its_own_retardance() {
     }
     assert!(
         phases.windows(2).all(|p| (p[0] - p[1]).abs() > 0.1),
-        "{phases:?} are too alike to tell"
+        "{phases:?} are too similar to distinguish"
     );
 }
 

@@ -203,6 +203,9 @@ fn dispersion_is_unbiased() {
     }
     for pair in values.windows(2) {
         let apart = (pair[0].0 - pair[1].0).abs();
-        assert!(apart > 10.0 * pair[0].1, "wavelengths are too alike to tell");
+        assert!(
+            apart > 10.0 * pair[0].1,
+            "wavelengths are too similar to distinguish"
+        );
     }
 }

@@ -150,7 +150,7 @@ fn folder() -> tempfile::TempDir {
 
 /// Compares all elements of all pixels: within five standard errors, and by the sum of differences over the
 /// sum, because the random numbers and most paths are the same.
-fn compare(a: &Rendered, b: &Rendered, alike: f64) {
+fn compare(a: &Rendered, b: &Rendered, equal: f64) {
     let (x, y) = (a.mean("all"), b.mean("all"));
     let (ex, ey) = (a.std_error("all"), b.std_error("all"));
     let (mut off, mut all, mut lit) = (0.0, 0.0, 0);
@@ -164,7 +164,7 @@ fn compare(a: &Rendered, b: &Rendered, alike: f64) {
     }
     // Most of the 16 elements are 0 for lit rough surfaces.
     assert!(lit > x.data.len() / 12, "{lit} of {}", x.data.len());
-    assert!(off < alike * all, "{off} of {all}");
+    assert!(off < equal * all, "{off} of {all}");
 }
 
 #[test]

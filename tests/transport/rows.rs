@@ -313,7 +313,7 @@ fn a_mirror_under_a_normal_map() {
     let found = of(&camera, &dot, 1.0, Integrator::Bidirectional, 60_000);
     let flat = of(&camera, &dot, 0.0, Integrator::Bidirectional, 20_000);
     let met = of(&camera, &ball, 1.0, Integrator::Path, 6_000_000);
-    println!("by ways {found:?}, by chance {met:?}, flat {flat:?}");
+    println!("by ways {found:?}, at random {met:?}, flat {flat:?}");
     agree([met, found], 0.2);
     assert!(
         (found.0 - flat.0).abs() > 5.0 * found.1.hypot(met.1),
@@ -325,7 +325,7 @@ fn a_mirror_under_a_normal_map() {
     leans.save(&file).expect("an image");
     let found = of(&straight, &dot, 1.0, Integrator::Bidirectional, 1_000_000);
     let met = of(&straight, &ball, 1.0, Integrator::Path, 3_000_000);
-    println!("by walks {found:?}, by chance {met:?}");
+    println!("by walks {found:?}, at random {met:?}");
     agree([met, found], 0.2);
 }
 

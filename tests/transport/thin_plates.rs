@@ -176,7 +176,7 @@ fn lobes_are_taken_by_their_power() {
         let s = set
             .materials
             .sample(0, &at, wo, &mut lanes, &mut stream)
-            .expect("light goes on");
+            .expect("light passes");
         assert!(s.delta && lanes == Lanes::first(4));
         let which = usize::from(s.wi.dot(lobes[0].0) < 0.999_99);
         taken[which] += 1;

@@ -73,14 +73,14 @@ fn measured_materials_under_a_projector() {
 
 /// Variable with the folder of the scene that a child process of this program renders.
 #[cfg(target_os = "linux")]
-const TOLD: &str = "SUNSTONE_TEST_RENDER";
+const REPORTED: &str = "SUNSTONE_TEST_RENDER";
 
 /// Not a test: the code of the process that [`in_little_memory`] starts.
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "renders what another process tells it to"]
 fn what_a_process_is_told_to() {
-    let Some(folder) = std::env::var_os(TOLD) else {
+    let Some(folder) = std::env::var_os(REPORTED) else {
         return;
     };
     std::env::set_current_dir(folder).expect("the folder");
@@ -131,7 +131,7 @@ fn in_little_memory(counts: [usize; 3], limit_kib: u64, least_file: u64) {
         .arg("-c")
         .arg(limited)
         .arg(program)
-        .env(TOLD, folder.path());
+        .env(REPORTED, folder.path());
     let out = command.output().expect("a shell");
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stdout));
     let store = TensorStore::open(&folder.path().join("out.zarr")).expect("a store");

@@ -9,7 +9,7 @@ from typing import Any
 
 from pysunstone import _native
 from pysunstone._native import InputError
-from pysunstone._progress import Progress, told
+from pysunstone._progress import Progress, reporting
 from pysunstone.rig.instruments import Instrument
 
 __all__ = ["Check", "Cost", "Outcome", "Report", "Session", "check"]
@@ -111,7 +111,7 @@ class Session(MutableMapping[str, Any]):
         given = dict(instruments or {})
         for name, instrument in given.items():
             _fits(name, instrument)
-        with told(progress) as show:
+        with reporting(progress) as show:
             self._native, own = _native.rig_open(plan, rig, list(given), sample, bench_folder, dry, show)
         self._instruments: dict[str, Any] = {**own, **given}
         self._dry = dry
@@ -171,7 +171,7 @@ class Session(MutableMapping[str, Any]):
         """
         if self._dry:
             raise InputError("a dry session takes nothing; open the session without dry=True")
-        with told(progress, "frame") as show:
+        with reporting(progress, "frame") as show:
             return Outcome(*_native.rig_run(self._native, self._instruments, output, resume, force, show))
 
     def check(self, name: str) -> Report:

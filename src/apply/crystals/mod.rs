@@ -29,7 +29,7 @@ const METRICS: [Metric; 5] = [
     Metric::new("retardance, median error", "deg", false),
     Metric::new("retardance, mean error", "deg", false),
     Metric::new("coverage", "", true),
-    Metric::new("order told", "", true),
+    Metric::new("order found", "", true),
     Metric::new("errors within two stated ones", "", true),
 ];
 

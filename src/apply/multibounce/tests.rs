@@ -111,8 +111,8 @@ fn signs_that_are_not_the_papers_are_told() {
         );
         for task in TURNS {
             for method in [EITHER, "space only"] {
-                let alike = area(&outcome, method, task);
-                assert!((alike - 0.9).abs() < 0.03, "{method}, {task}: {alike}");
+                let equal = area(&outcome, method, task);
+                assert!((equal - 0.9).abs() < 0.03, "{method}, {task}: {equal}");
             }
         }
         assert!(area(&outcome, NAMED, "gloss of walls") > 0.95);

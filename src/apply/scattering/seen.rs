@@ -61,11 +61,11 @@ impl Seen {
         };
         let [n, lanes] = [seen.polarimetric.count(), seen.polarimetric.wavelengths];
         let slices = [&seen.epipolar, &seen.gated, &seen.transient];
-        let alike = slices.iter().all(|p| p.count() == n && p.wavelengths == lanes)
+        let equal = slices.iter().all(|p| p.count() == n && p.wavelengths == lanes)
             && seen.truth.width == seen.polarimetric.width
             && seen.truth.data.len() == n * lanes
             && [seen.mask.len(), seen.ruler.len(), seen.depth.len()] == [n; 3];
-        if !alike {
+        if !equal {
             return Err(ApplyError::Sizes {
                 variant: o.variant,
                 what: "slices and truth maps".into(),

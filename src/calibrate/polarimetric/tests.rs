@@ -256,7 +256,12 @@ fn dispersion_is_found_with_its_errors() {
     let galvo = |s: &Scheme| s.coaxial.as_ref().and_then(|c| c.galvo.clone()).expect("a galvo");
     let sigma = |p: Parameter, nm: f64| {
         let of = |f: &&Found| f.parameter == p && f.nm == Some(nm);
-        found.found.iter().find(of).and_then(|f| f.sigma).expect("an error estimate")
+        found
+            .found
+            .iter()
+            .find(of)
+            .and_then(|f| f.sigma)
+            .expect("an error estimate")
     };
     let (was, is) = (galvo(real), galvo(&found.scheme));
     for nm in WAVELENGTHS {

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 /// beyond the validity of the model.
 const FOR_RESPONSE: usize = 256;
 /// Minimum significance of a tail in standard deviations.
-const TOLD: f64 = 2.0;
+const REPORTED: f64 = 2.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -208,7 +208,7 @@ pub fn calibrate(
     // Without a significant tail, its time constant is undetermined.
     let share_free = free.contains(&Shape::TailShare);
     let no_tail = fitted.as_ref().map_or(share_free, |f| {
-        share_free && f.impulse.tail_share < TOLD * f.covariance[(1, 1)].sqrt().max(1e-6)
+        share_free && f.impulse.tail_share < REPORTED * f.covariance[(1, 1)].sqrt().max(1e-6)
     });
     if no_tail {
         let without: Vec<Shape> = free

@@ -60,8 +60,8 @@ impl<T: PixelNumber> Work<'_, T> {
         let whole = (self.times * self.lanes).max(1);
         let most = (PIECE / whole).max(1) * whole;
         // A thread that waits inside a piece may start another one, which then needs a second set of buffers.
-        let rooms: Mutex<Vec<Room<T>>> = Mutex::default();
-        let take = || rooms.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let free: Mutex<Vec<Room<T>>> = Mutex::default();
+        let take = || free.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let pieces = self.pixels.div_ceil(most);
         let one = |k: usize| -> Result<Done, Failure> {
             let (first, n) = (k * most, most.min(self.pixels - k * most));

@@ -87,7 +87,7 @@ pub fn analog_output(card: &mut dyn AnalogOutput) -> Report {
         }),
     );
     report.check(
-        "stops during a buffer and at rest",
+        "stops during a buffer and when idle",
         good(card.start()).and_then(|()| {
             good(card.stop(SHORT))?;
             good(card.stop(SHORT))?;

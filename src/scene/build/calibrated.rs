@@ -293,7 +293,10 @@ mod tests {
         ];
         for (text, calibration, words) in cases {
             let message = scene(&text, &calibration).err().expect("a fault");
-            assert!(message.contains(words) && message.contains("fix:"), "{words}: {message}");
+            assert!(
+                message.contains(words) && message.contains("fix:"),
+                "{words}: {message}"
+            );
         }
     }
 

@@ -252,12 +252,12 @@ fn round(
     if u == v {
         return Ok(u);
     }
-    let alike = match (&u, &v) {
+    let equal = match (&u, &v) {
         (ScalarFile::Number(_), ScalarFile::Number(_)) => true,
         (ScalarFile::Checkerboard(a), ScalarFile::Checkerboard(b)) => a.uv == b.uv,
         _ => false,
     };
-    if !alike {
+    if !equal {
         return importer.error(
             &node.span,
             "alpha_u and alpha_v are different textures, but Sunstone's rough surfaces are isotropic",

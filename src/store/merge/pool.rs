@@ -12,14 +12,14 @@ pub(super) struct Pool {
 }
 
 impl Pool {
-    pub fn add(&mut self, n: f64, mean: f64, std_error: f64, alike: bool) {
+    pub fn add(&mut self, n: f64, mean: f64, std_error: f64, equal: bool) {
         if n <= 0.0 {
             return;
         }
         self.only = (self.n == 0.0).then_some(std_error);
         let total = self.n + n;
         let difference = mean - self.mean;
-        if alike {
+        if equal {
             self.spread +=
                 std_error * std_error * n * (n - 1.0) + difference * difference * self.n * n / total;
         } else {
@@ -29,11 +29,11 @@ impl Pool {
         self.n = total;
     }
 
-    pub fn std_error(&self, alike: bool) -> f64 {
+    pub fn std_error(&self, equal: bool) -> f64 {
         match self.only {
             Some(only) => only,
             None if self.n == 0.0 => 0.0,
-            None if alike => (self.spread / (self.n * (self.n - 1.0))).sqrt(),
+            None if equal => (self.spread / (self.n * (self.n - 1.0))).sqrt(),
             None => self.spread.sqrt() / self.n,
         }
     }

@@ -35,7 +35,7 @@ fn open(rounds: &[PathBuf]) -> Result<Vec<Input>, MergeError> {
 /// Opens a slice in all rounds; samples are identically distributed only within a round.
 fn slice_of<'a>(inputs: &'a [Input], name: &str) -> Result<Parts<'a>, MergeError> {
     Ok(Parts {
-        alike: false,
+        equal: false,
         ..parts(inputs, name)?
     })
 }

@@ -138,7 +138,12 @@ pub fn sentences(metric: Metric, links: &Links, verdicts: &[Verdict]) -> Vec<Str
     let of_series = verdicts.chunk_by(|a, b| a.series == b.series);
     let sentence = |of: &[Verdict]| {
         let message: Vec<String> = of.iter().map(|v| format!("{} {}", v.baseline, v.words)).collect();
-        format!("{}, {}: {beats} {}", metric.name, of[0].series, message.join("; "))
+        format!(
+            "{}, {}: {beats} {}",
+            metric.name,
+            of[0].series,
+            message.join("; ")
+        )
     };
     of_series.map(sentence).collect()
 }

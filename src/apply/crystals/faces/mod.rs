@@ -80,7 +80,7 @@ const WHOLE: f64 = 0.999;
 
 /// Minimum cosine between the normals of two pixels of one face, and maximum cosine for two faces: 1° and
 /// 10°.
-const ALIKE: f64 = 0.999_848;
+const SAME_FACE_COS: f64 = 0.999_848;
 const UNLIKE: f64 = 0.984_808;
 
 impl Application for CrystalFaces {
@@ -154,14 +154,14 @@ impl Application for CrystalFaces {
 
 /// Returns the pixels of the crystal whose normals equal those of all their neighbours on it.
 fn of_one_face([w, h]: [usize; 2], is_face: &[bool], normal: &[Vector3<f64>]) -> Vec<usize> {
-    let alike = |i: usize, j: usize| !is_face[j] || normal[i].dot(&normal[j]) > ALIKE;
+    let equal = |i: usize, j: usize| !is_face[j] || normal[i].dot(&normal[j]) > SAME_FACE_COS;
     let inner = |i: usize| {
         let (x, y) = (i % w, i / w);
         is_face[i]
-            && (x == 0 || alike(i, i - 1))
-            && (x + 1 == w || alike(i, i + 1))
-            && (y == 0 || alike(i, i - w))
-            && (y + 1 == h || alike(i, i + w))
+            && (x == 0 || equal(i, i - 1))
+            && (x + 1 == w || equal(i, i + 1))
+            && (y == 0 || equal(i, i - w))
+            && (y + 1 == h || equal(i, i + w))
     };
     (0..w * h).filter(|i| inner(*i)).collect()
 }
@@ -202,12 +202,12 @@ impl Seen {
         let [share, normal, position] = ["crystal", "normal", "position"].map(|name| o.truth(name));
         let (share, normal, position) = (share?, normal?, position?);
         let size = rig.camera.resolution;
-        let alike = [&all, &epipolar].iter().all(|p| [p.width, p.height] == size)
+        let equal = [&all, &epipolar].iter().all(|p| [p.width, p.height] == size)
             && [(share, 1), (normal, 3), (position, 3)]
                 .iter()
                 .all(|(m, channels)| ([m.width, m.height], m.channels) == (size, *channels))
             && [paths.width, paths.height] == size;
-        if !alike {
+        if !equal {
             return Err(ApplyError::Sizes {
                 variant: o.variant,
                 what: "the camera, slices and truth".into(),
@@ -287,7 +287,7 @@ impl Seen {
                 let difference = (image[trio[0]] - image[trio[2]]).abs();
                 if cos(0, 2) < UNLIKE {
                     across.push(difference);
-                } else if cos(0, 1) > ALIKE && cos(1, 2) > ALIKE {
+                } else if cos(0, 1) > SAME_FACE_COS && cos(1, 2) > SAME_FACE_COS {
                     within.push(difference);
                 }
             }

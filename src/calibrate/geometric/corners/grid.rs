@@ -47,8 +47,8 @@ fn joined(image: &Image, a: &Saddle, b: &Saddle) -> bool {
         if step.abs() < least { 0.0 } else { step.signum() }
     });
     let first = signs.next().unwrap_or(0.0);
-    let alike = a.contrast.abs() < 4.0 * b.contrast.abs() && b.contrast.abs() < 4.0 * a.contrast.abs();
-    aligned && alike && first != 0.0 && signs.all(|s| s == first)
+    let equal = a.contrast.abs() < 4.0 * b.contrast.abs() && b.contrast.abs() < 4.0 * a.contrast.abs();
+    aligned && equal && first != 0.0 && signs.all(|s| s == first)
 }
 
 /// Returns all grids of neighboring corners, the largest first. Row and column directions have the

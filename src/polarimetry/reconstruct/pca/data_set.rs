@@ -72,8 +72,8 @@ impl Weight {
             Self::Materials => {
                 let bins: f64 = parts.iter().map(|m| m.count()).sum();
                 let each = bins / parts.len().max(1) as f64;
-                let alike: Vec<Moments> = parts.iter().map(|m| m.weighted(each / m.count())).collect();
-                Moments::sum(&alike)
+                let equal: Vec<Moments> = parts.iter().map(|m| m.weighted(each / m.count())).collect();
+                Moments::sum(&equal)
             }
         }
     }

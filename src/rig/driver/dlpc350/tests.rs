@@ -136,7 +136,7 @@ fn troubles_are_told_apart() {
             begun.elapsed()
         );
         emulator.trouble(Trouble::None);
-        projector.show(0, LONG).expect("goes on");
+        projector.show(0, LONG).expect("continues");
     }
     emulator.trouble(Trouble::Noise);
     projector.show(0, LONG).expect("noise or not");

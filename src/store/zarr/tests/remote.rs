@@ -135,7 +135,11 @@ fn damage_is_found() {
         .expect("JSON")
         .replace("abc", "abd");
     put(&objects, "a/out.zarr/zarr.json", later.into_bytes());
-    assert!(message().contains("differs from the one written"), "{}", message());
+    assert!(
+        message().contains("differs from the one written"),
+        "{}",
+        message()
+    );
     put(&objects, "a/out.zarr/zarr.json", root);
     put(&objects, "a/out.zarr/steady/mean/c.9.9", vec![1]);
     assert_eq!(faults().len(), 1);

@@ -320,7 +320,10 @@ fn who_lost_the_lock_writes_no_more() {
         assert!(begun.elapsed() < Duration::from_secs(30), "it is not noticed");
         std::thread::sleep(Duration::from_millis(20));
     };
-    assert!(message.contains("lock") && message.contains("--resume"), "{message}");
+    assert!(
+        message.contains("lock") && message.contains("--resume"),
+        "{message}"
+    );
     assert!(store.finish().is_err());
     assert!(!TensorStore::open(&address).expect("opens").is_finished());
     drop(store);

@@ -7,11 +7,11 @@ use serde_json::{Map, Value};
 use std::path::PathBuf;
 
 /// Stores with the same slices of the same scene.
-pub struct Alike {
+pub struct MatchingStores {
     inputs: Vec<Input>,
 }
 
-impl Alike {
+impl MatchingStores {
     /// Opens the stores. A single store needs slices only, not the attributes for merging.
     ///
     /// # Errors

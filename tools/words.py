@@ -1,0 +1,52 @@
+#!/usr/bin/env python3
+"""Refuses words that the project does not use: pictures, and phrases that only work by their word order. Exits with 1 if it finds one.
+
+Each pattern is followed by the word to use instead. Patterns match whole words in all tracked sources and pages, in any case.
+"""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+SUFFIXES = {".rs", ".py", ".pyi", ".md", ".toml"}
+WORDS = {
+    "told": "reported, printed, given",
+    "mend(?:s|ed|ing)?": "fix",
+    "goes on|go on|went on": "resumes, continues",
+    "so many": "N, this number of",
+    "by chance": "at random",
+    "alike": "equal, the same",
+    "at rest": "(write a sentence)",
+    "house": "workspace",
+    "front door": "public API",
+    "lumber": "(delete)",
+    "surer": "more reliable",
+    "hangs? on": "depends on",
+    "beside each other": "concurrently; next to each other",
+    "who wants": "to ..., use ...",
+    "for want of": "because ... is missing",
+}
+PATTERN = re.compile("|".join(f"(\\b(?:{word})\\b)" for word in WORDS), re.IGNORECASE)
+FIXES = list(WORDS.values())
+
+
+def main():
+    files = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()
+    found = 0
+    for name in files:
+        path = ROOT / name
+        if path.suffix not in SUFFIXES or path == Path(__file__).resolve() or not path.exists():
+            continue
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            for match in PATTERN.finditer(line):
+                fix = next(f for f, group in zip(FIXES, match.groups()) if group)
+                print(f"{name}:{number}: {match.group()!r}: write {fix}")
+                found += 1
+    if found:
+        sys.exit(f"{found} words to replace")
+
+
+if __name__ == "__main__":
+    main()
